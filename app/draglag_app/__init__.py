@@ -1,0 +1,1 @@
+"""Acquisition session, command line and windows."""

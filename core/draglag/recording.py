@@ -1,0 +1,249 @@
+"""What was measured: the raw data of one session, as frozen dataclasses of numpy arrays.
+
+Times are seconds on the host's monotonic clock unless a name says ``device``; positions are millimetres on the
+screen with y growing downwards. Arrays are one-dimensional and never changed after recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PROTOCOLS = ("circle", "chirp", "multisine", "step", "free")
+OUTCOMES = ("complete", "aborted", "device_lost", "failed")
+
+
+def _floats() -> FloatArray:
+    return np.empty(0)
+
+
+def _ints() -> IntArray:
+    return np.empty(0, np.int64)
+
+
+def _no_gaps() -> FloatArray:
+    return np.empty((0, 2))
+
+
+@dataclass(frozen=True)
+class Screen:
+    """The panel under test: its active area in mm and its picture in pixels."""
+
+    name: str
+    width_mm: float
+    height_mm: float
+    width_px: int
+    height_px: int
+
+    @property
+    def mm_per_px(self) -> tuple[float, float]:
+        """Size of one pixel, (x, y), mm."""
+        return self.width_mm / self.width_px, self.height_mm / self.height_px
+
+
+@dataclass(frozen=True)
+class Stylus:
+    diameter_mm: float
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Beam:
+    """The laser beam as the operator measured it: y = slope · x + intercept_mm. Estimates fit it anew."""
+
+    slope: float
+    intercept_mm: float
+
+
+@dataclass(frozen=True)
+class AxisInfo:
+    """One axis as the kernel describes it (EVIOCGABS), in device units; resolution in units per mm, 0 = unknown."""
+
+    name: str
+    minimum: int
+    maximum: int
+    resolution: int = 0
+    fuzz: int = 0
+
+
+@dataclass(frozen=True)
+class TouchTrace:
+    """Touch events of one contact at a time, in order of their kernel stamps.
+
+    Attributes:
+        t_s, x_mm, y_mm: (n,) kernel stamp and mapped position.
+        contact_id: (n,) the kernel's tracking id; a change marks a new contact.
+        x_raw, y_raw: (n,) device units, or empty where none were reported.
+        device_t_s: (n,) the digitiser's own stamps (MSC_TIMESTAMP), or empty.
+        gaps_s: (k, 2) from–to of stretches that are known to be incomplete (buffer overflow, unplugged).
+        dropped: events the kernel or we are known to have lost.
+    """
+
+    t_s: FloatArray
+    x_mm: FloatArray
+    y_mm: FloatArray
+    contact_id: IntArray = field(default_factory=_ints)
+    x_raw: FloatArray = field(default_factory=_floats)
+    y_raw: FloatArray = field(default_factory=_floats)
+    device_t_s: FloatArray = field(default_factory=_floats)
+    gaps_s: FloatArray = field(default_factory=_no_gaps)
+    dropped: int = 0
+    axes: tuple[AxisInfo, ...] = ()
+
+
+@dataclass(frozen=True)
+class LaserTrace:
+    """Edges of the laser sensor.
+
+    Attributes:
+        t_s: (m,) time of the edge on the host's clock.
+        light: (m,) 1 = from here on the beam is on the sensor, 0 = it is dark.
+        device_t_s: (m,) the sensor interface's own stamp, or empty.
+        epoch: (m,) counts restarts of the device clock, or empty for one epoch.
+        gaps_s: (k, 2) from–to of stretches in which edges may be missing.
+        missed: edges known to be missing (by parity of level against edges, or by the device's own count).
+    """
+
+    t_s: FloatArray
+    light: IntArray
+    device_t_s: FloatArray = field(default_factory=_floats)
+    epoch: IntArray = field(default_factory=_ints)
+    gaps_s: FloatArray = field(default_factory=_no_gaps)
+    missed: int = 0
+
+
+@dataclass(frozen=True)
+class ClockBounds:
+    """A device clock seen from the host: ``device_s[k]`` happened between ``host_min_s[k]`` and ``host_max_s[k]``.
+
+    An exchange with a round trip gives both bounds at once; a one-sided observation leaves the other infinite.
+    ``epoch[k]`` counts restarts of the device clock: pairs of different epochs share no offset.
+    """
+
+    stream: str
+    device_s: FloatArray
+    host_min_s: FloatArray
+    host_max_s: FloatArray
+    epoch: IntArray = field(default_factory=_ints)
+
+
+@dataclass(frozen=True)
+class DisplayTrace:
+    """What the participant saw: target position at each drawn frame, and the frames that came too late."""
+
+    t_s: FloatArray
+    x_mm: FloatArray
+    y_mm: FloatArray
+    missed: int = 0
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    t_s: float
+    level: str  # "info" | "warning" | "error" | "note" (the operator's words)
+    source: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Taps:
+    """Taps timed by the WALT: physical contact against registered event.
+
+    Attributes:
+        physical_s, registered_s: (n,) host clock.
+        down: (n,) 1 = touch, 0 = release.
+        rejected: reason → count of taps that were seen but not used.
+    """
+
+    physical_s: FloatArray
+    registered_s: FloatArray
+    down: IntArray
+    rejected: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One uninterrupted recording of one target.
+
+    ``target`` holds the parameters of the target (see ``draglag.targets``), enough to draw it again.
+    """
+
+    id: str
+    protocol: str
+    start_s: float
+    duration_s: float
+    touch: TouchTrace
+    laser: LaserTrace
+    nominal_speed_mm_s: float | None = None
+    radius_mm: float | None = None
+    target: Mapping[str, float | int | str] = field(default_factory=dict)
+    display: DisplayTrace | None = None
+    sync: tuple[ClockBounds, ...] = ()
+    log: tuple[LogEntry, ...] = ()
+    outcome: str = "complete"
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
+class Session:
+    """All runs, taps and clock checks of one screen on one day."""
+
+    name: str
+    screen: Screen
+    stylus: Stylus
+    runs: tuple[Run, ...]
+    taps: Taps | None = None
+    beam: Beam | None = None
+    clocks: tuple[ClockBounds, ...] = ()
+    started_utc: str = ""  # ISO 8601, the NeXus-like start of the session
+    clock: str = "host CLOCK_MONOTONIC, seconds"
+    notes: tuple[LogEntry, ...] = ()
+    protocol_toml: str = ""
+    seed: int | None = None
+    devices: Mapping[str, str] = field(default_factory=dict)  # role → address and description
+    software: str = ""
+
+    def run(self, run_id: str) -> Run:
+        """The run of that id. Raises KeyError."""
+        for run in self.runs:
+            if run.id == run_id:
+                return run
+        raise KeyError(run_id)
+
+
+_Trace = TypeVar("_Trace", TouchTrace, LaserTrace, ClockBounds, Taps, DisplayTrace)
+
+
+def concatenate(parts: Sequence[_Trace]) -> _Trace:
+    """Join traces of one stream in the order given: arrays end to end, counts added, the rest from the first part.
+
+    Raises ValueError on an empty sequence.
+    """
+    if not parts:
+        raise ValueError("nothing to concatenate")
+    first = parts[0]
+    joined: dict[str, Any] = {}
+    for spec in fields(first):
+        values = [getattr(part, spec.name) for part in parts]
+        if isinstance(values[0], np.ndarray):
+            joined[spec.name] = np.concatenate(values)
+        elif isinstance(values[0], int):
+            joined[spec.name] = sum(values)
+        elif spec.name == "rejected":
+            joined[spec.name] = {k: sum(v.get(k, 0) for v in values) for v0 in values for k in v0}
+    return replace(first, **joined)
+
+
+def empty_touch() -> TouchTrace:
+    return TouchTrace(_floats(), _floats(), _floats())
+
+
+def empty_laser() -> LaserTrace:
+    return LaserTrace(_floats(), _ints())

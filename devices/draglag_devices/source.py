@@ -1,0 +1,74 @@
+"""The one small protocol every device speaks: open, read, close."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from draglag.errors import DraglagError
+from draglag.recording import ClockBounds, LaserTrace, Taps, TouchTrace
+
+
+class DeviceError(DraglagError):
+    """A device cannot be used. Names the source (its address), the problem and the remedy."""
+
+    def __init__(self, source: str, problem: str, remedy: str = "") -> None:
+        self.source = source
+        super().__init__(f"{source}: {problem}", remedy)
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something the operator should read and the file should keep: loss, restart, unplugging, return."""
+
+    t_s: float
+    level: str  # "info" | "warning" | "error"
+    text: str
+
+
+@dataclass(frozen=True)
+class SourceInfo:
+    """What a source is, known once it is open."""
+
+    address: str
+    role: str  # "touch" | "laser" | "walt"
+    description: str
+    clock: str  # which clock stamps the samples
+    details: Mapping[str, str | float | int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What one read returned. ``until_s``: everything that happened before this host time has been reported.
+
+    A source fills only the fields of its role; ``None`` means nothing came. ``alive`` is False while the device is
+    lost and being recovered (a notice says why).
+    """
+
+    until_s: float
+    touch: TouchTrace | None = None
+    laser: LaserTrace | None = None
+    taps: Taps | None = None
+    clock: ClockBounds | None = None
+    notices: tuple[Notice, ...] = ()
+    alive: bool = True
+
+
+class Source(Protocol):
+    """A device that can be opened, read from one thread, and closed (twice without harm)."""
+
+    address: str
+    role: str
+
+    def open(self) -> SourceInfo:
+        """Claim the device. Raises DeviceError with a remedy."""
+        ...
+
+    def read(self, timeout_s: float) -> Batch:
+        """Wait at most ``timeout_s`` for samples. Raises DeviceError only when the device is lost for good."""
+        ...
+
+    def close(self) -> None:
+        """Release the device. Never raises."""
+        ...

@@ -1,0 +1,1 @@
+"""Protocols, screens, icons, theme, manual and translations, read through importlib.resources."""
