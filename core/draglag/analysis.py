@@ -1,0 +1,153 @@
+"""A session's estimates, in the order the method makes them: runs → curve → taps → validation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
+from draglag.errors import EstimateError
+from draglag.latency import RunEstimate, estimate_run
+from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
+from draglag.recording import Run, Session
+from draglag.taps import TapSummary, summarise_taps
+from draglag.validation import Validation, validate_run
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """How to analyse.
+
+    Attributes:
+        estimator: "efficient" or "paper". update_rate_hz: emulate a loop that holds the last event; None = kernel stamps.
+        window_s: latencies searched. form: a name of ``draglag.curve.FORMS`` or "best".
+        tie_asymptote: hold a7 at the median release tap (the paper's "corrected"). exclude: run id → reason.
+    """
+
+    estimator: str = "efficient"
+    update_rate_hz: float | None = None
+    window_s: tuple[float, float] = WINDOW_S
+    form: str = "best"
+    tie_asymptote: bool = False
+    exclude: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """All estimates of one session. ``curve`` is None when no run gave a latency; ``problems`` says what could not be done."""
+
+    session: str
+    options: AnalysisOptions
+    runs: tuple[RunEstimate, ...]
+    curve: CurveFit | None
+    taps: Mapping[str, TapSummary]
+    validation: tuple[Validation, ...]
+    problems: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, object]:
+        """The design's ``analyze --json`` (section 5)."""
+        return {
+            "session": self.session,
+            "estimator": self.options.estimator,
+            "update_rate_hz": self.options.update_rate_hz,
+            "runs": [run.to_dict() for run in self.runs],
+            "curve": None if self.curve is None else self.curve.to_dict(),
+            "taps": {name: summary.to_dict() for name, summary in self.taps.items()},
+            "validation": [item.to_dict() for item in self.validation],
+            "excluded": dict(self.options.exclude),
+            "problems": list(self.problems),
+        }
+
+
+def has_constant_speed(run: Run) -> bool:
+    """Whether one latency describes the run; chirp, multi-sine and step runs go to the validation instead."""
+    return run.protocol in CONSTANT_SPEED
+
+
+def analyze(
+    session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None
+) -> Analysis:
+    """Estimate everything a session holds. Never raises for bad runs: they carry flags, and ``problems`` says why.
+
+    Raises EstimateError for an unknown estimator or curve form.
+    """
+    options = options or AnalysisOptions()
+    if options.estimator not in ("efficient", "paper"):
+        raise EstimateError(f"unknown estimator {options.estimator!r}", "Use efficient or paper")
+    tell = progress or (lambda fraction, text: None)
+    steady = [run for run in session.runs if has_constant_speed(run)]
+    estimates = []
+    for k, run in enumerate(steady):
+        tell(k / max(len(session.runs), 1), run.id)
+        estimates.append(
+            estimate_run(
+                run, session.stylus.diameter_mm, options.estimator, options.update_rate_hz, options.window_s
+            )
+        )
+    problems = [f"{e.id}: no latency ({', '.join(e.flags)})" for e in estimates if e.latency_s is None]
+    taps = summarise_taps(session.taps)
+    curve, trouble = _curve(estimates, taps, options)
+    problems += trouble
+    validation, trouble = _validate(session, curve, options, tell)
+    problems += trouble
+    tell(1.0, "done")
+    return Analysis(session.name, options, tuple(estimates), curve, taps, tuple(validation), tuple(problems))
+
+
+def curve_points(estimates: list[RunEstimate], options: AnalysisOptions) -> CurvePoints:
+    """The runs that may carry the curve: estimated, finite standard error, not excluded."""
+    good = [
+        (e.speed_mm_s, e.latency_s, e.latency_se_s)
+        for e in estimates
+        if e.latency_s is not None
+        and e.latency_se_s
+        and np.isfinite(e.latency_se_s)
+        and e.id not in options.exclude
+        and "at_window_end" not in e.flags
+    ]
+    table = np.array(good, float).reshape(-1, 3)
+    return CurvePoints(table[:, 0], table[:, 1], table[:, 2])
+
+
+def _curve(
+    estimates: list[RunEstimate], taps: Mapping[str, TapSummary], options: AnalysisOptions
+) -> tuple[CurveFit | None, list[str]]:
+    tied_s = None
+    problems = []
+    if options.tie_asymptote:
+        if "release" in taps:
+            tied_s = taps["release"].median_s
+        else:
+            problems.append("the asymptote could not be tied: the session has no release taps")
+    points = curve_points(estimates, options)
+    try:
+        if options.form == "best":
+            return fit_best(points, tied_s), problems
+        return fit_form(points, options.form, tied_s), problems
+    except KeyError:
+        raise EstimateError(f"unknown curve form {options.form!r}", "See draglag analyze --help") from None
+    except EstimateError as error:
+        return None, [*problems, str(error)]
+
+
+def _validate(
+    session: Session, curve: CurveFit | None, options: AnalysisOptions, tell: Progress
+) -> tuple[list[Validation], list[str]]:
+    varying = [run for run in session.runs if not has_constant_speed(run) and run.id not in options.exclude]
+    if curve is None:
+        return [], [f"{run.id}: not validated, there is no curve" for run in varying]
+    out, problems = [], []
+    for run in varying:
+        tell(1 - len(varying) / max(len(session.runs), 1), run.id)
+        try:
+            ready = prepare(run, session.stylus.diameter_mm, options.update_rate_hz)
+            out.append(
+                validate_run(ready, curve.predict_s, curve.speed_range_mm_s, options.estimator == "paper")
+            )
+        except EstimateError as error:
+            problems.append(str(error))
+    return out, problems

@@ -1,0 +1,93 @@
+"""What both estimators share: the picture of the edges, J without a shift, and the flags any estimate can carry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.beam import fit_lines, sides
+from draglag.latency.edges import Edges
+from draglag.latency.estimate import FEW_EDGES, Alignment, Prepared, RunEstimate
+from draglag.motion import local_fit
+from draglag.recording import FloatArray
+
+
+def alignment_at(
+    ready: Prepared, edges: Edges, latency_s: FloatArray, shared_slope: bool = True
+) -> Alignment:
+    """Where each edge lies on the screen without and with its shift. Raises ValueError if one side is empty."""
+    touch = ready.touch
+    raw = [np.interp(edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
+    at_s = edges.t_s + latency_s
+    x_mm, y_mm = (np.interp(at_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
+    fit = local_fit(touch.t_s, ready.xy_mm, at_s, 4.5 * ready.dt_s, degree=2)
+    v_mm_s = fit.v_mm_s
+    side = sides(edges.falling, v_mm_s[:, 1])
+    lines, residual = fit_lines(x_mm, y_mm, side, shared_slope)
+    return Alignment(
+        edges.t_s,
+        raw[0],
+        raw[1],
+        x_mm,
+        y_mm,
+        side,
+        edges.falling,
+        residual,
+        latency_s,
+        fit.speed_mm_s,
+        v_mm_s,
+        lines,
+    )
+
+
+def cost_without_shift(ready: Prepared, edges: Edges) -> float | None:
+    """J(0) / N of Eq. 4: one straight line a side through the uncorrected edges, mm²."""
+    zero = np.zeros(edges.t_s.size)
+    try:
+        residual = alignment_at(ready, edges, zero, shared_slope=False).residual_mm
+    except ValueError:
+        return None
+    return float(np.mean(residual**2))
+
+
+def common_flags(
+    estimate: RunEstimate,
+    ready: Prepared,
+    edges: Edges,
+    window_s: tuple[float, float],
+    extra: tuple[str, ...] = (),
+) -> RunEstimate:
+    """Add the flags that follow from the estimate itself, and how far the circle's centre travelled."""
+    flags = list(extra)
+    if edges.t_s.size < FEW_EDGES:
+        flags.append("few_edges")
+    total = edges.t_s.size + edges.n_rejected
+    if edges.n_rejected > max(2, 0.1 * total):
+        flags.append("spurious_edges")
+    if estimate.latency_s is not None:
+        end = 0.004
+        if not window_s[0] + end < estimate.latency_s < window_s[1] - end:
+            flags.append("at_window_end")
+        if estimate.latency_se_s is None or not estimate.latency_se_s < 0.01:
+            flags.append("unidentifiable")
+    if ready.run.laser.missed:
+        flags.append("missed_edges")
+    if ready.run.touch.gaps_s.size or ready.run.laser.gaps_s.size:
+        flags.append("device_gap")
+    travel = None
+    if ready.run.radius_mm:
+        half = max(1, ready.touch.t_s.size // 10)
+        travel = float(abs(np.median(ready.touch.x_mm[-half:]) - np.median(ready.touch.x_mm[:half])))
+        travel /= 2 * ready.run.radius_mm
+    known = list(dict.fromkeys(flags))
+    if "unidentifiable" in known:
+        return replace(
+            estimate,
+            latency_s=None,
+            latency_se_s=None,
+            latency_ci95_s=None,
+            travel_per_diameter=travel,
+            flags=tuple(known),
+        )
+    return replace(estimate, travel_per_diameter=travel, flags=tuple(known))

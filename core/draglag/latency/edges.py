@@ -1,0 +1,45 @@
+"""Edges fit for estimation: sorted, de-chattered, with what was rejected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.recording import FloatArray, LaserTrace
+
+
+@dataclass(frozen=True)
+class Edges:
+    """t_s (m,), falling (m,) bool: True for light→dark. n_rejected: edges that no stylus can have made."""
+
+    t_s: FloatArray
+    falling: np.ndarray
+    n_rejected: int = 0
+
+    def take(self, keep: np.ndarray) -> Edges:
+        return Edges(self.t_s[keep], self.falling[keep], self.n_rejected + int(np.count_nonzero(~keep)))
+
+
+def clean_edges(laser: LaserTrace, stylus_diameter_mm: float, fastest_mm_s: float) -> Edges:
+    """Edges of a run without chatter.
+
+    A stylus of diameter D at speed v keeps the sensor dark for D / v; transitions closer together than a third of
+    that at the fastest speed of the run are one edge that bounced (an odd number: the first one stands) or a glitch
+    (an even number: none stands).
+    """
+    good = np.isfinite(laser.t_s)
+    order = np.argsort(laser.t_s[good], kind="stable")
+    t_s, light = laser.t_s[good][order], laser.light[good][order]
+    if t_s.size == 0:
+        return Edges(t_s, np.empty(0, bool))
+    # Repeats of one level carry no transition.
+    changed = np.append(True, light[1:] != light[:-1])
+    n_repeats = int(np.count_nonzero(~changed))
+    t_s, light = t_s[changed], light[changed]
+    closest_s = 0.3 * stylus_diameter_mm / max(fastest_mm_s, 1.0)
+    starts = np.append(True, np.diff(t_s) > closest_s)
+    group = np.cumsum(starts) - 1
+    size = np.bincount(group)
+    keep = starts & (size[group] % 2 == 1)
+    return Edges(t_s[keep], light[keep] == 0, n_repeats + int(np.count_nonzero(~keep)))

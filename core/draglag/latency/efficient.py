@@ -1,0 +1,267 @@
+"""Joint maximum likelihood over a run: local trajectory, one slope, both lines, every edge by its own variance.
+
+Around a latency L the touch trace says where the stylus was at each edge: a local cubic whose bandwidth is matched to
+the motion. The residual of edge i across the beam, y_i − slope · x_i − middle − side_i · half width, is linear in the
+line's coefficients and, by the velocity there, in a change of L; so Gauss–Newton on a handful of parameters converges
+in three or four steps. Its covariance is known up to two numbers: events share touch noise where windows overlap, and
+whatever else scatters single edges (τ²) is estimated so that the weighted residuals are as large as they should be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import t as student
+
+from draglag.beam import Lines, sides, stylus_diameter_mm
+from draglag.latency.common import common_flags, cost_without_shift
+from draglag.latency.edges import Edges
+from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
+from draglag.latency.scan import Scan, scan
+from draglag.motion import LocalFit, best_half_width_s, contact_losses, in_contact, local_fit
+from draglag.recording import FloatArray
+
+SPEED_SLOPE_SD_S = 0.08  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
+ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
+GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A converged fit. parameters: L (s), slope, middle (mm), half width (mm), dL/dln v (s)."""
+
+    latency_s: float
+    se_s: float
+    parameters: FloatArray
+    covariance: FloatArray
+    edges: Edges
+    fit: LocalFit
+    side: FloatArray
+    residual_mm: FloatArray
+    log_likelihood: float
+    dof: int
+    tau_mm: float
+    noise_mm: float
+    n_outside: int
+
+
+def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
+    """The latency of a run by joint maximum likelihood, with its interval and verdict."""
+    coarse = scan(ready.touch, ready.edges, window_s, 6 * ready.dt_s)
+    minima = coarse.minima()
+    if not minima:
+        return replace(blank, flags=("unidentifiable",))
+    guess_s = float(coarse.latency_s[minima[0]])
+    half_s, noise_mm = best_half_width_s(ready.touch.t_s, ready.xy_mm[:, 1:], ready.edges.t_s + guess_s)
+    if not np.isfinite(noise_mm):
+        return replace(blank, flags=("unidentifiable",))
+    solutions = [
+        solution
+        for k in _worth_refining(coarse, minima)
+        if (solution := solve(ready, float(coarse.latency_s[k]), half_s, noise_mm)) is not None
+    ]
+    if not solutions:
+        return replace(blank, flags=("unidentifiable",))
+    solutions.sort(key=lambda s: -s.log_likelihood / max(s.edges.t_s.size, 1))
+    best = solutions[0]
+    extra = []
+    if any(
+        best.log_likelihood - rival.log_likelihood < ALIAS_LOG_LIKELIHOOD
+        and abs(rival.latency_s - best.latency_s) > 0.01
+        for rival in solutions[1:]
+    ):
+        extra += ["alias", "unidentifiable"]
+    if best.n_outside > 0.1 * (best.n_outside + best.edges.t_s.size):
+        extra.append("lost_contact")
+    if best.tau_mm > 3 * noise_mm:
+        extra.append("excess_scatter")
+    return common_flags(_describe(ready, blank, best), ready, best.edges, window_s, tuple(extra))
+
+
+def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
+    """Minima whose robust cost is within a factor of the best: aliases of the circle's period among them."""
+    best = coarse.cost_mm2[minima[0]]
+    return [k for k in minima if coarse.cost_mm2[k] <= 6 * best + 0.05]
+
+
+def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> Solution | None:
+    """Gauss–Newton from a starting latency; None where too few edges can be placed or it wanders off."""
+    touch = ready.touch
+    losses = contact_losses(touch.t_s)
+    placed = in_contact(touch.t_s, ready.edges.t_s + latency_s, losses)
+    edges = Edges(ready.edges.t_s[placed], ready.edges.falling[placed], ready.edges.n_rejected)
+    n_outside = int(np.count_nonzero(~placed))
+    start_s, slope = latency_s, 0.0
+    weights = np.ones(edges.t_s.size)
+    state: tuple[FloatArray, FloatArray, FloatArray, float] | None = None
+    for step in range(8):
+        fit = local_fit(touch.t_s, ready.xy_mm, edges.t_s + latency_s, half_s)
+        across = fit.v_mm_s[:, 1] - slope * fit.v_mm_s[:, 0]
+        keep = fit.ok & (np.abs(across) > GRAZING * fit.speed_mm_s) & (fit.gain < 2)
+        if not keep.all():
+            # An edge that cannot be placed is dropped; one that no stylus made is rejected further down.
+            n_outside += int(np.count_nonzero(~keep))
+            edges = Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected)
+            weights = weights[keep]
+            if edges.t_s.size < FEWEST_EDGES:
+                return None
+            continue
+        if edges.t_s.size < FEWEST_EDGES:
+            return None
+        side = sides(edges.falling, across)
+        design, response = _linearise(fit, side, across)
+        covariance = noise_mm**2 * _overlap(fit, touch.t_s.size)
+        estimate, spread, residual, tau = _weighted_fit(design, response, covariance, weights)
+        slope = float(estimate[1])
+        state = (estimate, spread, residual, tau)
+        latency_s += float(np.clip(estimate[0], -0.03, 0.03))
+        if abs(latency_s - start_s) > 0.06:
+            return None
+        outlier = _outliers(residual, covariance, tau)
+        if step >= 1 and outlier.any() and edges.t_s.size - np.count_nonzero(outlier) >= FEWEST_EDGES:
+            edges = edges.take(~outlier)
+            weights = weights[~outlier]
+            continue
+        if abs(estimate[0]) < 1e-6 and step >= 2:
+            break
+    if state is None or state[2].size != edges.t_s.size:
+        return None
+    estimate, spread, residual, tau = state
+    n = residual.size
+    total = covariance + tau**2 * np.eye(n)
+    factor = cho_factor(total)
+    log_likelihood = -0.5 * float(residual @ cho_solve(factor, residual)) - float(
+        np.sum(np.log(np.diag(factor[0])))
+    )
+    parameters = estimate.copy()
+    parameters[0] = latency_s
+    return Solution(
+        latency_s,
+        float(np.sqrt(spread[0, 0])),
+        parameters,
+        spread,
+        edges,
+        fit,
+        side,
+        residual,
+        log_likelihood,
+        n - 4,
+        tau,
+        noise_mm,
+        n_outside,
+    )
+
+
+def _linearise(fit: LocalFit, side: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """y = slope · x + middle + side · half − across · δL, columns δL, slope, middle, half, dL/dln v."""
+    speed = np.maximum(fit.speed_mm_s, 1e-3)
+    relative = np.log(speed)
+    relative = np.clip(relative - relative.mean(), -1, 1)
+    x, y = fit.xy_mm[:, 0], fit.xy_mm[:, 1]
+    return np.column_stack([-across, x, np.ones_like(x), side, -across * relative]), y
+
+
+def _overlap(fit: LocalFit, n_events: int) -> FloatArray:
+    """Covariance of fitted positions in units of one event's variance, (m, m): windows that share events."""
+    m, w = fit.weights.shape
+    shift = fit.first[None, :] - fit.first[:, None]
+    out = np.zeros((m, m))
+    near_i, near_j = np.nonzero((np.abs(shift) < w) & (np.arange(m)[:, None] <= np.arange(m)[None, :]))
+    offset = shift[near_i, near_j]
+    column = np.arange(w)[None, :] + offset[:, None]
+    inside = (column >= 0) & (column < w)
+    left = np.where(inside, np.take_along_axis(fit.weights[near_i], np.clip(column, 0, w - 1), axis=1), 0.0)
+    value = np.einsum("kw,kw->k", left, fit.weights[near_j])
+    out[near_i, near_j] = value
+    out[near_j, near_i] = value
+    out[np.diag_indices(m)] = fit.gain
+    return out
+
+
+def _weighted_fit(
+    design: FloatArray, response: FloatArray, covariance: FloatArray, weights: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Generalised least squares with the extra scatter τ that makes χ² equal its expectation (Paule–Mandel)."""
+    n = response.size
+    prior = np.zeros(design.shape[1])
+    prior[4] = 1 / SPEED_SLOPE_SD_S**2
+    dof = max(n - 4, 1)
+    identity = np.eye(n)
+    jitter = 1e-9 * float(np.trace(covariance)) / n + 1e-12
+
+    def fitted(tau2: float) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+        factor = cho_factor(covariance + (tau2 + jitter) * identity)
+        whitened = cho_solve(factor, design)
+        spread = np.linalg.inv(design.T @ whitened + np.diag(prior))
+        estimate = spread @ (whitened.T @ response)
+        residual = response - design @ estimate
+        chi2 = float(residual @ cho_solve(factor, residual)) + float(prior @ estimate**2)
+        return chi2, estimate, spread, residual
+
+    chi2, estimate, spread, residual = fitted(0.0)
+    low, high, tau2 = 0.0, 4 * float(np.mean(residual**2)) + 1e-12, 0.0
+    if chi2 > dof:
+        for _ in range(12):
+            tau2 = 0.5 * (low + high)
+            chi2, estimate, spread, residual = fitted(tau2)
+            low, high = (tau2, high) if chi2 > dof else (low, tau2)
+    return estimate, spread, residual, float(np.sqrt(tau2))
+
+
+def _outliers(residual: FloatArray, covariance: FloatArray, tau_mm: float) -> np.ndarray:
+    """Edges that no stylus made: beyond 5 robust standard deviations of the rest, at most a fifth at a time."""
+    scale = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    expected = np.sqrt(np.diag(covariance))
+    limit = 5 * np.maximum(expected, scale)
+    out = np.abs(residual) > limit
+    if np.count_nonzero(out) > 0.2 * residual.size:
+        worst = np.argsort(-np.abs(residual / limit))[: int(0.2 * residual.size)]
+        out = np.zeros_like(out)
+        out[worst] = True
+    return out
+
+
+def _mean_speed(best: Solution) -> float:
+    """Mean speed at the edges, less what noise across the motion adds to a speed (half its variance over the speed)."""
+    speed = best.fit.speed_mm_s
+    return float(np.mean(speed - best.noise_mm**2 * best.fit.v_gain / (2 * np.maximum(speed, 1.0))))
+
+
+def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimate:
+    latency_s, half_mm = best.latency_s, float(best.parameters[3])
+    slope, middle = float(best.parameters[1]), float(best.parameters[2])
+    lines = Lines(slope, slope, middle - half_mm, middle + half_mm)
+    touch, n = ready.touch, best.edges.t_s.size
+    raw = [np.interp(best.edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
+    alignment = Alignment(
+        best.edges.t_s,
+        raw[0],
+        raw[1],
+        best.fit.xy_mm[:, 0],
+        best.fit.xy_mm[:, 1],
+        best.side,
+        best.edges.falling,
+        best.residual_mm,
+        np.full(n, latency_s),
+        best.fit.speed_mm_s,
+        best.fit.v_mm_s,
+        lines,
+    )
+    reach = float(student.ppf(0.975, max(best.dof, 1))) * best.se_s
+    x_mm = alignment.x_mm
+    return replace(
+        blank,
+        n_edges=n,
+        n_rejected=best.edges.n_rejected,
+        speed_mm_s=_mean_speed(best),
+        latency_s=latency_s,
+        latency_se_s=best.se_s,
+        latency_ci95_s=(latency_s - reach, latency_s + reach),
+        j0_per_edge_mm2=cost_without_shift(ready, best.edges),
+        j_per_edge_mm2=float(np.mean(best.residual_mm**2)),
+        stylus_diameter_mm=stylus_diameter_mm(lines, float(x_mm.min()), float(x_mm.max())),
+        stylus_diameter_se_mm=2 * float(np.sqrt(best.covariance[3, 3])),
+        alignment=alignment,
+    )

@@ -1,0 +1,177 @@
+"""The estimate of one run: what it holds, and the way from a run to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.beam import Lines
+from draglag.errors import EstimateError
+from draglag.latency.edges import Edges, clean_edges
+from draglag.motion import hold_at_rate, sample_interval_s, usable
+from draglag.recording import FloatArray, Run, TouchTrace
+
+WINDOW_S = (0.0, 0.4)  # latencies searched
+FEW_EDGES = 8  # below this an interval means little
+FEWEST_EDGES = 6  # below this nothing is estimated: four parameters are
+CONSTANT_SPEED = ("circle", "free")
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Edges on the screen, before and after the shift (the paper's Fig. 4).
+
+    Attributes (m edges): edge_t_s; x_raw_mm, y_raw_mm (touch position at the edge); x_mm, y_mm (at t + L);
+    side (−1 top, +1 bottom); falling (light→dark); residual_mm (along y); latency_s used at each edge;
+    speed_mm_s at t + L; v_mm_s (m, 2) velocity there; lines.
+    """
+
+    edge_t_s: FloatArray
+    x_raw_mm: FloatArray
+    y_raw_mm: FloatArray
+    x_mm: FloatArray
+    y_mm: FloatArray
+    side: FloatArray
+    falling: np.ndarray
+    residual_mm: FloatArray
+    latency_s: FloatArray
+    speed_mm_s: FloatArray
+    v_mm_s: FloatArray
+    lines: Lines
+
+    @property
+    def slope(self) -> float:
+        return self.lines.slope_top
+
+    @property
+    def intercept_top_mm(self) -> float:
+        return self.lines.intercept_top_mm
+
+    @property
+    def intercept_bottom_mm(self) -> float:
+        return self.lines.intercept_bottom_mm
+
+
+@dataclass(frozen=True)
+class RunEstimate:
+    """Latency of one run with its 95 % interval and its verdict; ``latency_s`` is None where there is none.
+
+    ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words.
+    """
+
+    id: str
+    protocol: str
+    nominal_speed_mm_s: float | None
+    stamps: str
+    n_edges: int = 0
+    n_rejected: int = 0
+    speed_mm_s: float | None = None
+    speed_filtered_mm_s: float | None = None
+    latency_s: float | None = None
+    latency_se_s: float | None = None
+    latency_ci95_s: tuple[float, float] | None = None
+    j0_per_edge_mm2: float | None = None
+    j_per_edge_mm2: float | None = None
+    stylus_diameter_mm: float | None = None
+    stylus_diameter_se_mm: float | None = None
+    travel_per_diameter: float | None = None
+    flags: tuple[str, ...] = ()
+    alignment: Alignment | None = None
+
+    @property
+    def latency_ms(self) -> float | None:
+        return None if self.latency_s is None else 1e3 * self.latency_s
+
+    @property
+    def latency_ci95_ms(self) -> tuple[float, float] | None:
+        return (
+            None
+            if self.latency_ci95_s is None
+            else (1e3 * self.latency_ci95_s[0], 1e3 * self.latency_ci95_s[1])
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        """The design's JSON of one run (section 5)."""
+        return {
+            "id": self.id,
+            "protocol": self.protocol,
+            "nominal_speed_mm_s": self.nominal_speed_mm_s,
+            "speed_mm_s": self.speed_mm_s,
+            "speed_filtered_mm_s": self.speed_filtered_mm_s,
+            "latency_ms": self.latency_ms,
+            "latency_ci95_ms": None if self.latency_ci95_ms is None else list(self.latency_ci95_ms),
+            "stamps": self.stamps,
+            "n_edges": self.n_edges,
+            "n_rejected": self.n_rejected,
+            "J0_per_edge_mm2": self.j0_per_edge_mm2,
+            "J_per_edge_mm2": self.j_per_edge_mm2,
+            "stylus_diameter_mm": self.stylus_diameter_mm,
+            "travel_per_diameter": self.travel_per_diameter,
+            "flags": list(self.flags),
+        }
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A run made ready for an estimator: usable touch events and clean edges."""
+
+    run: Run
+    touch: TouchTrace
+    edges: Edges
+    stamps: str
+    dt_s: float
+
+    @property
+    def xy_mm(self) -> FloatArray:
+        return np.column_stack([self.touch.x_mm, self.touch.y_mm])
+
+
+def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = None) -> Prepared:
+    """Usable events and clean edges of a run. Raises EstimateError when there is nothing to estimate from."""
+    touch, stamps = usable(run.touch), "kernel"
+    if touch.t_s.size < 20:
+        raise EstimateError(
+            f"{run.id}: {touch.t_s.size} touch events", "Record the run again with the stylus on the screen"
+        )
+    if update_rate_hz is not None:
+        touch, stamps = hold_at_rate(touch, update_rate_hz), f"last event held at {update_rate_hz:g} Hz"
+    dt_s = sample_interval_s(touch.t_s)
+    step = max(1, round(0.02 / dt_s))  # speed over about 20 ms: coarse, only for telling bounces from edges
+    if touch.t_s.size > step:
+        moved = np.hypot(touch.x_mm[step:] - touch.x_mm[:-step], touch.y_mm[step:] - touch.y_mm[:-step])
+        fastest = float(np.percentile(moved / (touch.t_s[step:] - touch.t_s[:-step]), 95))
+    else:
+        fastest = 1000.0
+    return Prepared(run, touch, clean_edges(run.laser, stylus_diameter_mm, fastest), stamps, dt_s)
+
+
+def estimate_run(
+    run: Run,
+    stylus_diameter_mm: float,
+    estimator: str = "efficient",
+    update_rate_hz: float | None = None,
+    window_s: tuple[float, float] = WINDOW_S,
+) -> RunEstimate:
+    """Latency of a run whose speed is constant (Eq. 1). Never raises for bad data: the flags say what is wrong.
+
+    Args:
+        estimator: "efficient" (joint maximum likelihood) or "paper" (Eq. 2 on the raw events).
+        update_rate_hz: emulate a loop that takes the last event at this rate; None uses the kernel's stamps.
+        window_s: latencies searched.
+    """
+    from draglag.latency.efficient import estimate_efficient
+    from draglag.latency.paper import estimate_paper
+
+    blank = RunEstimate(run.id, run.protocol, run.nominal_speed_mm_s, "kernel")
+    try:
+        ready = prepare(run, stylus_diameter_mm, update_rate_hz)
+    except EstimateError:
+        return replace(blank, flags=("no_touch",))
+    blank = replace(
+        blank, stamps=ready.stamps, n_edges=ready.edges.t_s.size, n_rejected=ready.edges.n_rejected
+    )
+    if ready.edges.t_s.size < FEWEST_EDGES:
+        return replace(blank, flags=("few_edges", "unidentifiable"))
+    one = estimate_paper if estimator == "paper" else estimate_efficient
+    return one(ready, blank, window_s)

@@ -1,0 +1,15 @@
+"""What the flags of an estimate mean, in the operator's words."""
+
+MEANING = {
+    "no_touch": "no touch events: was the stylus on the screen, and is the touch device the right one?",
+    "few_edges": "fewer than eight usable edges: the interval is wide; let the run last longer",
+    "at_window_end": "the best latency lies at the end of the searched window: widen the window",
+    "unidentifiable": "the data do not determine a latency: more edges, more sideways travel, both directions",
+    "alias": "a latency half a circle's period away fits about as well",
+    "spurious_edges": "more than a tenth of the edges were made by something other than the stylus",
+    "lost_contact": "a tenth of the edges or more fell into a loss of contact",
+    "little_travel": "the circle's centre travels less than half a diameter: slope and latency are hard to tell apart",
+    "excess_scatter": "the edges scatter more than the touch noise explains",
+    "missed_edges": "the sensor reported edges that it could not stamp",
+    "device_gap": "a device was away during the run",
+}

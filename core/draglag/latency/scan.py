@@ -1,0 +1,86 @@
+"""J(L) over a window of latencies: where its minima are, before anything is refined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from draglag.beam import sides
+from draglag.latency.edges import Edges
+from draglag.motion import contact_losses, in_contact, sample_interval_s
+from draglag.recording import FloatArray, TouchTrace
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Robust cost per edge at each latency of the grid, mm²; infinite where too few edges can be placed."""
+
+    latency_s: FloatArray
+    cost_mm2: FloatArray
+
+    def minima(self, most: int = 4) -> list[int]:
+        """Indices of the local minima, best first."""
+        cost = self.cost_mm2
+        padded = np.concatenate([[np.inf], cost, [np.inf]])
+        low = np.flatnonzero((cost <= padded[:-2]) & (cost < padded[2:]) & np.isfinite(cost))
+        return [int(k) for k in low[np.argsort(cost[low])][:most]]
+
+
+def scan(
+    touch: TouchTrace, edges: Edges, window_s: tuple[float, float], half_width_s: float, step_s: float = 0.004
+) -> Scan:
+    """Cost of Eq. 2 with one slope for both lines and sides from the direction of travel at t + L, over a grid.
+
+    Two re-weighting passes keep spurious edges from choosing the minimum.
+    """
+    latency_s = np.arange(window_s[0], window_s[1] + step_s / 2, step_s)
+    dt_s = sample_interval_s(touch.t_s)
+    grid_s = np.arange(touch.t_s[0], touch.t_s[-1] + dt_s / 2, dt_s)
+    reach = max(2, round(0.7 * half_width_s / dt_s))
+    x_mm, y_mm = (np.interp(grid_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
+    if grid_s.size > 2 * reach + 1:
+        vy = savgol_filter(y_mm, 2 * reach + 1, 3, deriv=1, delta=dt_s)
+        y_mm = savgol_filter(y_mm, 2 * reach + 1, 3)
+    else:
+        vy = np.gradient(y_mm, dt_s)
+    at_s = edges.t_s[None, :] + latency_s[:, None]
+    placed = in_contact(touch.t_s, at_s, contact_losses(touch.t_s)) & (at_s <= grid_s[-1])
+    position = np.clip((at_s - grid_s[0]) / dt_s, 0, grid_s.size - 1.001)
+    k = position.astype(int)
+    f = position - k
+    x, y, v = ((1 - f) * a[k] + f * a[k + 1] for a in (x_mm, y_mm, vy))
+    side = sides(edges.falling[None, :], v)
+    cost = _cost(x, y, side, placed)
+    enough = np.count_nonzero(placed, axis=1) >= max(
+        4, 0.6 * np.max(np.count_nonzero(placed, axis=1), initial=0)
+    )
+    return Scan(latency_s, np.where(enough, cost, np.inf))
+
+
+def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) -> FloatArray:
+    """Robust mean squared residual about two parallel lines, for every row."""
+    weight = placed.astype(float)
+    for _ in range(3):
+        top, bottom = weight * (side < 0), weight * (side > 0)
+        xc, yc = x.copy(), y.copy()
+        for part in (top, bottom):
+            total = np.maximum(part.sum(1, keepdims=True), 1e-12)
+            inside = part > 0
+            xc -= np.where(inside, (part * x).sum(1, keepdims=True) / total, 0.0)
+            yc -= np.where(inside, (part * y).sum(1, keepdims=True) / total, 0.0)
+        sxx = np.maximum((weight * xc * xc).sum(1), 1e-12)
+        slope = np.clip((weight * xc * yc).sum(1) / sxx, -0.2, 0.2)  # ±11°: a beam, not a fit to the circle
+        squared = (yc - slope[:, None] * xc) ** 2
+        scale = np.nanmedian(np.where(placed, squared, np.nan), axis=1) if placed.any(1).all() else None
+        if scale is None:
+            safe = np.where(placed, squared, np.nan)
+            scale = np.array([np.nanmedian(row) if np.isfinite(row).any() else np.inf for row in safe])
+        limit = 20 * np.maximum(scale, 1e-9)[:, None]  # about 3 σ of a normal residual
+        weight = placed * np.minimum(1.0, np.sqrt(limit / np.maximum(squared, 1e-12)))
+    one_sided = (np.count_nonzero(placed & (side < 0), 1) < 2) | (
+        np.count_nonzero(placed & (side > 0), 1) < 2
+    )
+    robust = (placed * np.minimum(squared, limit)).sum(1) / np.maximum(placed.sum(1), 1)
+    return np.where(one_sided, np.inf, robust)

@@ -1,0 +1,58 @@
+"""Tap latency from the WALT: medians, split into touch and release (the paper, Section III.B)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binom
+
+from draglag.recording import FloatArray, Taps
+
+LONGEST_S = 0.2  # the public tool's limit: later events belong to something else
+
+
+@dataclass(frozen=True)
+class TapSummary:
+    """Latency of one kind of tap event. ci95_s: distribution-free interval of the median (order statistics)."""
+
+    n: int
+    n_rejected: int
+    median_s: float
+    iqr_s: tuple[float, float]
+    ci95_s: tuple[float, float]
+    latency_s: FloatArray
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "n": self.n,
+            "n_rejected": self.n_rejected,
+            "median_ms": 1e3 * self.median_s,
+            "median_ci95_ms": [1e3 * v for v in self.ci95_s],
+            "iqr_ms": [1e3 * v for v in self.iqr_s],
+        }
+
+
+def summarise_taps(taps: Taps | None) -> dict[str, TapSummary]:
+    """Summaries of "touch" and "release" events; kinds without a usable tap are left out."""
+    if taps is None:
+        return {}
+    out = {}
+    for name, down in (("touch", 1), ("release", 0)):
+        latency_s = (taps.registered_s - taps.physical_s)[taps.down == down]
+        good = np.sort(latency_s[np.isfinite(latency_s) & (latency_s >= 0) & (latency_s <= LONGEST_S)])
+        if not good.size:
+            continue
+        # The k-th order statistics whose ranks enclose the median with 95 % probability.
+        k = int(binom.ppf(0.025, good.size, 0.5))
+        interval = (float(good[max(k - 1, 0)]), float(good[min(good.size - k, good.size - 1)]))
+        quartiles = np.percentile(good, [25, 75])
+        out[name] = TapSummary(
+            int(good.size),
+            int(latency_s.size - good.size) + taps.rejected.get(name, 0),
+            float(np.median(good)),
+            (float(quartiles[0]), float(quartiles[1])),
+            interval,
+            good,
+        )
+    return out

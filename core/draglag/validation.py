@@ -1,0 +1,129 @@
+"""How much of a run's misalignment a latency model removes (Eq. 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.beam import fit_lines, sides
+from draglag.errors import EstimateError
+from draglag.latency.common import alignment_at
+from draglag.latency.edges import Edges
+from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
+from draglag.motion import LocalFit, contact_losses, in_contact, local_fit, matched_half_widths_s
+from draglag.recording import FloatArray
+
+Law = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Eq. 4 for one run. Speeds are those at the crossings; ``n_extrapolated`` of them outside the curve's range."""
+
+    run: str
+    protocol: str
+    n_edges: int
+    j0_per_edge_mm2: float
+    j_per_edge_mm2: float
+    speeds_mm_s: FloatArray
+    latency_s: FloatArray
+    n_extrapolated: int
+    alignment: Alignment
+    flags: tuple[str, ...] = ()
+
+    @property
+    def delta_j_percent(self) -> float:
+        return (
+            100 * (1 - self.j_per_edge_mm2 / self.j0_per_edge_mm2)
+            if self.j0_per_edge_mm2 > 0
+            else float("nan")
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "run": self.run,
+            "protocol": self.protocol,
+            "n_edges": self.n_edges,
+            "J0_per_edge_mm2": self.j0_per_edge_mm2,
+            "J_per_edge_mm2": self.j_per_edge_mm2,
+            "delta_J_percent": self.delta_j_percent,
+            "mean_latency_ms": 1e3 * float(np.mean(self.latency_s)),
+            "n_extrapolated": self.n_extrapolated,
+            "flags": list(self.flags),
+        }
+
+
+def apply_law(
+    touch_t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, law: Law, half_s: float | FloatArray
+) -> tuple[FloatArray, FloatArray, LocalFit]:
+    """Solve L = law(v) at every edge, v the stylus' own speed at the edge, shown by the touch trace at t + L.
+
+    The law re-times the trace: an event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus, which matters
+    where L falls steeply. Returns latency_s (m,), speed_mm_s (m,), and the local fit at t + L.
+    """
+    latency_s = np.broadcast_to(law(np.array([300.0])), edge_t_s.shape).astype(float)
+    for _ in range(12):
+        fit = local_fit(touch_t_s, xy_mm, edge_t_s + latency_s, half_s)
+        shown = np.maximum(fit.speed_mm_s, 1e-6)
+        along = np.einsum("mk,mk->m", fit.v_mm_s, fit.a_mm_s2) / shown
+        speed = shown
+        for _ in range(3):
+            slope = (law(speed + 0.5) - law(np.maximum(speed - 0.5, 0))) / (0.5 + np.minimum(speed, 0.5))
+            speed = shown * np.clip(1 + slope * along, 0.6, 1.6)
+        # Half a step: where L falls by more than a period of the motion a full one would oscillate.
+        step = 0.7 * (law(speed) - latency_s)
+        latency_s = latency_s + step
+        if np.max(np.abs(step), initial=0) < 1e-6:
+            break
+    return latency_s, speed, fit
+
+
+def validate_run(
+    ready: Prepared, law: Law, speed_range_mm_s: tuple[float, float] = (0.0, np.inf), raw: bool = False
+) -> Validation:
+    """Eq. 4 for one run and one latency law. ``raw`` interpolates the events as the paper does, without smoothing.
+
+    Raises EstimateError when too few edges can be placed or a side is empty.
+    """
+    touch = ready.touch
+    if ready.edges.t_s.size < FEWEST_EDGES:
+        raise EstimateError(
+            f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again"
+        )
+    guess_s = ready.edges.t_s + float(law(np.array([300.0]))[0])
+    rough = local_fit(touch.t_s, ready.xy_mm, guess_s, 4.5 * ready.dt_s, degree=2)
+    half_s = matched_half_widths_s(touch.t_s, ready.xy_mm, guess_s, rough.speed_mm_s)
+    latency_s, speed, fit = apply_law(touch.t_s, ready.xy_mm, ready.edges.t_s, law, half_s)
+    keep = in_contact(touch.t_s, ready.edges.t_s + latency_s, contact_losses(touch.t_s)) & fit.ok
+    keep &= in_contact(touch.t_s, ready.edges.t_s, contact_losses(touch.t_s))
+    if np.count_nonzero(keep) < FEWEST_EDGES:
+        raise EstimateError(f"{ready.run.id}: too few edges lie within the touch trace", "Record it again")
+    edges = Edges(ready.edges.t_s[keep], ready.edges.falling[keep], ready.edges.n_rejected)
+    latency_s, speed = latency_s[keep], speed[keep]
+    try:
+        before = alignment_at(ready, edges, np.zeros_like(latency_s), shared_slope=False)
+        after = alignment_at(ready, edges, latency_s, shared_slope=False)
+        residual = after.residual_mm
+        if not raw:
+            side = sides(edges.falling, fit.v_mm_s[keep, 1])
+            _, residual = fit_lines(fit.xy_mm[keep, 0], fit.xy_mm[keep, 1], side, shared_slope=False)
+    except ValueError as problem:
+        raise EstimateError(
+            f"{ready.run.id}: {problem}", "Record it again, crossing the beam both ways"
+        ) from None
+    outside = (speed < speed_range_mm_s[0]) | (speed > speed_range_mm_s[1])
+    n_outside = int(np.count_nonzero(outside))
+    return Validation(
+        ready.run.id,
+        ready.run.protocol,
+        int(edges.t_s.size),
+        float(np.mean(before.residual_mm**2)),
+        float(np.mean(residual**2)),
+        speed,
+        latency_s,
+        n_outside,
+        after,
+        ("extrapolated",) if n_outside > 0.1 * edges.t_s.size else (),
+    )
