@@ -1,8 +1,8 @@
 """What the participant follows: circle, chirp, multi-sine, step and tap targets (the paper, II.A and II.D).
 
 A target is a frozen dataclass of numbers that says where it is and how fast it moves at any time since the
-run began. Positions are mm on the screen, y grows downwards. All but the tap drift sideways at a constant speed,
-so that the touch events at the laser's edges spread along the beam and a line can be fitted to them.
+run began. Positions are mm on the screen, y grows downwards. All but the tap drift sideways at a constant
+speed, so that the touch events at the laser's edges spread along the beam and a line can be fitted to them.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ class Step(_Parameters):
     """Minimum-jerk steps of ``distance_mm`` across the beam, down and up again, at five heights.
 
     One cycle is ten steps: for each share f of ``STEP_FRACTIONS`` one step down that crosses the beam line
-    after f of its path, and one back up. The move to the next start happens in the rest between, above the beam.
+    after f of its path, and one back up. The move to the next start is made at rest, above the beam.
     Heights count from the beam line y = slope · x + intercept, so the shares hold all along a tilted beam.
     """
 
@@ -248,7 +248,7 @@ def minimum_jerk(u: FloatArray) -> FloatArray:
 
 
 def target_from_parameters(kind: str, parameters: Mapping[str, float | int | str]) -> Target:
-    """The target that ``parameters()`` described. Raises DataError on an unknown kind, missing or odd numbers."""
+    """The target that ``parameters()`` described. Raises DataError on an unknown kind or odd numbers."""
     if kind not in _KINDS:
         raise DataError(f"unknown target kind '{kind}'", f"use one of {', '.join(KINDS)}")
     cls = _KINDS[kind]
@@ -293,7 +293,7 @@ def check_on_screen(target: Target, screen: Screen, margin_mm: float = 0.0) -> N
             if name == "x":
                 cure = "a smaller radius, a slower sideways speed or a shorter run"
             raise DataError(
-                f"the {target.kind} target leaves the screen: its {name} runs from {low:.1f} to {high:.1f} mm, but "
-                f"{screen.name} allows {margin_mm:.1f} to {size - margin_mm:.1f} mm",
+                f"the {target.kind} target leaves the screen: {name} runs from {low:.1f} to {high:.1f} mm, "
+                f"but {screen.name} allows {margin_mm:.1f} to {size - margin_mm:.1f} mm",
                 f"choose {cure}",
             )

@@ -1,0 +1,147 @@
+"""Presets and files in TOML: read, checked, and refused with the line that is wrong; and the screens among them."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from draglag.errors import DataError
+from draglag.recording import Screen
+from draglag_resources import presets, resource
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _Panel(Strict):
+    width_mm: Positive
+    height_mm: Positive
+    width_px: Annotated[int, Field(gt=0)]
+    height_px: Annotated[int, Field(gt=0)]
+
+
+class _StylusTable(Strict):
+    diameter_mm: Positive = 7.0
+
+
+class LawTable(Strict):
+    """Eq. 5 with the redundant a3 and a6 left out; ms and s/mm as in Table 2."""
+
+    a1_ms: Annotated[float, Field(ge=0)]
+    a2_s_per_mm: Annotated[float, Field(ge=0)]
+    a4_ms: Annotated[float, Field(ge=0)]
+    a5_s_per_mm: Annotated[float, Field(ge=0)]
+    a7_ms: Annotated[float, Field(ge=0)]
+
+
+class _Digitiser(Strict):
+    touch_rate_hz: Positive = 120.0
+    scan_jitter_s: Annotated[float, Field(ge=0)] = 1e-4
+    noise_mm: Annotated[float, Field(ge=0)] = 0.15
+    resolution_mm: Annotated[float, Field(ge=0)] = 0.02
+
+
+class _TapTable(Strict):
+    touch_median_s: Positive = 0.030
+    release_median_s: Positive = 0.0285
+    spread_s: Annotated[float, Field(ge=0)] = 0.0025
+
+
+class ScreenFile(Strict):
+    """A screen preset: the panel, and what the simulated rig needs to behave like it."""
+
+    name: Annotated[str, Field(min_length=1)]
+    description: str = ""
+    screen: _Panel
+    stylus: _StylusTable = _StylusTable()
+    law: LawTable | None = None
+    digitiser: _Digitiser = _Digitiser()
+    taps: _TapTable = _TapTable()
+
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
+    """(label, text) of a preset or a file. Raises DataError."""
+    preset = resource(folder, f"{name_or_path}.toml")
+    what = folder.removesuffix("s")
+    if isinstance(name_or_path, str) and re.fullmatch(r"[\w-]+", name_or_path) and preset.is_file():
+        return f"{what} '{name_or_path}'", preset.read_text("utf-8")
+    path = Path(name_or_path)
+    if not path.is_file():
+        known = ", ".join(presets(folder))
+        raise DataError(
+            f"no {what} preset or file '{name_or_path}'", f"presets are {known}; or give a TOML file"
+        )
+    try:
+        return str(path), path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path} cannot be read as UTF-8 text: {error}") from error
+
+
+def _line_of(text: str, location: Sequence[int | str]) -> int:
+    """Line of the key at a pydantic location: walks table headers, then the key; 1 if it is not found."""
+    lines = text.splitlines()
+    at = 0
+    for depth, part in enumerate(location):
+        nth = location[depth + 1] if depth + 1 < len(location) else 0
+        if isinstance(part, int):
+            continue
+        header = re.compile(rf"\s*\[\[?\s*{re.escape(part)}\s*\]\]?")
+        hits = [i for i, line in enumerate(lines) if header.match(line)]
+        if hits:
+            at = hits[nth if isinstance(nth, int) and nth < len(hits) else 0]
+            continue
+        key = re.compile(rf"\s*{re.escape(part)}\s*=")
+        for i in range(at, len(lines)):
+            if i > at and lines[i].lstrip().startswith("["):
+                break
+            if key.match(lines[i]):
+                at = i
+                break
+    return at + 1
+
+
+def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tuple[_Model, str]:
+    """Read and check one TOML file or preset: (model, text).
+
+    Raises DataError that names the file, the line and what was expected there.
+    """
+    label, text = _text_of(name_or_path, folder)
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{label} is not valid TOML: {error}", "correct the file at that line") from error
+    try:
+        return model.model_validate(data), text
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part + 1) if isinstance(part, int) else part for part in first["loc"])
+        what = first["msg"].removeprefix("Value error, ")
+        what = what[:1].lower() + what[1:]
+        if first["type"] == "extra_forbidden":
+            what = "there is no such key"
+        line = _line_of(text, first["loc"])
+        raise DataError(
+            f"{label}, line {line}: {place + ': ' if place else ''}{what}", "correct the file"
+        ) from error
+
+
+def load_screen_file(name_or_path: str | Path) -> ScreenFile:
+    """A screen preset or file, whole. Raises DataError."""
+    return read_toml(name_or_path, "screens", ScreenFile)[0]
+
+
+def load_screen(name_or_path: str | Path) -> Screen:
+    """The panel of a screen preset or TOML file. Raises DataError."""
+    preset = load_screen_file(name_or_path)
+    return Screen(preset.name, **preset.screen.model_dump())

@@ -1,0 +1,194 @@
+"""Measurement protocols: TOML files, checked, and turned into the runs they ask for on a given screen.
+
+Presets live in the resources; ``load_protocol("demo")`` and ``load_protocol(Path("mine.toml"))`` are the same
+to a caller. Everything random (the order of the circles) comes from the protocol's seed or the caller's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from draglag.presets import Positive, Strict, load_screen, load_screen_file, read_toml
+from draglag.recording import Beam, Screen
+from draglag.targets import SIDEWAYS_PX_S, Chirp, Circle, MultiSine, Step, Target, check_on_screen
+
+__all__ = ["PlannedRun", "Protocol", "RunPlan", "expand", "load_protocol", "load_screen", "load_screen_file"]
+
+MARGIN_MM = 4.0
+"""The target keeps this far from the edges of the screen, so that the stylus stays on it."""
+
+MULTISINE_PEAK = 2.3402
+"""Largest excursion of the multi-sine of Table 1 for an amplitude of one."""
+
+
+class RunPlan(Strict):
+    """One ``[[runs]]`` table: a kind of target and its numbers, for one or several speeds."""
+
+    kind: Literal["circle", "chirp", "multisine", "step"]
+    speed_mm_s: Positive | None = None
+    speeds_mm_s: tuple[Positive, ...] = ()
+    radius_mm: Positive | None = None
+    radius_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.1  # of the screen's width
+    duration_s: Annotated[float, Field(gt=0, le=3600)] | None = None
+    repeats: Annotated[int, Field(ge=1, le=100)] = 1
+    practice: bool = False
+    sideways_px_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = SIDEWAYS_PX_S
+    beam_offset_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0  # of the target's centre, down
+    start_hz: Positive = 0.05
+    end_hz: Positive = 1.0
+    peak_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.25  # multi-sine's peak, of the screen's height
+    step_fraction: Annotated[float, Field(gt=0, lt=0.9)] = 0.4  # of the screen's height (the paper, II.D)
+    move_s: Positive = 0.4
+    step_rest_s: Positive = 0.6
+    turn: Literal[1, -1] = 1
+
+    @model_validator(mode="after")
+    def _speeds(self) -> RunPlan:
+        given = (self.speed_mm_s is not None) + bool(self.speeds_mm_s)
+        if self.kind == "circle" and given != 1:
+            raise ValueError("a circle needs either speed_mm_s or speeds_mm_s")
+        if self.kind != "circle" and given:
+            raise ValueError(f"a {self.kind} has no speed_mm_s: its speed varies")
+        return self
+
+    @property
+    def all_speeds_mm_s(self) -> tuple[float | None, ...]:
+        """The speeds of the runs this table asks for; one ``None`` where the speed varies."""
+        return self.speeds_mm_s or (self.speed_mm_s,)
+
+
+class TapPlan(Strict):
+    """Taps timed by the WALT: so many before, after, or before and after the runs."""
+
+    count: Annotated[int, Field(ge=1, le=10000)] = 100
+    when: Literal["start", "end", "both"] = "end"
+    interval_s: Annotated[float, Field(ge=0.3, le=60)] = 0.8
+
+
+class ClockCheck(Strict):
+    """Comparisons of the host's clock with each device's, before and after the runs."""
+
+    duration_s: Positive = 10.0
+    interval_s: Positive = 1.0
+
+
+class Protocol(Strict):
+    """A whole session as planned. ``source`` keeps the text it was read from, for the session file."""
+
+    name: Annotated[str, Field(min_length=1)]
+    description: str = ""
+    seed: Annotated[int, Field(ge=0)] = 0
+    shuffle: bool = False
+    rest_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
+    runs: tuple[RunPlan, ...] = ()
+    taps: TapPlan | None = None
+    clock_check: ClockCheck | None = None
+    source: Annotated[str, Field(exclude=True, repr=False)] = ""
+
+    @model_validator(mode="after")
+    def _something(self) -> Protocol:
+        if not (self.runs or self.taps or self.clock_check):
+            raise ValueError("a protocol needs at least one of [[runs]], [taps] and [clock_check]")
+        return self
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run to record. ``note`` says where the plan had to give way to the screen; empty if it did not."""
+
+    id: str
+    target: Target
+    nominal_speed_mm_s: float | None = None
+    radius_mm: float | None = None
+    practice: bool = False
+    note: str = ""
+
+    @property
+    def kind(self) -> str:
+        return self.target.kind
+
+    @property
+    def duration_s(self) -> float:
+        return self.target.duration_s
+
+
+def load_protocol(name_or_path: str | Path) -> Protocol:
+    """A protocol by preset name or path of a TOML file. Raises DataError (file, line, what was expected)."""
+    protocol, text = read_toml(name_or_path, "protocols", Protocol)
+    return protocol.model_copy(update={"source": text})
+
+
+def _sideways(
+    plan: RunPlan, screen: Screen, half_width_mm: float, duration_s: float
+) -> tuple[float, float, str]:
+    """(start x, speed, note): left to right about the middle, slower than asked if the screen is narrow."""
+    asked = plan.sideways_px_s * screen.mm_per_px[0]
+    room = screen.width_mm - 2 * (half_width_mm + MARGIN_MM)
+    speed = max(0.0, min(asked, room / duration_s))
+    note = ""
+    if speed < asked:
+        note = f"sideways speed lowered from {asked:.2f} to {speed:.2f} mm/s to stay on {screen.name}"
+    return (screen.width_mm - speed * duration_s) / 2, speed, note
+
+
+def _plan_run(plan: RunPlan, speed: float | None, screen: Screen, beam: Beam) -> PlannedRun:
+    middle = beam.slope * screen.width_mm / 2 + beam.intercept_mm + plan.beam_offset_mm
+    radius = plan.radius_mm or plan.radius_fraction * screen.width_mm
+    round_kind = plan.kind in ("circle", "chirp")
+    duration = plan.duration_s or {"chirp": 80.0, "multisine": 45.0}.get(plan.kind, 40.0)
+    x, drift, note = _sideways(plan, screen, radius if round_kind else 0.0, duration)
+    target: Target
+    if plan.kind == "circle":
+        assert speed is not None  # the model demands it
+        target = Circle(x, middle, radius, speed, duration, drift, -math.pi / 2, plan.turn)
+    elif plan.kind == "chirp":
+        target = Chirp(
+            x, middle, radius, duration, plan.start_hz, plan.end_hz, drift, -math.pi / 2, plan.turn
+        )
+    elif plan.kind == "multisine":
+        scale = plan.peak_fraction * screen.height_mm / MULTISINE_PEAK
+        target = MultiSine(x, middle, scale, duration, drift)
+    else:
+        distance = plan.step_fraction * screen.height_mm
+        intercept = beam.intercept_mm + plan.beam_offset_mm
+        target = Step(x, intercept, distance, beam.slope, duration, drift, plan.move_s, plan.step_rest_s)
+    check_on_screen(target, screen, MARGIN_MM)
+    return PlannedRun("", target, speed, radius if round_kind else None, plan.practice, note)
+
+
+def expand(
+    protocol: Protocol, screen: Screen, seed: int | None = None, *, beam: Beam | None = None
+) -> tuple[PlannedRun, ...]:
+    """The runs of a protocol on a screen, in the order they are recorded, with ids run-01, run-02, …
+
+    Args:
+        seed: of the order of the circles; the protocol's own if None.
+        beam: where the laser is, so that targets are centred on it; the middle of the screen if None.
+
+    Practice runs come as planned; circles change places among themselves if the protocol says ``shuffle``.
+    Raises DataError if a target would leave the screen.
+    """
+    beam = beam or Beam(0.0, screen.height_mm / 2)
+    runs = [
+        _plan_run(plan, speed, screen, beam)
+        for plan in protocol.runs
+        for _ in range(plan.repeats)
+        for speed in plan.all_speeds_mm_s
+    ]
+    if protocol.shuffle:
+        places = [i for i, run in enumerate(runs) if run.kind == "circle" and not run.practice]
+        order = np.random.default_rng(protocol.seed if seed is None else seed).permutation(len(places))
+        circles = [runs[places[k]] for k in order]
+        for place, run in zip(places, circles, strict=True):
+            runs[place] = run
+    digits = max(2, len(str(len(runs))))
+    return tuple(
+        PlannedRun(f"run-{i:0{digits}d}", r.target, r.nominal_speed_mm_s, r.radius_mm, r.practice, r.note)
+        for i, r in enumerate(runs, 1)
+    )
