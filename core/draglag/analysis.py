@@ -68,9 +68,7 @@ def has_constant_speed(run: Run) -> bool:
     return run.protocol in CONSTANT_SPEED
 
 
-def analyze(
-    session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None
-) -> Analysis:
+def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
     """Estimate everything a session holds. Never raises for bad runs: they carry flags, and ``problems`` says why.
 
     Raises EstimateError for an unknown estimator or curve form.
@@ -84,9 +82,7 @@ def analyze(
     for k, run in enumerate(steady):
         tell(k / max(len(session.runs), 1), run.id)
         estimates.append(
-            estimate_run(
-                run, session.stylus.diameter_mm, options.estimator, options.update_rate_hz, options.window_s
-            )
+            estimate_run(run, session.stylus.diameter_mm, options.estimator, options.update_rate_hz, options.window_s)
         )
     problems = [f"{e.id}: no latency ({', '.join(e.flags)})" for e in estimates if e.latency_s is None]
     taps = summarise_taps(session.taps)
@@ -145,9 +141,7 @@ def _validate(
         tell(1 - len(varying) / max(len(session.runs), 1), run.id)
         try:
             ready = prepare(run, session.stylus.diameter_mm, options.update_rate_hz)
-            out.append(
-                validate_run(ready, curve.predict_s, curve.speed_range_mm_s, options.estimator == "paper")
-            )
+            out.append(validate_run(ready, curve.predict_s, curve.speed_range_mm_s, options.estimator == "paper"))
         except EstimateError as error:
             problems.append(str(error))
     return out, problems

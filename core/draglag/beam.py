@@ -36,9 +36,7 @@ class Lines:
     intercept_bottom_mm: float
 
 
-def fit_lines(
-    x_mm: FloatArray, y_mm: FloatArray, side: FloatArray, shared_slope: bool
-) -> tuple[Lines, FloatArray]:
+def fit_lines(x_mm: FloatArray, y_mm: FloatArray, side: FloatArray, shared_slope: bool) -> tuple[Lines, FloatArray]:
     """Least-squares lines through the top and the bottom edges, and the residual of every edge (mm, along y).
 
     ``shared_slope=False`` is the paper's Eq. 2; ``True`` uses that both lines are parallel by construction.

@@ -193,9 +193,7 @@ def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray
         risk = float(np.mean(np.minimum(squared, 25 * np.median(squared))))
         if risk < best[1]:
             # E r² of a fitted event is σ² (1 − 2·own + Σ w²), and Σ w² = own for these weights to a few percent.
-            noise = np.sqrt(
-                risk * (1 - own) ** 2 / (values_mm.shape[1] * (1 - 2 * own + float(weights @ weights)))
-            )
+            noise = np.sqrt(risk * (1 - own) ** 2 / (values_mm.shape[1] * (1 - 2 * own + float(weights @ weights))))
             best, rising = (samples * dt_s, risk, float(noise)), 0
         else:
             rising += 1

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from draglag.beam import fit_lines, sides
+from draglag.compensation import Law, stylus_speed, stylus_time_s
 from draglag.errors import EstimateError
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
 from draglag.motion import LocalFit, contact_losses, in_contact, local_fit, matched_half_widths_s
 from draglag.recording import FloatArray
-
-Law = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -35,11 +33,7 @@ class Validation:
 
     @property
     def delta_j_percent(self) -> float:
-        return (
-            100 * (1 - self.j_per_edge_mm2 / self.j0_per_edge_mm2)
-            if self.j0_per_edge_mm2 > 0
-            else float("nan")
-        )
+        return 100 * (1 - self.j_per_edge_mm2 / self.j0_per_edge_mm2) if self.j0_per_edge_mm2 > 0 else float("nan")
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -56,26 +50,27 @@ class Validation:
 
 
 def apply_law(
-    touch_t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, law: Law, half_s: float | FloatArray
+    touch_t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, law: Law, half_s: FloatArray
 ) -> tuple[FloatArray, FloatArray, LocalFit]:
     """Solve L = law(v) at every edge, v the stylus' own speed at the edge, shown by the touch trace at t + L.
 
-    The law re-times the trace: an event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus, which matters
-    where L falls steeply. Returns latency_s (m,), speed_mm_s (m,), and the local fit at t + L.
+    Args:
+        touch_t_s (n,), xy_mm (n, 2), edge_t_s (m,), half_s (m,).
+
+    Returns:
+        latency_s (m,), speed_mm_s (m,), and the local fit at t + L.
     """
-    latency_s = np.broadcast_to(law(np.array([300.0])), edge_t_s.shape).astype(float)
-    for _ in range(12):
+    # The trace in the stylus' own time gives the start; from L(some speed) a bell-shaped movement finds wrong roots.
+    own_s = stylus_time_s(touch_t_s, xy_mm, touch_t_s, law, float(np.median(half_s)))
+    forwards = np.append(np.diff(own_s) > 0, True)
+    latency_s = np.interp(edge_t_s, own_s[forwards], touch_t_s[forwards]) - edge_t_s
+    for _ in range(5):
         fit = local_fit(touch_t_s, xy_mm, edge_t_s + latency_s, half_s)
-        shown = np.maximum(fit.speed_mm_s, 1e-6)
-        along = np.einsum("mk,mk->m", fit.v_mm_s, fit.a_mm_s2) / shown
-        speed = shown
-        for _ in range(3):
-            slope = (law(speed + 0.5) - law(np.maximum(speed - 0.5, 0))) / (0.5 + np.minimum(speed, 0.5))
-            speed = shown * np.clip(1 + slope * along, 0.6, 1.6)
+        speed = stylus_speed(law, fit.v_mm_s, fit.a_mm_s2)
         # Half a step: where L falls by more than a period of the motion a full one would oscillate.
-        step = 0.7 * (law(speed) - latency_s)
+        step = 0.5 * np.clip(law(speed) - latency_s, -0.02, 0.02)
         latency_s = latency_s + step
-        if np.max(np.abs(step), initial=0) < 1e-6:
+        if np.max(np.abs(step), initial=0) < 1e-5:
             break
     return latency_s, speed, fit
 
@@ -89,9 +84,7 @@ def validate_run(
     """
     touch = ready.touch
     if ready.edges.t_s.size < FEWEST_EDGES:
-        raise EstimateError(
-            f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again"
-        )
+        raise EstimateError(f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again")
     guess_s = ready.edges.t_s + float(law(np.array([300.0]))[0])
     rough = local_fit(touch.t_s, ready.xy_mm, guess_s, 4.5 * ready.dt_s, degree=2)
     half_s = matched_half_widths_s(touch.t_s, ready.xy_mm, guess_s, rough.speed_mm_s)
@@ -110,9 +103,7 @@ def validate_run(
             side = sides(edges.falling, fit.v_mm_s[keep, 1])
             _, residual = fit_lines(fit.xy_mm[keep, 0], fit.xy_mm[keep, 1], side, shared_slope=False)
     except ValueError as problem:
-        raise EstimateError(
-            f"{ready.run.id}: {problem}", "Record it again, crossing the beam both ways"
-        ) from None
+        raise EstimateError(f"{ready.run.id}: {problem}", "Record it again, crossing the beam both ways") from None
     outside = (speed < speed_range_mm_s[0]) | (speed > speed_range_mm_s[1])
     n_outside = int(np.count_nonzero(outside))
     return Validation(

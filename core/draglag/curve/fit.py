@@ -106,8 +106,7 @@ class CurveFit:
             "n_points": self.n_points,
             "tied_asymptote_ms": None if self.tied_asymptote_s is None else 1e3 * self.tied_asymptote_s,
             "rivals": [
-                {"form": r.form, "aicc": r.aicc, "held_out_rms_ms": 1e3 * r.held_out_rms_s}
-                for r in self.rivals
+                {"form": r.form, "aicc": r.aicc, "held_out_rms_ms": 1e3 * r.held_out_rms_s} for r in self.rivals
             ],
         }
 
@@ -165,9 +164,7 @@ def fit_best(
     if not np.isfinite(chosen.aicc):
         chosen = ranked[0]
     for fit in ranked:
-        better = (
-            chosen.aicc - fit.aicc > CLEARLY_BETTER and fit.held_out_rms_s <= 1.05 * chosen.held_out_rms_s
-        )
+        better = chosen.aicc - fit.aicc > CLEARLY_BETTER and fit.held_out_rms_s <= 1.05 * chosen.held_out_rms_s
         if better:
             chosen = fit
             break
@@ -228,15 +225,11 @@ def _solve(
     theta = np.exp(polished.x)
     if k >= 2 and theta[0] > theta[1]:
         theta[:2] = theta[1::-1]
-    _, amplitude = _non_negative(
-        (form.columns(theta, speed) * weight[:, None])[None], latency_ms * weight, tied_s
-    )
+    _, amplitude = _non_negative((form.columns(theta, speed) * weight[:, None])[None], latency_ms * weight, tied_s)
     return np.concatenate([theta, amplitude[0]])
 
 
-def _non_negative(
-    columns: FloatArray, target: FloatArray, tied_s: float | None
-) -> tuple[FloatArray, FloatArray]:
+def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None) -> tuple[FloatArray, FloatArray]:
     """Non-negative least squares for many designs at once: (g, n, p) → cost (g,), amplitudes (g, p).
 
     With at most three columns every active set is tried, which is exact. A tied asymptote is the last column's value.

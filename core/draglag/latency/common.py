@@ -13,9 +13,7 @@ from draglag.motion import local_fit
 from draglag.recording import FloatArray
 
 
-def alignment_at(
-    ready: Prepared, edges: Edges, latency_s: FloatArray, shared_slope: bool = True
-) -> Alignment:
+def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_slope: bool = True) -> Alignment:
     """Where each edge lies on the screen without and with its shift. Raises ValueError if one side is empty."""
     touch = ready.touch
     raw = [np.interp(edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]

@@ -132,9 +132,7 @@ def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> 
     n = residual.size
     total = covariance + tau**2 * np.eye(n)
     factor = cho_factor(total)
-    log_likelihood = -0.5 * float(residual @ cho_solve(factor, residual)) - float(
-        np.sum(np.log(np.diag(factor[0])))
-    )
+    log_likelihood = -0.5 * float(residual @ cho_solve(factor, residual)) - float(np.sum(np.log(np.diag(factor[0]))))
     parameters = estimate.copy()
     parameters[0] = latency_s
     return Solution(

@@ -85,11 +85,7 @@ class RunEstimate:
 
     @property
     def latency_ci95_ms(self) -> tuple[float, float] | None:
-        return (
-            None
-            if self.latency_ci95_s is None
-            else (1e3 * self.latency_ci95_s[0], 1e3 * self.latency_ci95_s[1])
-        )
+        return None if self.latency_ci95_s is None else (1e3 * self.latency_ci95_s[0], 1e3 * self.latency_ci95_s[1])
 
     def to_dict(self) -> dict[str, object]:
         """The design's JSON of one run (section 5)."""
@@ -168,9 +164,7 @@ def estimate_run(
         ready = prepare(run, stylus_diameter_mm, update_rate_hz)
     except EstimateError:
         return replace(blank, flags=("no_touch",))
-    blank = replace(
-        blank, stamps=ready.stamps, n_edges=ready.edges.t_s.size, n_rejected=ready.edges.n_rejected
-    )
+    blank = replace(blank, stamps=ready.stamps, n_edges=ready.edges.t_s.size, n_rejected=ready.edges.n_rejected)
     if ready.edges.t_s.size < FEWEST_EDGES:
         return replace(blank, flags=("few_edges", "unidentifiable"))
     one = estimate_paper if estimator == "paper" else estimate_efficient

@@ -53,9 +53,7 @@ def scan(
     x, y, v = ((1 - f) * a[k] + f * a[k + 1] for a in (x_mm, y_mm, vy))
     side = sides(edges.falling[None, :], v)
     cost = _cost(x, y, side, placed)
-    enough = np.count_nonzero(placed, axis=1) >= max(
-        4, 0.6 * np.max(np.count_nonzero(placed, axis=1), initial=0)
-    )
+    enough = np.count_nonzero(placed, axis=1) >= max(4, 0.6 * np.max(np.count_nonzero(placed, axis=1), initial=0))
     return Scan(latency_s, np.where(enough, cost, np.inf))
 
 
@@ -79,8 +77,6 @@ def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) ->
             scale = np.array([np.nanmedian(row) if np.isfinite(row).any() else np.inf for row in safe])
         limit = 20 * np.maximum(scale, 1e-9)[:, None]  # about 3 σ of a normal residual
         weight = placed * np.minimum(1.0, np.sqrt(limit / np.maximum(squared, 1e-12)))
-    one_sided = (np.count_nonzero(placed & (side < 0), 1) < 2) | (
-        np.count_nonzero(placed & (side > 0), 1) < 2
-    )
+    one_sided = (np.count_nonzero(placed & (side < 0), 1) < 2) | (np.count_nonzero(placed & (side > 0), 1) < 2)
     robust = (placed * np.minimum(squared, limit)).sum(1) / np.maximum(placed.sum(1), 1)
     return np.where(one_sided, np.inf, robust)
