@@ -23,7 +23,7 @@ class AnalysisOptions:
     """How to analyse.
 
     Attributes:
-        estimator: "efficient" or "paper". update_rate_hz: emulate a loop that holds the last event; None = kernel stamps.
+        estimator: "efficient" or "paper". update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
         window_s: latencies searched. form: a name of ``draglag.curve.FORMS`` or "best".
         tie_asymptote: hold a7 at the median release tap (the paper's "corrected"). exclude: run id → reason.
     """
@@ -38,7 +38,7 @@ class AnalysisOptions:
 
 @dataclass(frozen=True)
 class Analysis:
-    """All estimates of one session. ``curve`` is None when no run gave a latency; ``problems`` says what could not be done."""
+    """All estimates of one session. ``curve`` is None when no run gave a latency; ``problems`` says what failed."""
 
     session: str
     options: AnalysisOptions
