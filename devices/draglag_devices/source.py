@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from draglag.errors import DraglagError
-from draglag.recording import ClockBounds, LaserTrace, Taps, TouchTrace
+from draglag.recording import ClockBounds, FloatArray, IntArray, LaserTrace, Taps, TouchTrace
 
 
 class DeviceError(DraglagError):
@@ -39,11 +39,27 @@ class SourceInfo:
 
 
 @dataclass(frozen=True)
-class Batch:
-    """What one read returned. ``until_s``: everything that happened before this host time has been reported.
+class ContactChanges:
+    """When the kernel reported that a contact began or ended.
 
-    A source fills only the fields of its role; ``None`` means nothing came. ``alive`` is False while the device is
-    lost and being recovered (a notice says why).
+    Attributes:
+        t_s: (n,) kernel stamp.
+        contact_id: (n,) the kernel's tracking id.
+        down: (n,) 1 = began, 0 = ended.
+    """
+
+    t_s: FloatArray
+    contact_id: IntArray
+    down: IntArray
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What one read returned. ``until_s``: all that happened before this host time has been reported.
+
+    A source fills only the fields of its role; ``None`` means nothing came. ``alive`` is False while the
+    device is lost and being recovered (a notice says why). A WALT reports shocks as taps whose
+    ``registered_s`` is NaN; the session pairs them with the touch source's ``contacts``.
     """
 
     until_s: float
@@ -53,6 +69,7 @@ class Batch:
     clock: ClockBounds | None = None
     notices: tuple[Notice, ...] = ()
     alive: bool = True
+    contacts: ContactChanges | None = None
 
 
 class Source(Protocol):
@@ -66,7 +83,7 @@ class Source(Protocol):
         ...
 
     def read(self, timeout_s: float) -> Batch:
-        """Wait at most ``timeout_s`` for samples. Raises DeviceError only when the device is lost for good."""
+        """Wait at most ``timeout_s`` for samples. Raises DeviceError when the device is lost for good."""
         ...
 
     def close(self) -> None:

@@ -1,0 +1,184 @@
+"""Samples known ahead (simulated or recorded), given out as their time comes."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from draglag.recording import ClockBounds, LaserTrace, Taps, TouchTrace, concatenate
+from draglag_devices.clockmap import OnlineClockMap
+from draglag_devices.source import Batch, ContactChanges, Notice, SourceInfo
+from draglag_devices.timebase import TimeBase
+
+_Samples = TypeVar("_Samples", TouchTrace, LaserTrace, Taps, ClockBounds, ContactChanges)
+
+# How much simulated time one read covers when time runs as fast as the computer allows.
+CHUNK_S = 0.25
+# In real time a read returns at least this often, so that live plots move.
+_REAL_READ_S = 0.02
+
+
+def sample_times(
+    samples: TouchTrace | LaserTrace | Taps | ClockBounds | ContactChanges,
+) -> np.ndarray[Any, Any]:
+    """The host time at which each sample becomes known, (n,)."""
+    if isinstance(samples, Taps):
+        return samples.physical_s
+    if isinstance(samples, ClockBounds):
+        return samples.host_max_s
+    return samples.t_s
+
+
+def part(samples: _Samples, first: int, last: int) -> _Samples:
+    """Samples ``first``..``last`` of a trace; counts and gaps are left with the first part."""
+    n = len(sample_times(samples))
+    changed: dict[str, Any] = {}
+    for spec in fields(samples):
+        value = getattr(samples, spec.name)
+        if spec.name == "gaps_s":
+            changed[spec.name] = value if first == 0 else value[:0]
+        elif isinstance(value, np.ndarray) and len(value) == n:
+            changed[spec.name] = value[first:last]
+        elif spec.name in ("dropped", "missed") and first > 0:
+            changed[spec.name] = 0
+        elif spec.name == "rejected" and first > 0:
+            changed[spec.name] = {}
+    return replace(samples, **changed)
+
+
+@dataclass
+class _Lane:
+    """Samples of one kind in order of time, and how far they have been given out."""
+
+    pending: list[Any] = field(default_factory=list)
+
+    def add(self, samples: Any) -> None:
+        if len(sample_times(samples)) or getattr(samples, "dropped", 0) or getattr(samples, "missed", 0):
+            self.pending.append(samples)
+
+    def take(self, until_s: float) -> Any | None:
+        taken: list[Any] = []
+        while self.pending:
+            head = self.pending[0]
+            times = sample_times(head)
+            count = int(np.searchsorted(times, until_s, side="right"))
+            if count == len(times):
+                taken.append(self.pending.pop(0))
+                continue
+            if count:
+                taken.append(part(head, 0, count))
+                self.pending[0] = part(head, count, len(times))
+            break
+        if not taken:
+            return None
+        return taken[0] if len(taken) == 1 else _join(taken)
+
+
+def _join(parts: list[Any]) -> Any:
+    if isinstance(parts[0], ContactChanges):
+        columns = [np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(ContactChanges)]
+        return ContactChanges(*columns)
+    return concatenate(parts)
+
+
+class Timeline:
+    """What one source will report, added ahead by a simulated world or a tape. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._lanes = {name: _Lane() for name in ("touch", "laser", "taps", "clock", "contacts")}
+        self._notices: list[Notice] = []
+        self.given_until_s = -np.inf
+
+    def add(
+        self,
+        *,
+        touch: TouchTrace | None = None,
+        laser: LaserTrace | None = None,
+        taps: Taps | None = None,
+        clock: ClockBounds | None = None,
+        contacts: ContactChanges | None = None,
+        notices: tuple[Notice, ...] = (),
+    ) -> None:
+        """Append samples; each kind must come in order of time."""
+        with self._lock:
+            for name, samples in (
+                ("touch", touch), ("laser", laser), ("taps", taps), ("clock", clock), ("contacts", contacts)
+            ):  # fmt: skip
+                if samples is not None:
+                    self._lanes[name].add(samples)
+            self._notices.extend(notices)
+
+    def cut(self) -> None:
+        """Forget what has not been given out (the hand stopped: the run was aborted)."""
+        with self._lock:
+            for lane in self._lanes.values():
+                lane.pending.clear()
+            self._notices.clear()
+
+    def take(self, until_s: float) -> Batch:
+        """Everything stamped up to ``until_s`` that has not been given out yet."""
+        with self._lock:
+            self.given_until_s = max(self.given_until_s, until_s)
+            due = tuple(notice for notice in self._notices if notice.t_s <= until_s)
+            self._notices = [notice for notice in self._notices if notice.t_s > until_s]
+            taken: dict[str, Any] = {name: lane.take(until_s) for name, lane in self._lanes.items()}
+        return Batch(until_s=until_s, notices=due, **taken)
+
+
+class TimelineSource:
+    """A source that reads a timeline on a session's clock.
+
+    Edges whose device stamps are given are mapped to the host through the bounds delivered so far, as a real
+    driver does; edges without device stamps keep the times they have.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        role: str,
+        time_base: TimeBase,
+        timeline: Timeline,
+        describe: Callable[[], SourceInfo],
+        map_clock: bool = True,
+    ) -> None:
+        self.address = address
+        self.role = role
+        self.realtime = time_base.realtime
+        self._time = time_base
+        self._timeline = timeline
+        self._describe = describe
+        self._map_clock = map_clock
+        self._clock_map = OnlineClockMap()
+        self._until_s = 0.0
+
+    def open(self) -> SourceInfo:
+        info = self._describe()
+        self._until_s = self._time.now()
+        return info
+
+    def read(self, timeout_s: float) -> Batch:
+        if self._time.realtime:
+            until_s = self._time.wait_past(self._until_s + min(timeout_s, _REAL_READ_S), timeout_s)
+        else:
+            until_s = min(self._time.wait_past(self._until_s, timeout_s), self._until_s + CHUNK_S)
+        self._until_s = max(until_s, self._until_s)
+        batch = self._timeline.take(self._until_s)
+        if batch.clock is not None:
+            self._clock_map.add(batch.clock)
+        if self._map_clock and self._clock_map.ready:
+            batch = self._mapped(batch)
+        return batch
+
+    def close(self) -> None:
+        pass
+
+    def _mapped(self, batch: Batch) -> Batch:
+        laser = batch.laser
+        if laser is None or len(laser.device_t_s) == 0:
+            return batch
+        return replace(batch, laser=replace(laser, t_s=self._clock_map.to_host(laser.device_t_s)))

@@ -1,0 +1,1 @@
+"""Touchscreens: decoding the kernel's events, real or recorded."""
