@@ -1,4 +1,4 @@
-"""Presets and files in TOML: read, checked, and refused with the line that is wrong; and the screens among them."""
+"""Presets and files in TOML: read, checked, and refused by the line that is wrong; the screens among them."""
 
 from __future__ import annotations
 

@@ -1,0 +1,36 @@
+"""The simulated measuring rig: a chain of effects the data walks through, without devices, threads or clocks.
+
+``simulate_session`` makes a whole session; ``follow`` and ``simulate_run`` are its halves for one run.
+"""
+
+from draglag.simulation.chain import (
+    RunTruth,
+    SimulationTruth,
+    simulate_run,
+    simulate_run_with_truth,
+    simulate_session,
+    simulate_session_with_truth,
+)
+from draglag.simulation.hand import PERFECT, Human, follow
+from draglag.simulation.kinematics import Kinematics, Motion
+from draglag.simulation.law import LatencyLaw
+from draglag.simulation.rig import Rig, rig_for_screen
+from draglag.simulation.taps import simulate_taps
+
+__all__ = [
+    "PERFECT",
+    "Human",
+    "Kinematics",
+    "LatencyLaw",
+    "Motion",
+    "Rig",
+    "RunTruth",
+    "SimulationTruth",
+    "follow",
+    "rig_for_screen",
+    "simulate_run",
+    "simulate_run_with_truth",
+    "simulate_session",
+    "simulate_session_with_truth",
+    "simulate_taps",
+]

@@ -1,0 +1,125 @@
+"""What an effect is: one named physical cause of disagreement between a rig and its model.
+
+An effect is a frozen dataclass with an id, one sentence of meaning, its parameters with units and bounds, and the
+hooks of the chain it acts on. Every hook does nothing unless an effect says otherwise, so effects compose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.recording import FloatArray, IntArray
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number an effect has. ``name`` carries the unit of code, ``unit`` is for people."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    typical: float
+
+
+@dataclass(frozen=True)
+class Confounder:
+    """Another explanation (an effect's id, or words) of the same data, and the recording that would separate them."""
+
+    effect_id: str
+    why: str
+    extra_run: str
+
+
+@dataclass(frozen=True)
+class TouchEvents:
+    """Touch events in session time: stamp, position and contact, (n,) each."""
+
+    t_s: FloatArray
+    x_mm: FloatArray
+    y_mm: FloatArray
+    contact_id: IntArray
+
+    def take(self, which: IntArray | np.ndarray[tuple[int], np.dtype[np.bool_]]) -> TouchEvents:
+        """Those events, by index or mask."""
+        return TouchEvents(self.t_s[which], self.x_mm[which], self.y_mm[which], self.contact_id[which])
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Edges of the laser sensor in session time, (m,) each; light 1 = the beam reaches the sensor from here on."""
+
+    t_s: FloatArray
+    light: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Base of all effects. ``value`` is the size of the effect: the first of ``parameters``.
+
+    Raises DataError when a parameter is out of its bounds.
+    """
+
+    id: ClassVar[str]
+    meaning: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    confounded_with: ClassVar[tuple[Confounder, ...]] = ()
+    order: ClassVar[int] = 0
+    """Place in the stream of events: what happens nearer to the glass comes first."""
+
+    value: float
+
+    def __post_init__(self) -> None:
+        for spec, number in zip(self.parameters, self.numbers().values(), strict=True):
+            if not spec.lower <= number <= spec.upper:
+                raise DataError(
+                    f"{self.id}: {spec.name} = {number:g} is out of bounds",
+                    f"choose {spec.lower:g} to {spec.upper:g} {spec.unit}, typically {spec.typical:g}",
+                )
+
+    def numbers(self) -> dict[str, float]:
+        """Parameter name → number, the size of the effect first."""
+        own = [getattr(self, f.name) for f in fields(self)]
+        return {spec.name: float(n) for spec, n in zip(self.parameters, own, strict=True)}
+
+    @classmethod
+    def typical(cls) -> Effect:
+        """The effect at its typical size."""
+        return cls(*(spec.typical for spec in cls.parameters))
+
+    def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
+        """(n,) the speed that the latency law is given, from the one it would be given."""
+        return speed_mm_s
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        """(n,) latency of every point of the motion, from what it would be."""
+        return latency_s
+
+    def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        """(n,) where the digitiser believes every point of the motion is."""
+        return x_mm, y_mm
+
+    def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
+        """The stream of touch events."""
+        return events
+
+    def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
+        """(n,) width of the stylus's shadow at every point of the motion."""
+        return diameter_mm
+
+    def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
+        """The stream of laser edges, by the host's clock; the order in time need not be kept."""
+        return edges
+
+    def laser_clock(self, t_s: FloatArray) -> FloatArray:
+        """(m,) what the laser's clock, believed to follow the host's, shows at session time t."""
+        return t_s
+
+    def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
+        """(n,) latency of taps made at session time t."""
+        return latency_s

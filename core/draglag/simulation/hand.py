@@ -1,0 +1,72 @@
+"""A person who follows a target with a stylus: late, a few millimetres off, not quite round, and trembling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from draglag.simulation.kinematics import GRID_HZ, FloatArray, Motion, grid, motion_of
+from draglag.targets import Target
+
+
+@dataclass(frozen=True)
+class Human:
+    """How a participant errs. Standard deviations unless said otherwise.
+
+    Attributes:
+        lag_s: how far the hand trails the target.
+        timing_sd_s: slow variation of that lag, which is what makes the speed uneven.
+        wander_mm, wander_hz: slow error of position, each axis, and its bandwidth.
+        tremor_mm: physiological tremor, 8–12 Hz, each axis.
+        gain_sd: error of the size of the figure, each axis of its own, so circles become slightly oval.
+        touch_s: earliest and latest moment after the start at which the stylus touches the glass.
+    """
+
+    lag_s: float = 0.08
+    timing_sd_s: float = 0.02
+    wander_mm: float = 1.5
+    wander_hz: float = 0.5
+    tremor_mm: float = 0.05
+    gain_sd: float = 0.02
+    touch_s: tuple[float, float] = (0.2, 0.5)
+
+
+PERFECT = Human(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, (0.0, 0.0))
+"""Follows exactly: the motion is the target."""
+
+
+def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz: float, sd: float) -> FloatArray:
+    """(n,) Gaussian noise of one band and a standard deviation (in expectation)."""
+    white = rng.standard_normal(n + int(4 * GRID_HZ))  # the surplus keeps the filter's ends out
+    if sd == 0:
+        return np.zeros(n)
+    if low_hz is None:
+        sos = butter(2, high_hz, "low", fs=GRID_HZ, output="sos")
+    else:
+        sos = butter(2, (low_hz, high_hz), "band", fs=GRID_HZ, output="sos")
+    shaped = np.asarray(sosfiltfilt(sos, white))
+    return np.asarray(shaped[int(2 * GRID_HZ) :][:n] * (sd / shaped.std()))
+
+
+def follow(target: Target, human: Human, rng: np.random.Generator) -> Motion:
+    """The stylus's motion while ``human`` follows ``target``, on a 1 kHz grid over the whole run."""
+    t = grid(target.duration_s)
+    n = len(t)
+    delay = human.lag_s + _band_noise(rng, n, None, 0.4, human.timing_sd_s)
+    # Before its start the target waits where it begins, and the hand with it.
+    x, y = target.position_mm(np.clip(t - delay, 0.0, target.duration_s))
+    gain_x, gain_y = 1 + human.gain_sd * rng.standard_normal(2)
+    trend = np.polynomial.Polynomial.fit(t, x, 1)(t)
+    x = trend + gain_x * (x - trend)
+    y = y.mean() + gain_y * (y - y.mean())
+    for axis in (x, y):
+        axis += _band_noise(rng, n, None, human.wander_hz, human.wander_mm)
+        axis += _band_noise(rng, n, 8.0, 12.0, human.tremor_mm)
+    return motion_of(t, x, y, _contact(t, human, rng))
+
+
+def _contact(t: FloatArray, human: Human, rng: np.random.Generator) -> NDArray[np.bool_]:
+    return t >= rng.uniform(*human.touch_s)

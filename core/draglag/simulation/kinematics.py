@@ -1,0 +1,66 @@
+"""Where the stylus is at every millisecond: what a hand makes and what the rig measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+GRID_HZ = 1000.0
+"""Between grid points positions are linear: wrong by less than 3 µm on a 50 mm circle at 1000 mm/s."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The stylus during one run. All arrays are (n,) on one regular grid.
+
+    ``t_s`` counts from the start of the run; ``in_contact`` is where the stylus touches the glass.
+    """
+
+    t_s: FloatArray
+    x_mm: FloatArray
+    y_mm: FloatArray
+    vx_mm_s: FloatArray
+    vy_mm_s: FloatArray
+    in_contact: NDArray[np.bool_]
+
+    @property
+    def speed_mm_s(self) -> FloatArray:
+        return np.hypot(self.vx_mm_s, self.vy_mm_s)
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """A motion as effects see it: with the time since the session began and the size of the panel."""
+
+    motion: Motion
+    session_s: FloatArray
+    width_mm: float
+    height_mm: float
+
+    @property
+    def step_s(self) -> float:
+        return 1 / GRID_HZ
+
+    @cached_property
+    def speed_mm_s(self) -> FloatArray:
+        return self.motion.speed_mm_s
+
+    @cached_property
+    def tangential_mm_s2(self) -> FloatArray:
+        """Rate of change of the speed."""
+        return np.gradient(self.speed_mm_s, self.step_s)
+
+
+def motion_of(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, in_contact: NDArray[np.bool_]) -> Motion:
+    """A motion from positions on a regular grid; velocities are their central differences."""
+    return Motion(t_s, x_mm, y_mm, np.gradient(x_mm, t_s), np.gradient(y_mm, t_s), in_contact)
+
+
+def grid(duration_s: float) -> FloatArray:
+    """Times 0 … duration at 1 kHz."""
+    return np.arange(round(duration_s * GRID_HZ) + 1) / GRID_HZ
