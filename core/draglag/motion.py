@@ -233,17 +233,20 @@ def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
     return np.minimum(np.abs(left), np.abs(right)) <= reach_s
 
 
-def matched_half_widths_s(
-    t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, speed_mm_s: FloatArray, strata: int = 3
-) -> FloatArray:
-    """Bandwidth for each time where the speed varies: leave-one-out within strata of speed, (m,) s.
+def speed_half_widths_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Half width for a speed that a latency law is to be evaluated at, (m,) s: as wide as the path's turning allows.
 
-    Never wider than a step movement's bell stays cubic, which leave-one-out over a stratum can miss.
+    A law falls by up to 2 ms per mm/s, so noise of the speed turns into noise of the latency. A local cubic's velocity
+    is unbiased up to the fifth derivative; on a path that turns at ω rad/s, ω · h = 1.2 keeps its error below 1 %.
     """
-    widest_s = max(0.05, 4.5 * sample_interval_s(t_s))
-    out = np.full(at_s.shape, best_half_width_s(t_s, xy_mm, at_s)[0])
-    if at_s.size >= 6 * strata:
-        stratum = np.searchsorted(np.quantile(speed_mm_s, np.linspace(0, 1, strata + 1)[1:-1]), speed_mm_s)
-        for k in range(strata):
-            out[stratum == k] = best_half_width_s(t_s, xy_mm, at_s[stratum == k])[0]
-    return np.minimum(out, widest_s)
+    dt_s = sample_interval_s(t_s)
+    fit = local_fit(t_s, xy_mm, at_s, max(0.09, 6.5 * dt_s))
+    cross = fit.v_mm_s[:, 0] * fit.a_mm_s2[:, 1] - fit.v_mm_s[:, 1] * fit.a_mm_s2[:, 0]
+    turning = np.hypot(cross / np.maximum(fit.speed_mm_s, 1) ** 2, 0.0)
+    along = np.abs(np.einsum("mk,mk->m", fit.v_mm_s, fit.a_mm_s2)) / np.maximum(fit.speed_mm_s, 1) ** 2
+    rate = np.where(fit.ok, np.maximum(turning, 0.6 * along), np.nan)
+    # Neighbouring edges see the same movement; the median over five quietens the acceleration's noise.
+    padded = np.pad(rate, 2, mode="edge") if rate.size else np.empty(4)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 5)[: rate.size] if rate.size else np.empty((0, 5))
+    quiet = np.array([np.nanmedian(row) if np.isfinite(row).any() else 5.0 for row in windows])
+    return np.clip(1.2 / np.maximum(quiet, 1e-3), max(0.05, 4.5 * dt_s), 0.25)

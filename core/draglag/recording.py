@@ -209,6 +209,7 @@ class Session:
     seed: int | None = None
     devices: Mapping[str, str] = field(default_factory=dict)  # role → address and description
     software: str = ""
+    started_s: float | None = None  # what the host's clock said at started_utc
 
     def run(self, run_id: str) -> Run:
         """The run of that id. Raises KeyError."""

@@ -12,7 +12,15 @@ from draglag.errors import EstimateError
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
-from draglag.motion import LocalFit, contact_losses, in_contact, local_fit, matched_half_widths_s
+from draglag.motion import (
+    LocalFit,
+    best_half_width_s,
+    contact_losses,
+    in_contact,
+    local_fit,
+    sample_interval_s,
+    speed_half_widths_s,
+)
 from draglag.recording import FloatArray
 
 
@@ -50,21 +58,22 @@ class Validation:
 
 
 def apply_law(
-    touch_t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, law: Law, half_s: FloatArray
+    touch_t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, law: Law
 ) -> tuple[FloatArray, FloatArray, LocalFit]:
     """Solve L = law(v) at every edge, v the stylus' own speed at the edge, shown by the touch trace at t + L.
 
     Args:
-        touch_t_s (n,), xy_mm (n, 2), edge_t_s (m,), half_s (m,).
+        touch_t_s (n,), xy_mm (n, 2), edge_t_s (m,).
 
     Returns:
         latency_s (m,), speed_mm_s (m,), and the local fit at t + L.
     """
     # The trace in the stylus' own time gives the start; from L(some speed) a bell-shaped movement finds wrong roots.
-    own_s = stylus_time_s(touch_t_s, xy_mm, touch_t_s, law, float(np.median(half_s)))
+    own_s = stylus_time_s(touch_t_s, xy_mm, touch_t_s, law, max(0.05, 4.5 * sample_interval_s(touch_t_s)))
     forwards = np.append(np.diff(own_s) > 0, True)
     latency_s = np.interp(edge_t_s, own_s[forwards], touch_t_s[forwards]) - edge_t_s
-    for _ in range(5):
+    half_s = speed_half_widths_s(touch_t_s, xy_mm, edge_t_s + latency_s)
+    for _ in range(8):
         fit = local_fit(touch_t_s, xy_mm, edge_t_s + latency_s, half_s)
         speed = stylus_speed(law, fit.v_mm_s, fit.a_mm_s2)
         # Half a step: where L falls by more than a period of the motion a full one would oscillate.
@@ -86,9 +95,11 @@ def validate_run(
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again")
     guess_s = ready.edges.t_s + float(law(np.array([300.0]))[0])
-    rough = local_fit(touch.t_s, ready.xy_mm, guess_s, 4.5 * ready.dt_s, degree=2)
-    half_s = matched_half_widths_s(touch.t_s, ready.xy_mm, guess_s, rough.speed_mm_s)
-    latency_s, speed, fit = apply_law(touch.t_s, ready.xy_mm, ready.edges.t_s, law, half_s)
+    half_s, _ = best_half_width_s(touch.t_s, ready.xy_mm, guess_s)
+    latency_s, speed, _ = apply_law(touch.t_s, ready.xy_mm, ready.edges.t_s, law)
+    # A step movement's bell stays cubic over no more than about 0.1 s, which leave-one-out over a whole run can miss.
+    half_s = min(half_s, max(0.05, 4.5 * ready.dt_s))
+    fit = local_fit(touch.t_s, ready.xy_mm, ready.edges.t_s + latency_s, half_s)
     keep = in_contact(touch.t_s, ready.edges.t_s + latency_s, contact_losses(touch.t_s)) & fit.ok
     keep &= in_contact(touch.t_s, ready.edges.t_s, contact_losses(touch.t_s))
     if np.count_nonzero(keep) < FEWEST_EDGES:
