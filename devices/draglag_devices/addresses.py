@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl
 from draglag_devices.source import DeviceError, Source
 
 if TYPE_CHECKING:
-    from draglag_devices.sim.world import World
+    from draglag_devices.stage import Stage
 
 ROLES = ("touch", "laser", "walt")
 
@@ -96,13 +96,13 @@ def parse_address(text: str) -> Address:
     return Address(text, scheme, target, options)
 
 
-def open_source(address: str | Address, role: str, world: World | None = None) -> Source:
+def open_source(address: str | Address, role: str, stage: Stage | None = None) -> Source:
     """The source an address stands for; it is made here and claimed by its own ``open()``.
 
     Args:
         address: the address, as text or parsed.
         role: "touch" | "laser" | "walt".
-        world: the simulated world that the simulated sources of one session share; needed by ``sim:``.
+        stage: what the sources of one session share; a new one if None.
 
     Raises:
         DeviceError: unknown address, a role the scheme cannot serve, or a driver this version lacks.
@@ -116,14 +116,18 @@ def open_source(address: str | Address, role: str, world: World | None = None) -
     if parsed.scheme == "sim":
         from draglag_devices.sim.sources import simulated_source
 
-        if world is None:
-            raise DeviceError(parsed.text, "the simulator needs a simulated world", "open it through a session")
-        return simulated_source(world, role, parsed)
+        return simulated_source(stage or _new_stage(), role, parsed)
     if parsed.scheme in ("replay", "csv"):
         from draglag_devices.replay import replay_source
 
-        return replay_source(parsed, role)
+        return replay_source(stage or _new_stage(), role, parsed)
     return _driver_source(parsed, role)
+
+
+def _new_stage() -> Stage:
+    from draglag_devices.stage import Stage
+
+    return Stage()
 
 
 def _driver_source(address: Address, role: str) -> Source:

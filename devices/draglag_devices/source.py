@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from draglag.errors import DraglagError
-from draglag.recording import ClockBounds, FloatArray, IntArray, LaserTrace, Taps, TouchTrace
+from draglag.recording import AxisInfo, ClockBounds, FloatArray, IntArray, LaserTrace, Taps, TouchTrace
 
 
 class DeviceError(DraglagError):
@@ -36,6 +36,7 @@ class SourceInfo:
     description: str
     clock: str  # which clock stamps the samples
     details: Mapping[str, str | float | int] = field(default_factory=dict)
+    axes: tuple[AxisInfo, ...] = ()  # of a touchscreen
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from draglag.recording import ClockBounds, LaserTrace, Taps, TouchTrace, concatenate
+from draglag.recording import ClockBounds, FloatArray, LaserTrace, Taps, TouchTrace, concatenate
 from draglag_devices.clockmap import OnlineClockMap
 from draglag_devices.source import Batch, ContactChanges, Notice, SourceInfo
 from draglag_devices.timebase import TimeBase
@@ -134,7 +134,8 @@ class TimelineSource:
     """A source that reads a timeline on a session's clock.
 
     Edges whose device stamps are given are mapped to the host through the bounds delivered so far, as a real
-    driver does; edges without device stamps keep the times they have.
+    driver does; edges without device stamps keep the times they have. ``device_clock`` stamps the shocks of a
+    WALT, whose taps have no place for device stamps.
     """
 
     def __init__(
@@ -145,6 +146,7 @@ class TimelineSource:
         timeline: Timeline,
         describe: Callable[[], SourceInfo],
         map_clock: bool = True,
+        device_clock: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
         self.address = address
         self.role = role
@@ -153,6 +155,7 @@ class TimelineSource:
         self._timeline = timeline
         self._describe = describe
         self._map_clock = map_clock
+        self._device_clock = device_clock
         self._clock_map = OnlineClockMap()
         self._until_s = 0.0
 
@@ -178,7 +181,10 @@ class TimelineSource:
         pass
 
     def _mapped(self, batch: Batch) -> Batch:
-        laser = batch.laser
-        if laser is None or len(laser.device_t_s) == 0:
-            return batch
-        return replace(batch, laser=replace(laser, t_s=self._clock_map.to_host(laser.device_t_s)))
+        laser, taps = batch.laser, batch.taps
+        if laser is not None and len(laser.device_t_s):
+            batch = replace(batch, laser=replace(laser, t_s=self._clock_map.to_host(laser.device_t_s)))
+        if taps is not None and self._device_clock is not None:
+            stamps = self._device_clock(taps.physical_s)
+            batch = replace(batch, taps=replace(taps, physical_s=self._clock_map.to_host(stamps)))
+        return batch

@@ -1,0 +1,229 @@
+"""Recordings as sources: ``replay:FILE`` (session, exchange folder, evemu) and ``csv:FILE``."""
+
+from __future__ import annotations
+
+import gzip
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.protocols import PlannedRun
+from draglag.recording import (
+    ClockBounds,
+    FloatArray,
+    LaserTrace,
+    Run,
+    Session,
+    Taps,
+    TouchTrace,
+    empty_laser,
+    empty_touch,
+)
+from draglag.targets import Tap
+from draglag_devices.addresses import Address
+from draglag_devices.source import ContactChanges, DeviceError, SourceInfo
+from draglag_devices.stage import Stage, contact_changes
+from draglag_devices.timeline import Timeline, TimelineSource
+from draglag_devices.touch.evemu import read_evemu
+from draglag_devices.touch.frames import Mapping2D, decode, panel_mapping, touch_trace
+
+OPTIONS = ("speed", "width_mm", "height_mm", "units_per_mm", "run")
+_EVEMU = (".events", ".evemu", ".events.gz", ".evemu.gz", ".event", ".event.gz")
+_SESSION = (".h5", ".hdf5", ".partial")
+_COLUMNS = {"touch": ("t_s", "x_mm", "y_mm"), "laser": ("t_s", "light")}
+
+
+class Tape:
+    """A recording that is played back run by run, moved to the time at which the target starts.
+
+    The run of the same id is played; else the next one that has not been played. Stamps keep their distances.
+    """
+
+    def __init__(self, name: str, runs: tuple[Run, ...], taps: Taps | None = None) -> None:
+        self.name = name
+        self.runs = runs
+        self.timelines = {"touch": Timeline(), "laser": Timeline(), "walt": Timeline()}
+        self._taps = taps
+        self._played: set[str] = set()
+
+    def begin_run(self, planned: PlannedRun, start_s: float, run_id: str) -> None:
+        left = [run for run in self.runs if run.id not in self._played]
+        run = next((run for run in left if run.id == run_id), left[0] if left else None)
+        if run is None:
+            return
+        self._played.add(run.id)
+        shift_s = start_s - run.start_s
+        touch = replace(run.touch, t_s=run.touch.t_s + shift_s, gaps_s=run.touch.gaps_s + shift_s)
+        laser = replace(run.laser, t_s=run.laser.t_s + shift_s, gaps_s=run.laser.gaps_s + shift_s)
+        spacing = float(np.median(np.diff(touch.t_s))) if len(touch.t_s) > 1 else 0.0
+        self.timelines["touch"].add(touch=touch, contacts=contact_changes(touch, spacing))
+        self.timelines["laser"].add(laser=laser)
+        for bounds in run.sync:
+            moved = replace(bounds, host_min_s=bounds.host_min_s + shift_s, host_max_s=bounds.host_max_s + shift_s)
+            role = bounds.stream if bounds.stream in self.timelines else "laser"
+            self.timelines[role].add(clock=_with_upper_bound(moved))
+
+    def begin_taps(self, tap: Tap, start_s: float) -> None:
+        """Shocks as recorded; the contacts that belong to them as the kernel registered them."""
+        taps = self._taps
+        if taps is None or len(taps.physical_s) == 0:
+            return
+        self._taps = None
+        good = np.isfinite(taps.physical_s) & np.isfinite(taps.registered_s)
+        shift_s = start_s - float(taps.physical_s[good].min()) if good.any() else 0.0
+        shocks_s, seen_s = taps.physical_s[good] + shift_s, taps.registered_s[good] + shift_s
+        down = taps.down[good]
+        order = np.argsort(shocks_s, kind="stable")
+        self.timelines["walt"].add(
+            taps=Taps(shocks_s[order], np.full(len(order), np.nan), np.full(len(order), -1, np.int64))
+        )
+        order = np.argsort(seen_s, kind="stable")
+        ids = np.cumsum(down[order] == 1).astype(np.int64)
+        self.timelines["touch"].add(contacts=ContactChanges(seen_s[order], ids, down[order]))
+
+    def stop(self) -> None:
+        for timeline in self.timelines.values():
+            timeline.cut()
+
+
+def _with_upper_bound(bounds: ClockBounds) -> ClockBounds:
+    """Only observations whose end is known have a time at which they can be given out."""
+    good = np.isfinite(bounds.host_max_s)
+    epoch = bounds.epoch[good] if len(bounds.epoch) else bounds.epoch
+    return replace(
+        bounds,
+        device_s=bounds.device_s[good],
+        host_min_s=bounds.host_min_s[good],
+        host_max_s=bounds.host_max_s[good],
+        epoch=epoch,
+    )
+
+
+def replay_source(stage: Stage, role: str, address: Address) -> TimelineSource:
+    """A source that plays a file. The file is read when the source is opened. Raises DeviceError."""
+    address.only(*OPTIONS)
+    timeline = Timeline()
+
+    def describe() -> SourceInfo:
+        tape = cast(Tape, stage.player(f"{address.scheme}:{address.target}:{_shared(address, role)}",
+                                       lambda: load_tape(address, role)))  # fmt: skip
+        tape.timelines[role] = timeline
+        axes = tape.runs[0].touch.axes if role == "touch" and tape.runs else ()
+        return SourceInfo(
+            address.text, role, f"recording of {tape.name}", "as recorded, moved to the start of the run",
+            {"runs": len(tape.runs)}, axes,
+        )  # fmt: skip
+
+    return TimelineSource(address.text, role, stage.time_base, timeline, describe, map_clock=False)
+
+
+def _shared(address: Address, role: str) -> str:
+    """A CSV file serves one role; a session or folder serves all of them from one tape."""
+    return role if address.scheme == "csv" else "all"
+
+
+def load_tape(address: Address, role: str) -> Tape:
+    """Read what an address names. Raises DeviceError with the reader's own sentence."""
+    path = Path(address.target)
+    if not path.exists():
+        raise DeviceError(address.text, "there is no such file", "check the path")
+    try:
+        if address.scheme == "csv":
+            return _csv_tape(path, role)
+        if path.is_dir():
+            from draglag.exchange import read_exchange
+
+            return _session_tape(read_exchange(path), address)
+        if path.name.lower().endswith(_SESSION):
+            from draglag.store import read_session, salvage
+
+            session = salvage(path) if path.name.lower().endswith(".partial") else read_session(path)
+            return _session_tape(session, address)
+        if path.name.lower().endswith(_EVEMU):
+            return _evemu_tape(path, address)
+    except DataError as error:
+        raise DeviceError(address.text, error.problem.rstrip("."), error.remedy) from error
+    raise DeviceError(
+        address.text,
+        "this kind of file is not known",
+        "replay: takes a session (.h5, .partial), an exchange folder or an evemu recording (.events, .evemu, .gz)",
+    )
+
+
+def _session_tape(session: Session, address: Address) -> Tape:
+    runs = session.runs
+    if "run" in address.options:
+        runs = tuple(run for run in runs if run.id == address.options["run"])
+        if not runs:
+            known = ", ".join(run.id for run in session.runs)
+            raise DeviceError(address.text, f"holds no run '{address.options['run']}'", f"it has {known}")
+    return Tape(session.name, runs, session.taps)
+
+
+def _one_run(touch: TouchTrace, laser: LaserTrace) -> Run:
+    both = np.concatenate([touch.t_s, laser.t_s])
+    start_s = float(both.min()) if len(both) else 0.0
+    duration_s = float(both.max()) - start_s if len(both) else 0.0
+    return Run("run-01", "free", start_s, duration_s, touch, laser)
+
+
+def _evemu_tape(path: Path, address: Address) -> Tape:
+    recording = read_evemu(path)
+    axes = recording.position_axes()
+    units = address.number("units_per_mm")
+    if units is not None:
+        if units <= 0:
+            raise DeviceError(address.text, "units_per_mm must be above 0", "give the digitiser's units per mm")
+        mapping = Mapping2D(1 / units, 0.0, 0.0, 0.0, 1 / units, 0.0)
+    elif axes is None:
+        raise DeviceError(address.text, "the recording does not describe its axes (no A: lines)", "add ?units_per_mm=…")
+    else:
+        try:
+            mapping = panel_mapping(*axes, address.number("width_mm"), address.number("height_mm"))
+        except ValueError as error:
+            raise DeviceError(address.text, str(error), "add ?width_mm=…&height_mm=… of the panel") from None
+    frames = list(decode(recording.events, recording.multitouch))
+    touch = touch_trace(frames, mapping, axes or ())
+    return Tape(recording.name or path.name, (_one_run(touch, empty_laser()),))
+
+
+def _csv_tape(path: Path, role: str) -> Tape:
+    columns = read_csv(path, _COLUMNS[role])
+    if role == "touch":
+        t_s, x_mm, y_mm = columns
+        touch = TouchTrace(t_s, x_mm, y_mm, np.zeros(len(t_s), np.int64))
+        return Tape(path.name, (_one_run(touch, empty_laser()),))
+    laser = LaserTrace(columns[0], columns[1].astype(np.int64))
+    return Tape(path.name, (_one_run(empty_touch(), laser),))
+
+
+def read_csv(path: Path, columns: tuple[str, ...]) -> list[FloatArray]:
+    """Columns of a CSV file (plain or .gz) with a header, each (n,). Raises DataError naming file and line."""
+    expected = ",".join(columns)
+    try:
+        raw = path.read_bytes()
+        text = (gzip.decompress(raw) if raw[:2] == b"\x1f\x8b" else raw).decode("utf-8")
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read as text ({error})") from None
+    lines = text.splitlines()
+    names = tuple(name.strip() for name in lines[0].split(",")) if lines else ()
+    if not set(columns) <= set(names):
+        raise DataError(f"{path}, line 1: the header is '{','.join(names)[:60]}'", f"expected {expected}")
+    places = [names.index(name) for name in columns]
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip():
+            continue
+        words = line.split(",")
+        try:
+            row = [float(words[place]) for place in places]
+        except (ValueError, IndexError):
+            raise DataError(f"{path}, line {number}: '{line[:60]}' is not {expected} in numbers") from None
+        if not np.isfinite(row).all() or (rows and row[0] < rows[-1][0]):
+            raise DataError(f"{path}, line {number}: times must be numbers that never go back")
+        rows.append(row)
+    table = np.array(rows).reshape(-1, len(columns))
+    return [table[:, k] for k in range(len(columns))]

@@ -1,0 +1,76 @@
+"""From addresses to the sources of one session, on one clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from draglag_devices.addresses import Address, open_source, parse_address
+from draglag_devices.source import DeviceError, Source
+from draglag_devices.stage import Stage
+from draglag_devices.timebase import HostTime, SteppedTime
+
+_SIMULATED = ("sim", "replay", "csv")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Sources, not yet open, and the stage they share."""
+
+    sources: tuple[Source, ...]
+    stage: Stage
+
+
+def make_rig(
+    addresses: Mapping[str, str], screen_name: str = "screen-1", seed: int = 0, fast: bool | None = None
+) -> Rig:
+    """Sources for roles ("touch", "laser", "walt") at their addresses.
+
+    Args:
+        addresses: role → address.
+        screen_name, seed: of the simulated world, unless an address says otherwise (``sim:?seed=3``).
+        fast: as fast as the computer allows instead of real time; None leaves it to ``?speed=`` (default real).
+
+    Raises:
+        DeviceError: an address is wrong, addresses contradict each other, or a real device cannot run fast.
+    """
+    parsed = {role: parse_address(text) for role, text in addresses.items()}
+    speeds = {
+        role: address.choice("speed", ("real", "fast"), "fast" if fast else "real")
+        for role, address in parsed.items()
+        if address.scheme in _SIMULATED
+    }
+    if fast is False:
+        speeds = dict.fromkeys(speeds, "real")
+    hardware = [address.text for address in parsed.values() if address.scheme not in _SIMULATED]
+    run_fast = "fast" in speeds.values()
+    if run_fast and hardware:
+        raise DeviceError(hardware[0], "a real device cannot run faster than time", "leave out --fast and speed=fast")
+    if run_fast and "real" in speeds.values():
+        slow = next(parsed[role].text for role, speed in speeds.items() if speed == "real")
+        raise DeviceError(slow, "the other sources run fast and this one in real time", "give all the same speed")
+    simulated = [address for address in parsed.values() if address.scheme == "sim"]
+    stage = Stage(
+        SteppedTime() if run_fast else HostTime(),
+        _agreed(simulated, "screen", screen_name),
+        _seed(simulated, seed),
+    )
+    return Rig(tuple(open_source(address, role, stage) for role, address in parsed.items()), stage)
+
+
+def _agreed(addresses: list[Address], option: str, default: str) -> str:
+    given = {address.options[option] for address in addresses if option in address.options}
+    if len(given) > 1:
+        raise DeviceError(
+            addresses[0].text, f"simulated sources differ in {option} ({', '.join(sorted(given))})", "give all the same"
+        )
+    return given.pop() if given else default
+
+
+def _seed(addresses: list[Address], default: int) -> int:
+    text = _agreed(addresses, "seed", str(default))
+    number = next((a.number("seed") for a in addresses if "seed" in a.options), float(default))
+    if number is None or number < 0 or not math.isfinite(number) or number != int(number):
+        raise DeviceError(addresses[0].text, f"seed={text} is not a whole number", "write e.g. seed=3")
+    return int(number)

@@ -1,0 +1,46 @@
+"""Simulated touch, laser and WALT: views of one shared world."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from draglag_devices.addresses import Address
+from draglag_devices.sim.world import World
+from draglag_devices.source import SourceInfo
+from draglag_devices.stage import Stage
+from draglag_devices.timeline import TimelineSource
+
+OPTIONS = ("speed", "screen", "seed")
+
+
+def shared_world(stage: Stage) -> World:
+    """The one simulated world of a session."""
+    return cast(
+        World,
+        stage.player("sim", lambda: World(stage.screen_name, stage.seed, stage.time_base.now())),
+    )
+
+
+def simulated_source(stage: Stage, role: str, address: Address) -> TimelineSource:
+    """A source of that role in the session's world. Raises DeviceError on options nobody reads."""
+    address.only(*OPTIONS)
+    world = shared_world(stage)
+    clock = world.clocks[role]
+
+    def describe() -> SourceInfo:
+        return SourceInfo(
+            address.text,
+            role,
+            f"simulated {role}, {world.rig.screen.name}",
+            "kernel stamps, simulated" if role == "touch" else "own clock, compared with the host's once a second",
+            {"seed": stage.seed, "true_offset_s": clock.offset_s, "true_drift": clock.drift},
+        )
+
+    return TimelineSource(
+        address.text,
+        role,
+        stage.time_base,
+        world.timelines[role],
+        describe,
+        device_clock=clock.stamp if role == "walt" else None,
+    )

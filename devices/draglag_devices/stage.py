@@ -1,0 +1,81 @@
+"""What the sources of one session share: its clock, and whoever acts when a target moves (simulated or taped)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from draglag.protocols import PlannedRun
+from draglag.recording import TouchTrace
+from draglag.targets import Tap
+from draglag_devices.source import ContactChanges
+from draglag_devices.timebase import HostTime, TimeBase
+from draglag_devices.timeline import Timeline
+
+
+class Player(Protocol):
+    """Somebody who acts out what the display shows: the simulated hand, or a tape. People need no telling."""
+
+    timelines: dict[str, Timeline]
+
+    def begin_run(self, planned: PlannedRun, start_s: float, run_id: str) -> None:
+        """The target starts to move at ``start_s``."""
+        ...
+
+    def begin_taps(self, tap: Tap, start_s: float) -> None:
+        """The participant is asked to tap from ``start_s`` on."""
+        ...
+
+    def stop(self) -> None:
+        """The target is gone: what was not given out yet never happens."""
+        ...
+
+
+@dataclass
+class Stage:
+    """Shared by the sources of one session and passed to whoever makes them; there is no global one.
+
+    ``players``: by a key such as "sim" or the path of a tape, so that touch and laser of one tape stay together.
+    """
+
+    time_base: TimeBase = field(default_factory=HostTime)
+    screen_name: str = "screen-1"
+    seed: int = 0
+    players: dict[str, Player] = field(default_factory=dict)
+
+    def player(self, key: str, make: Callable[[], Player]) -> Player:
+        """The player of that key, made at first use."""
+        if key not in self.players:
+            self.players[key] = make()
+        return self.players[key]
+
+    def begin_run(self, planned: PlannedRun, start_s: float, run_id: str) -> None:
+        for player in self.players.values():
+            player.begin_run(planned, start_s, run_id)
+
+    def begin_taps(self, tap: Tap, start_s: float) -> None:
+        for player in self.players.values():
+            player.begin_taps(tap, start_s)
+
+    def stop(self) -> None:
+        for player in self.players.values():
+            player.stop()
+
+
+def contact_changes(touch: TouchTrace, lift_after_s: float) -> ContactChanges:
+    """Beginnings and ends of the contacts of a trace; an end is reported ``lift_after_s`` after the last event."""
+    n = len(touch.t_s)
+    if n == 0:
+        return ContactChanges(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))
+    ids = touch.contact_id if len(touch.contact_id) == n else np.zeros(n, np.int64)
+    first = np.flatnonzero(np.concatenate(([True], ids[1:] != ids[:-1])))
+    last = np.append(first[1:], n) - 1
+    ends_s = touch.t_s[last] + lift_after_s
+    # A new contact cannot begin before the one before it has ended.
+    ends_s[:-1] = np.minimum(ends_s[:-1], touch.t_s[first[1:]])
+    t_s = np.column_stack([touch.t_s[first], ends_s]).ravel()
+    down = np.tile(np.array([1, 0], np.int64), len(first))
+    return ContactChanges(t_s, np.repeat(ids[first], 2), down)
