@@ -1,0 +1,111 @@
+"""Every effect the simulation knows, one file each. To add one, write its file and name it here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from draglag.errors import DataError
+from draglag.simulation.effects.acceleration_lag import AccelerationLag
+from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter, TouchEvents
+from draglag.simulation.effects.beam_wedge import BeamWedge
+from draglag.simulation.effects.beam_width import BeamWidth
+from draglag.simulation.effects.clock_drift import ClockDrift
+from draglag.simulation.effects.clock_offset import ClockOffset
+from draglag.simulation.effects.contact_trail import ContactTrail
+from draglag.simulation.effects.direction_asymmetry import DirectionAsymmetry
+from draglag.simulation.effects.frame_batching import FrameBatching
+from draglag.simulation.effects.frame_drop import FrameDrop
+from draglag.simulation.effects.lagging_law import LaggingLaw
+from draglag.simulation.effects.laser_bounce import LaserBounce
+from draglag.simulation.effects.laser_hysteresis import LaserHysteresis
+from draglag.simulation.effects.loss_of_contact import LossOfContact
+from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
+from draglag.simulation.effects.pitch_ripple import PitchRipple
+from draglag.simulation.effects.sample_hold import SampleHold
+from draglag.simulation.effects.scale_error import ScaleError
+from draglag.simulation.effects.scan_skew import ScanSkew
+from draglag.simulation.effects.second_filter_mode import SecondFilterMode
+from draglag.simulation.effects.smoothing_shrink import SmoothingShrink
+from draglag.simulation.effects.spatial_warp import SpatialWarp
+from draglag.simulation.effects.thermal_drift import ThermalDrift
+from draglag.simulation.effects.timestamp_quantisation import TimestampQuantisation
+
+EFFECTS: dict[str, type[Effect]] = {
+    effect.id: effect
+    for effect in (
+        ClockDrift,
+        ClockOffset,
+        LowSpeedPlateau,
+        SampleHold,
+        LaserHysteresis,
+        BeamWidth,
+        LaserBounce,
+        SpatialWarp,
+        ScaleError,
+        DirectionAsymmetry,
+        AccelerationLag,
+        ContactTrail,
+        ThermalDrift,
+        FrameBatching,
+        TimestampQuantisation,
+        FrameDrop,
+        LossOfContact,
+        SecondFilterMode,
+        ScanSkew,
+        PitchRipple,
+        SmoothingShrink,
+        BeamWedge,
+        LaggingLaw,
+    )
+}
+"""Id → effect, in the order the design lists them."""
+
+__all__ = ["EFFECTS", "Confounder", "Edges", "Effect", "Parameter", "TouchEvents", "parse_effect", "parse_effects"]
+
+
+def parse_effect(text: str) -> Effect:
+    """The effect written as ``ID=VALUE`` or ``ID=VALUE,name=number,…``; a bare ``ID`` has its typical size.
+
+    Raises DataError for an unknown id (which lists the known), a number that is none, or one out of bounds.
+    """
+    head, *others = text.split(",")
+    name, equals, value = head.partition("=")
+    name = name.strip()
+    if name not in EFFECTS:
+        raise DataError(f"unknown effect '{name}'", f"known effects are {', '.join(EFFECTS)}")
+    cls = EFFECTS[name]
+    numbers = {spec.name: spec.typical for spec in cls.parameters}
+    main = cls.parameters[0]
+    if equals:
+        numbers[main.name] = _number(value, name, main)
+    for other in others:
+        key, _, value = other.partition("=")
+        spec = next((p for p in cls.parameters if p.name == key.strip()), None)
+        if spec is None:
+            raise DataError(f"effect {name} has no parameter '{key.strip()}'", f"known: {', '.join(numbers)}")
+        numbers[spec.name] = _number(value, name, spec)
+    return cls(*numbers.values())
+
+
+def parse_effects(texts: Iterable[str]) -> tuple[Effect, ...]:
+    """Several effects; each id at most once. Raises DataError."""
+    effects = tuple(parse_effect(text) for text in texts)
+    ids = [effect.id for effect in effects]
+    for name in ids:
+        if ids.count(name) > 1:
+            raise DataError(f"effect {name} is given twice", "give each effect once")
+    return effects
+
+
+def _number(text: str, name: str, spec: Parameter) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        example = (
+            f"{name}={spec.typical:g}"
+            if spec.name == EFFECTS[name].parameters[0].name
+            else f"{spec.name}={spec.typical:g}"
+        )
+        raise DataError(
+            f"'{text}' is not a number for {spec.name} of effect {name}", f"write for example {example} ({spec.unit})"
+        ) from error

@@ -1,0 +1,34 @@
+"""The shadow changes along the beam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class BeamWedge(Effect):
+    """The shadow changes along the beam."""
+
+    id: ClassVar[str] = "beam_wedge"
+    meaning: ClassVar[str] = (
+        "The apparent diameter of the stylus changes by this much from the left edge of the panel to "
+        "the right, as in a beam that spreads."
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("across_mm", "mm", -5.0, 5.0, 1.0),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "spatial_warp",
+            "both change along the beam, one for the two sides alike and one for them apart",
+            "none, if both kinds of edge were recorded on both sides; otherwise a longer run",
+        ),
+    )
+
+    def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
+        return np.maximum(diameter_mm + self.value * (k.motion.x_mm / k.width_mm - 0.5), 0.0)

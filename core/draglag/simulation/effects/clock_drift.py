@@ -1,0 +1,31 @@
+"""The laser's clock runs at a rate of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+
+
+@dataclass(frozen=True)
+class ClockDrift(Effect):
+    """The laser's clock runs at a rate of its own."""
+
+    id: ClassVar[str] = "clock_drift"
+    meaning: ClassVar[str] = (
+        "The laser's clock runs fast against the host's by a constant rate that nobody corrected, "
+        "counted from the start of the session."
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("drift_ppm", "ppm", -500.0, 500.0, 30.0),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "thermal_drift",
+            "both move every latency in proportion to the time since the session began",
+            "taps before and after the runs, or clock comparisons: taps never touch the laser's clock",
+        ),
+    )
+
+    def laser_clock(self, t_s: FloatArray) -> FloatArray:
+        return t_s * (1 + self.value * 1e-6)

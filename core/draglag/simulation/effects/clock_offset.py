@@ -1,0 +1,29 @@
+"""The laser's edges are stamped late by a constant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter
+
+
+@dataclass(frozen=True)
+class ClockOffset(Effect):
+    """The laser's edges are stamped late by a constant."""
+
+    id: ClassVar[str] = "clock_offset"
+    meaning: ClassVar[str] = "Every edge of the laser is stamped late by a constant that clock comparisons do not see."
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_s", "s", -0.1, 0.1, 0.005),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "curve constant",
+            "an offset of the clock and the constant of the latency curve move every edge alike",
+            "taps on the same clock: their latency is the curve's asymptote",
+        ),
+    )
+
+    def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
+        return Edges(edges.t_s + self.value, edges.light)

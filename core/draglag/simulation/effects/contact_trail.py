@@ -1,0 +1,40 @@
+"""The contact's centroid trails the tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class ContactTrail(Effect):
+    """The contact's centroid trails the tip."""
+
+    id: ClassVar[str] = "contact_trail"
+    meaning: ClassVar[str] = "The reported position trails the stylus by a fixed distance along its motion."
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("trail_mm", "mm", -3.0, 3.0, 0.5),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "curve form",
+            "a fixed distance is a latency of distance over speed, which the curve absorbs",
+            "taps, or a second stylus with another tip",
+        ),
+        Confounder(
+            "direction_asymmetry",
+            "where every crossing is square to the beam, an offset that changes sign with the "
+            "direction looks like latency",
+            "circles whose centre is 30 mm off the beam",
+        ),
+    )
+
+    def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        # a stylus that rests has no direction: the trail fades below a few mm/s
+        speed = np.hypot(k.speed_mm_s, 3.0)
+        trail = self.value / speed
+        return x_mm - trail * k.motion.vx_mm_s, y_mm - trail * k.motion.vy_mm_s

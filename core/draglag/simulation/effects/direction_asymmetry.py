@@ -1,0 +1,35 @@
+"""Latency differs between down and up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class DirectionAsymmetry(Effect):
+    """Latency differs between down and up."""
+
+    id: ClassVar[str] = "direction_asymmetry"
+    meaning: ClassVar[str] = (
+        "The latency is larger by this much when the stylus moves down the screen than when it moves "
+        "up: half is added one way and half taken off the other."
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("difference_s", "s", -0.05, 0.05, 0.006),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "contact_trail",
+            "where every crossing is square to the beam, an offset that changes sign with the "
+            "direction looks like latency",
+            "circles whose centre is 30 mm off the beam",
+        ),
+    )
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + 0.5 * self.value * np.sign(k.motion.vy_mm_s)

@@ -1,0 +1,34 @@
+"""The latency follows an older speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class LaggingLaw(Effect):
+    """The latency follows an older speed."""
+
+    id: ClassVar[str] = "lagging_law"
+    meaning: ClassVar[str] = (
+        "The latency follows the speed the stylus had some time before, not the speed at the reported position."
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "acceleration_lag",
+            "at a nearly constant acceleration an older speed and a lower speed are the same",
+            "runs whose speed changes quickly: chirp and steps",
+        ),
+    )
+
+    def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
+        t = k.motion.t_s
+        return np.interp(t - self.value, t, speed_mm_s)

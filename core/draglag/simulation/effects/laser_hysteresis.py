@@ -1,0 +1,29 @@
+"""Light returns later than it went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter
+
+
+@dataclass(frozen=True)
+class LaserHysteresis(Effect):
+    """Light returns later than it went."""
+
+    id: ClassVar[str] = "laser_hysteresis"
+    meaning: ClassVar[str] = "The sensor reports the return of the light later than its loss by a constant."
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.01, 0.01, 0.0018),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "beam_width",
+            "at one speed a late return of the light is a wider shadow",
+            "circles at slow and at fast speeds",
+        ),
+    )
+
+    def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
+        return Edges(edges.t_s + self.value * (edges.light == 1), edges.light)

@@ -1,0 +1,31 @@
+"""The digitiser's filter has a floor of speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class LowSpeedPlateau(Effect):
+    """The digitiser's filter has a floor of speed."""
+
+    id: ClassVar[str] = "low_speed_plateau"
+    meaning: ClassVar[str] = "Below a speed the latency no longer grows: it is held at what it is at that speed."
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("speed_mm_s", "mm/s", 1.0, 500.0, 125.0),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "curve form",
+            "with few slow runs another shape of the curve fits as well",
+            "circles at three or more speeds below and around the suspected plateau",
+        ),
+    )
+
+    def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
+        return np.maximum(speed_mm_s, self.value)

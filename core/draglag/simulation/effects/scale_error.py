@@ -1,0 +1,30 @@
+"""The panel's millimetres are not millimetres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class ScaleError(Effect):
+    """The panel's millimetres are not millimetres."""
+
+    id: ClassVar[str] = "scale_error"
+    meaning: ClassVar[str] = "Reported positions are stretched about the middle of the panel by this share."
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "beam_width",
+            "all edges lie within half a diameter of the beam, where a stretch only changes the apparent width",
+            "a second beam position, some centimetres away",
+        ),
+    )
+
+    def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        x = x_mm + self.value * (k.motion.x_mm - k.width_mm / 2)
+        return x, y_mm + self.value * (k.motion.y_mm - k.height_mm / 2)

@@ -1,0 +1,34 @@
+"""The panel is scanned column by column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class ScanSkew(Effect):
+    """The panel is scanned column by column."""
+
+    id: ClassVar[str] = "scan_skew"
+    meaning: ClassVar[str] = (
+        "The latency grows linearly across the panel in scan order: by this much from its left edge "
+        "to its right, half of it either side of the mean."
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("across_s", "s", -0.05, 0.05, 0.008),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "clock_drift",
+            "in one run the stylus goes from left to right as time passes",
+            "runs in which the target travels from right to left",
+        ),
+    )
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + self.value * (k.motion.x_mm / k.width_mm - 0.5)

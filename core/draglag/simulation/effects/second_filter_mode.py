@@ -1,0 +1,36 @@
+"""The digitiser switches to another filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class SecondFilterMode(Effect):
+    """The digitiser switches to another filter."""
+
+    id: ClassVar[str] = "second_filter_mode"
+    meaning: ClassVar[str] = "Above a switching speed the digitiser uses a second filter, slower by a constant."
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("extra_s", "s", -0.05, 0.05, 0.006),
+        Parameter("threshold_mm_s", "mm/s", 10.0, 2000.0, 300.0),
+    )
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "curve form",
+            "a step in the curve between two tested speeds fits a smoother curve as well",
+            "circles at speeds close to either side of the switching speed, and a chirp",
+        ),
+    )
+
+    threshold_mm_s: float = 300.0
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + self.value * (k.speed_mm_s > self.threshold_mm_s)

@@ -1,0 +1,33 @@
+"""The panel's coordinates are bent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class SpatialWarp(Effect):
+    """The panel's coordinates are bent."""
+
+    id: ClassVar[str] = "spatial_warp"
+    meaning: ClassVar[str] = (
+        "Reported heights are bent along the panel by a smooth quadratic: this much at its left and "
+        "right edges, half of it the other way in the middle."
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amplitude_mm", "mm", -5.0, 5.0, 0.6),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "beam_wedge",
+            "both change along the beam, one for the two sides alike and one for them apart",
+            "none, if both kinds of edge were recorded on both sides; otherwise a longer run",
+        ),
+    )
+
+    def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        u = 2 * k.motion.x_mm / k.width_mm - 1
+        return x_mm, y_mm + self.value * (1.5 * u**2 - 0.5)

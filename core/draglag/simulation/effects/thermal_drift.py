@@ -1,0 +1,36 @@
+"""The digitiser's latency creeps while it warms up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class ThermalDrift(Effect):
+    """The digitiser's latency creeps while it warms up."""
+
+    id: ClassVar[str] = "thermal_drift"
+    meaning: ClassVar[str] = (
+        "The latency itself creeps, linearly with the time since the session began, for taps as for drags."
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("creep_s_per_h", "s/h", -0.5, 0.5, 0.04),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "clock_drift",
+            "both move every latency in proportion to the time since the session began",
+            "taps before and after the runs, or clock comparisons: a laser clock that drifts leaves taps alone",
+        ),
+    )
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + self.value * k.session_s / 3600
+
+    def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
+        return latency_s + self.value * t_s / 3600
