@@ -1,0 +1,156 @@
+"""Results beside the raw data: /analysis/<n>, each with software, options and the checksum of what it was made from."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+import draglag
+from draglag.errors import DataError
+from draglag.store.checksum import raw_checksum
+from draglag.store.lowlevel import append_rows, make_table, put_attrs, put_text
+from draglag.store.safely import open_session, short, text_attr
+from draglag.store.schema import Column, Table, encode
+
+_UNITS = (("_mm_s", "mm/s"), ("_s_per_mm", "s/mm"), ("_mm2", "mm2"), ("_mm", "mm"), ("_ms", "ms"), ("_hz", "Hz"))
+_MORE_UNITS = (("_percent", "percent"), ("_s", "s"))
+
+
+@dataclass(frozen=True)
+class StoredAnalysis:
+    """One stored result; ``up_to_date``: the raw data are still those it was made from."""
+
+    number: int
+    result: dict[str, Any]
+    options: dict[str, Any]
+    software: str
+    created_utc: str
+    input_sha256: str
+    up_to_date: bool
+
+
+def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[str, Any], created_utc: str = "") -> int:
+    """Store a result in a session file and return its number (1, 2 …).
+
+    The file is copied, extended and put back in one step, so the raw data are never at risk.
+
+    Args:
+        result: JSON-able; its lists of flat records also become tables (``runs``, ``validation`` …).
+        options: JSON-able; what the analysis was asked to do.
+        created_utc: ISO 8601; the library reads no clock.
+
+    Raises DataError: not a session file, or not writable.
+    """
+    path = Path(path).resolve()
+    with open_session(path) as file:
+        number = 1 + max((int(name) for name in file.get("analysis", ()) if name.isdecimal()), default=0)
+        checksum = raw_checksum(file)
+    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    os.close(descriptor)
+    try:
+        shutil.copyfile(path, name)
+        shutil.copymode(path, name)
+        with h5py.File(name, "r+") as file:
+            group = file.create_group(f"analysis/{number}")
+            about = {"software": f"draglag {draglag.__version__}", "created_utc": created_utc}
+            put_attrs(group, {**about, "input_sha256": checksum})
+            put_text(group, "options_json", to_json(options), "what the analysis was asked to do")
+            put_text(group, "result_json", to_json(result), "the result as `draglag analyze --json` prints it")
+            for key, rows in result.items():
+                if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
+                    _put_records(group, key, rows)
+        os.replace(name, path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({short(error)})", "Check rights and free space") from error
+    finally:
+        Path(name).unlink(missing_ok=True)
+    return number
+
+
+def read_analyses(path: Path | str) -> list[StoredAnalysis]:
+    """Every stored result, oldest first. Raises DataError."""
+    with open_session(path) as file:
+        checksum = raw_checksum(file)
+        groups = file.get("analysis", {})
+        return [_stored(int(name), groups[name], checksum) for name in sorted(filter(str.isdecimal, groups), key=int)]
+
+
+def to_json(value: Any) -> str:
+    """JSON text; what is not a number (NaN, infinity) becomes null, numpy's types become plain ones."""
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False)
+
+
+def _stored(number: int, group: Any, checksum: str) -> StoredAnalysis:
+    stored = text_attr(group, "input_sha256", "")
+    return StoredAnalysis(
+        number,
+        json.loads(group["result_json"][()]),
+        json.loads(group["options_json"][()]),
+        text_attr(group, "software", ""),
+        text_attr(group, "created_utc", ""),
+        stored,
+        stored == checksum,
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _put_records(parent: Any, name: str, records: Sequence[Mapping[str, Any]]) -> None:
+    """Flat records as columns: numbers as float64 (absent = NaN), everything else as text; intervals as two columns."""
+    flat = [_flat(record) for record in records]
+    columns: list[Column] = []
+    rows: dict[str, Any] = {}
+    for key in dict.fromkeys(key for record in flat for key in record):
+        values = [record.get(key) for record in flat]
+        if all(value is None or isinstance(value, int | float) for value in values):
+            column = Column(key, "f", _unit(key), key.replace("_", " "))
+            rows[key] = np.array([math.nan if value is None else float(value) for value in values])
+        else:
+            texts = ["" if value is None else str(value) for value in values]
+            width = max(1, *(len(text.encode()) for text in texts))
+            column = Column(key, f"S{width}", "1", key.replace("_", " "))
+            rows[key] = encode(column, texts)
+        columns.append(column)
+    table = Table(Column(f"{name}_row", "i", "1", "number of the row"), tuple(columns), max(8, len(flat)))
+    group = parent.create_group(name)
+    make_table(group, table, rows, "")
+    append_rows(group, table, rows)
+
+
+def _flat(record: Mapping[str, Any]) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in _plain(record).items():
+        if isinstance(value, list) and "ci95" in key and len(value) == 2:
+            flat[key.replace("ci95", "ci95_low")], flat[key.replace("ci95", "ci95_high")] = value
+        elif isinstance(value, list):
+            flat[key] = " ".join(str(item) for item in value)
+        elif not isinstance(value, dict):
+            flat[key] = value
+    return flat
+
+
+def _unit(key: str) -> str:
+    name = key.replace("_ci95_low", "").replace("_ci95_high", "")
+    return next((unit for end, unit in (*_UNITS, *_MORE_UNITS) if name.endswith(end)), "1")

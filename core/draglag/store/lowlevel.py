@@ -1,0 +1,103 @@
+"""The few HDF5 moves that every writer shares: attributes, text, columns that grow, dimension scales."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from draglag.store.schema import Column, Node, Table, Value, as_text
+
+
+def put_attrs(target: Any, attrs: Mapping[str, Value]) -> None:
+    """Set attributes; text becomes fixed-length UTF-8 (HDF5's variable-length type is closed to some readers)."""
+    for key, value in attrs.items():
+        if isinstance(value, str):
+            data = as_text(value).encode()
+            kind = h5py.string_dtype("utf-8", max(len(data), 1))
+            target.attrs.create(key, np.array(data, kind), dtype=kind)
+        elif isinstance(value, int | np.integer):
+            target.attrs[key] = np.int64(value)
+        else:
+            target.attrs[key] = np.float64(value)
+
+
+def add_counts(group: Any, counts: Mapping[str, int]) -> None:
+    """Add to counters in place: an attribute that keeps its size is overwritten, never removed and made anew."""
+    for key, value in counts.items():
+        if key in group.attrs:
+            if value:
+                group.attrs.modify(key, np.int64(int(group.attrs[key]) + int(value)))
+        else:
+            group.attrs[key] = np.int64(value)
+
+
+def put_text(group: Any, name: str, text: str, meaning: str) -> None:
+    """One long text as a scalar dataset (attributes end at 64 KiB)."""
+    data = as_text(text).encode()
+    kind = h5py.string_dtype("utf-8", max(len(data), 1))
+    dataset = group.create_dataset(name, data=np.array(data, kind), dtype=kind)
+    put_attrs(dataset, {"units": "1", "long_name": meaning})
+
+
+def make_column(group: Any, column: Column, chunk: int, length: int = 0) -> Any:
+    """An empty column that can grow; ``length`` rows of it are filled in already."""
+    kind = h5py.string_dtype("utf-8", int(column.kind[1:])) if column.kind.startswith("S") else column.dtype
+    dataset = group.create_dataset(
+        column.name, shape=(length,), maxshape=(None,), chunks=(chunk,), dtype=kind, fillvalue=column.fill
+    )
+    put_attrs(dataset, {"units": column.units, "long_name": column.meaning})
+    return dataset
+
+
+def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str) -> None:
+    """Every column that is not optional, and the optional ones that have rows, attached to their scale.
+
+    ``start``: what ``time`` counts from (ISO 8601, as in NeXus), where it is known.
+    """
+    scale = make_column(group, table.scale, table.chunk)
+    scale.make_scale(table.scale.name)
+    if table.scale.name == "time" and start:
+        put_attrs(scale, {"start": start})
+    for column in table.columns:
+        if not column.optional or len(present.get(column.name, ())):
+            make_column(group, column, table.chunk).dims[0].attach_scale(scale)
+
+
+def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> None:
+    """Add rows at the end of every column: the scale last, so that rows it counts are always complete."""
+    total = max((len(values) for values in rows.values()), default=0)
+    if not total:
+        return
+    scale = group[table.scale.name]
+    before = scale.shape[0]
+    for column in table.columns:
+        values = rows.get(column.name, ())
+        if column.name not in group:
+            if not len(values):
+                continue
+            make_column(group, column, table.chunk, before).dims[0].attach_scale(scale)
+        if len(values) not in (0, total):
+            raise ValueError(f"{group.name}/{column.name}: {len(values)} rows beside {total}")
+        dataset = group[column.name]
+        dataset.resize((before + total,))
+        dataset[before:] = values if len(values) else np.full(total, column.fill)
+    counted = np.arange(before, before + total)
+    scale.resize((before + total,))
+    scale[before:] = counted if table.scale.kind == "i" else rows[table.scale.name]
+
+
+def put_node(file: Any, node: Node, start: str = "") -> None:
+    """Write or extend one group."""
+    group = file.require_group(node.path) if node.path else file
+    put_attrs(group, node.attrs)
+    add_counts(group, node.counts)
+    for name, text in node.texts.items():
+        put_text(group, name, text, name)
+    if node.table is not None:
+        if node.table.scale.name not in group:
+            make_table(group, node.table, node.rows, start)
+        append_rows(group, node.table, node.rows)

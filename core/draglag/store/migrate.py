@@ -1,0 +1,21 @@
+"""An old session file rewritten in the present schema. Readers exist per version, so a migration is read and write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from draglag.store.analysis import add_analysis, read_analyses
+from draglag.store.read import read_session
+from draglag.store.write import write_session
+
+
+def migrate(path: Path | str, out: Path | str) -> Path:
+    """Write ``path`` anew to ``out`` in the present schema; stored results go along, marked with their software.
+
+    Raises DataError: ``path`` is no session file, or ``out`` exists.
+    """
+    written = write_session(read_session(path), out)
+    for stored in read_analyses(path):
+        options = {**stored.options, "migrated_from": stored.software}
+        add_analysis(written, stored.result, options, stored.created_utc)
+    return written

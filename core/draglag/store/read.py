@@ -1,0 +1,228 @@
+"""Reading session files: one reader per schema version, all giving the same ``Session``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.recording import (
+    AxisInfo,
+    Beam,
+    ClockBounds,
+    DisplayTrace,
+    FloatArray,
+    LaserTrace,
+    LogEntry,
+    Run,
+    Screen,
+    Session,
+    Stylus,
+    Taps,
+    TouchTrace,
+)
+from draglag.store import schema
+from draglag.store.safely import (
+    check_schema,
+    float_attr,
+    int_attr,
+    open_session,
+    read_attr,
+    read_columns,
+    text_attr,
+)
+
+
+def read_session(path: Path | str) -> Session:
+    """The raw data of a session file.
+
+    Raises DataError: no such file, not a session, damaged, links out of the file, a version from the future.
+    """
+    with open_session(path) as file:
+        return READERS[check_schema(file, Path(path))](file)
+
+
+def read_v1(file: Any) -> Session:
+    """A session of schema version 1 from an open, checked file."""
+    return header_v1(file, tuple(run_v1(group) for group in _children(file, "runs")))
+
+
+def header_v1(file: Any, runs: tuple[Run, ...]) -> Session:
+    """Everything but the runs, which are handed in, put in order of their start."""
+    screen, stylus = _group(file, "screen"), _group(file, "stylus")
+    beam = file.get("beam")
+    return Session(
+        name=text_attr(file, "name"),
+        screen=Screen(
+            text_attr(screen, "name"),
+            float_attr(screen, "width_mm"),
+            float_attr(screen, "height_mm"),
+            int_attr(screen, "width_px"),
+            int_attr(screen, "height_px"),
+        ),
+        stylus=Stylus(float_attr(stylus, "diameter_mm"), text_attr(stylus, "name", "")),
+        runs=tuple(sorted(runs, key=lambda run: run.start_s)),
+        taps=_taps(file),
+        beam=None if beam is None else Beam(float_attr(beam, "slope"), float_attr(beam, "intercept_mm")),
+        clocks=tuple(_clock(group) for group in _children(file, "clocks")),
+        started_utc=text_attr(file, "started_utc", ""),
+        started_s=_optional_float(file, "started_s"),
+        clock=text_attr(file, "clock", ""),
+        notes=_log(file.get("notes")),
+        protocol_toml=_long_text(file, "protocol_toml"),
+        seed=_seed(file),
+        devices={key: text_attr(file["devices"], key) for key in file["devices"].attrs} if "devices" in file else {},
+        software=text_attr(file, "software", ""),
+    )
+
+
+def run_v1(group: Any) -> Run:
+    """One run of schema version 1. A run that was cut off while recording reads as "aborted"."""
+    outcome = text_attr(group, "outcome", "aborted")
+    target = group.get("target")
+    return Run(
+        id=group.name.rsplit("/", 1)[-1],
+        protocol=text_attr(group, "protocol"),
+        start_s=float_attr(group, "start_s"),
+        duration_s=float_attr(group, "duration_s"),
+        touch=_touch(_group(group, "touch")),
+        laser=_laser(_group(group, "laser")),
+        nominal_speed_mm_s=_optional_float(group, "nominal_speed_mm_s"),
+        radius_mm=_optional_float(group, "radius_mm"),
+        target={} if target is None else {key: read_attr(target, key) for key in target.attrs},
+        display=_display(group.get("display")),
+        sync=tuple(_clock(child) for child in _children(group, "sync")),
+        log=_log(group.get("log")),
+        outcome="aborted" if outcome == "recording" else outcome,
+        seed=_seed(group),
+    )
+
+
+READERS: dict[int, Callable[[Any], Session]] = {1: read_v1}
+
+
+def _group(parent: Any, name: str) -> Any:
+    group = parent.get(name)
+    if not isinstance(group, h5py.Group):
+        raise DataError(f"{parent.file.filename}: the group {parent.name.rstrip('/')}/{name} is missing")
+    return group
+
+
+def _children(parent: Any, name: str) -> list[Any]:
+    return [_group(parent[name], key) for key in parent[name]] if name in parent else []
+
+
+def _optional_float(item: Any, key: str) -> float | None:
+    return float_attr(item, key) if key in item.attrs else None
+
+
+def _seed(item: Any) -> int | None:
+    return int(read_attr(item, "seed")) if "seed" in item.attrs else None
+
+
+def _long_text(group: Any, name: str) -> str:
+    if name not in group:
+        return ""
+    value = group[name][()]
+    if not isinstance(value, bytes):
+        raise DataError(f"{group.name}{name} is not text")
+    return value.decode("utf-8", "replace")
+
+
+def _gaps(group: Any) -> FloatArray:
+    if "gaps" not in group:
+        return np.empty((0, 2))
+    columns = read_columns(group["gaps"], schema.GAPS)
+    return np.column_stack([columns["start_s"], columns["end_s"]])
+
+
+def _touch(group: Any) -> TouchTrace:
+    columns = read_columns(group, schema.TOUCH)
+    return TouchTrace(
+        t_s=columns["time"],
+        x_mm=columns["x_mm"],
+        y_mm=columns["y_mm"],
+        contact_id=columns["contact_id"],
+        x_raw=columns["x_raw"],
+        y_raw=columns["y_raw"],
+        device_t_s=columns["device_s"],
+        gaps_s=_gaps(group),
+        dropped=int_attr(group, "dropped", 0),
+        axes=_axes(group),
+    )
+
+
+def _axes(group: Any) -> tuple[AxisInfo, ...]:
+    if "axes" not in group:
+        return ()
+    columns = read_columns(group["axes"], schema.AXES)
+    numbers = zip(*(columns[key] for key in ("minimum", "maximum", "resolution", "fuzz")), strict=True)
+    return tuple(
+        AxisInfo(name.decode("utf-8", "replace"), *(int(value) for value in row))
+        for name, row in zip(columns["name"], numbers, strict=True)
+    )
+
+
+def _laser(group: Any) -> LaserTrace:
+    columns = read_columns(group, schema.LASER)
+    return LaserTrace(
+        t_s=columns["time"],
+        light=columns["light"],
+        device_t_s=columns["device_s"],
+        epoch=columns["epoch"],
+        gaps_s=_gaps(group),
+        missed=int_attr(group, "missed", 0),
+    )
+
+
+def _display(group: Any) -> DisplayTrace | None:
+    if group is None:
+        return None
+    columns = read_columns(group, schema.DISPLAY)
+    return DisplayTrace(columns["time"], columns["x_mm"], columns["y_mm"], int_attr(group, "missed", 0))
+
+
+def _clock(group: Any) -> ClockBounds:
+    columns = read_columns(group, schema.CLOCK)
+    return ClockBounds(
+        text_attr(group, "stream"),
+        columns["device_s"],
+        columns["host_min_s"],
+        columns["host_max_s"],
+        columns["epoch"],
+    )
+
+
+def _taps(file: Any) -> Taps | None:
+    if "taps" not in file:
+        return None
+    group = file["taps"]
+    columns = read_columns(group, schema.TAPS)
+    rejected = group.get("rejected")
+    counts = {} if rejected is None else {key: int_attr(rejected, key) for key in rejected.attrs}
+    return Taps(columns["physical_s"], columns["registered_s"], columns["down"], counts)
+
+
+def _log(group: Any) -> tuple[LogEntry, ...]:
+    if group is None:
+        return ()
+    columns = read_columns(group, schema.LOG)
+    entries: list[LogEntry] = []
+    for t_s, level, source, part, text in zip(
+        *(columns[key] for key in ("time_s", "level", "source", "part", "text")), strict=True
+    ):
+        words = text.decode("utf-8", "replace")
+        if part > 0 and entries:
+            last = entries[-1]
+            entries[-1] = LogEntry(last.t_s, last.level, last.source, last.text + words)
+        else:
+            entries.append(LogEntry(float(t_s), _utf8(level), _utf8(source), words))
+    return tuple(entries)
+
+
+def _utf8(value: bytes) -> str:
+    return value.decode("utf-8", "replace")

@@ -1,0 +1,227 @@
+"""Opening a session file that may be damaged or hostile: look before reading, follow nothing, run nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from draglag.errors import DataError, DraglagError
+from draglag.store.schema import SCHEMA, VERSION, Column, Table, Value
+
+MAX_BYTES = 2**31
+MAX_ITEMS = 200_000
+MAX_DEPTH = 8
+_MAX_ATTRIBUTE_BYTES = 2**20
+_DEFLATE_LIMIT = 1100  # deflate cannot shrink data further than about 1030 to 1
+_FILTERS = {"1", "2", "3", "gzip", "shuffle", "fletcher32"}  # built in; others would load a plug-in
+_BROKEN = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError)
+
+
+@contextmanager
+def open_session(path: Path | str) -> Iterator[Any]:
+    """The open file, read only, after every link and every dataset was looked at.
+
+    Raises DataError: no such file, not HDF5, truncated, another format, a newer version, links that lead elsewhere,
+    types or sizes that no session file has; also for anything HDF5 stumbles over later in the block.
+    """
+    path = Path(path)
+    try:
+        with open_hdf5(path) as file:
+            check_schema(file, path)
+            check_tree(file, path)
+            yield file
+    except DraglagError:
+        raise
+    except _BROKEN as error:
+        raise DataError(
+            f"{path}: is damaged ({short(error)})", f"Try `draglag verify {path}` to see what can be saved"
+        ) from error
+
+
+@contextmanager
+def open_hdf5(path: Path) -> Iterator[Any]:
+    """An HDF5 file, read only. Raises DataError."""
+    if not path.exists():
+        raise DataError(f"{path}: there is no such file", "Check the name")
+    if not path.is_file():
+        raise DataError(f"{path}: is not a file", "Name a session file, such as session.h5")
+    try:
+        file = h5py.File(path, "r")
+    except (OSError, RuntimeError) as error:
+        raise _cannot_open(path, error) from error
+    with file:
+        yield file
+
+
+def _cannot_open(path: Path, error: BaseException) -> DataError:
+    text = str(error)
+    if "lock" in text:
+        return DataError(f"{path}: another program is writing it", "Wait until the recording has ended")
+    if isinstance(error, PermissionError) or "Permission denied" in text:
+        return DataError(f"{path}: may not be read", "Ask for the right to read it")
+    if "truncated" in text:
+        return DataError(f"{path}: is truncated: the end of the file is missing", "Copy it again from its source")
+    return DataError(f"{path}: is not an HDF5 file, or is damaged", "A session file is what draglag recorded")
+
+
+def check_schema(file: Any, path: Path) -> int:
+    """The schema version. Raises DataError for another format or a version from the future."""
+    try:
+        name = text_attr(file, "schema")
+        version = int_attr(file, "schema_version")
+    except DataError as error:
+        raise DataError(f"{path}: is HDF5 but not a draglag session", "Name a file that draglag recorded") from error
+    if name != SCHEMA or version < 1:
+        raise DataError(f"{path}: is HDF5 but not a draglag session", "Name a file that draglag recorded")
+    if version > VERSION:
+        raise DataError(
+            f"{path}: has schema version {version}, this draglag knows up to {VERSION}", "Install a newer draglag"
+        )
+    return version
+
+
+def check_tree(file: Any, path: Path) -> None:
+    """Look at every item without reading it. Raises DataError."""
+    for name, problem in tree_problems(file):
+        raise DataError(f"{path}: /{name} {problem}", "Nothing was followed or read; use the file as recorded")
+
+
+def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
+    """(name, problem) of every item that no session file has."""
+    seen: set[int] = set()
+    waiting = [("", file, 0)]
+    count = 0
+    while waiting:
+        prefix, group, depth = waiting.pop()
+        if depth > MAX_DEPTH:
+            yield prefix, "is nested too deep"
+            continue
+        for key in group:
+            name = f"{prefix}/{key}".lstrip("/")
+            count += 1
+            if count > MAX_ITEMS:
+                yield name, "is one item too many"
+                return
+            link = group.get(key, getlink=True)
+            if not isinstance(link, h5py.HardLink):
+                yield name, "is a link to another place"
+                continue
+            item = group[key]
+            if isinstance(item, h5py.Group):
+                address = int(h5py.h5o.get_info(item.id).addr)
+                if address in seen:
+                    yield name, "is the same group under a second name"
+                    continue
+                seen.add(address)
+                waiting.append((name, item, depth + 1))
+            elif isinstance(item, h5py.Dataset):
+                problem = dataset_problem(item)
+                if problem:
+                    yield name, problem
+            else:
+                yield name, "is a named type"
+
+
+def dataset_problem(dataset: Any) -> str:
+    """What is wrong with a dataset, judged without reading it; empty if nothing is."""
+    kind = dataset.dtype
+    plist = dataset.id.get_create_plist()
+    if kind.kind not in "iufS" or kind.hasobject or kind.fields or kind.subdtype or h5py.check_enum_dtype(kind):
+        return f"has a type no session file has ({kind})"
+    if plist.get_external_count() or dataset.is_virtual:
+        return "keeps its data in another file"
+    if not set(dataset._filters) <= _FILTERS:
+        return "is packed with a filter this program does not load"
+    if dataset.shape is None or len(dataset.shape) > 1:
+        return "is not a column of numbers"
+    size = int(np.prod(dataset.shape, dtype=object)) * kind.itemsize
+    stored = dataset.id.get_storage_size()
+    if size > MAX_BYTES or size > _DEFLATE_LIMIT * stored + 2**20:
+        return f"claims {size} bytes and holds {stored}"
+    return ""
+
+
+def read_attr(item: Any, key: str) -> Value:
+    """An attribute as int, float or str. Raises DataError on anything else."""
+    if key not in item.attrs:
+        raise DataError(f"{item.name} has no attribute {key}")
+    handle = item.attrs.get_id(key)
+    if handle.shape not in ((), (1,)) or handle.get_storage_size() > _MAX_ATTRIBUTE_BYTES:
+        raise DataError(f"{item.name}: the attribute {key} is not one value")
+    value = item.attrs[key]
+    if isinstance(value, np.ndarray) and value.shape == (1,):
+        value = value[0]
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    if isinstance(value, str):
+        return value
+    if isinstance(value, np.integer | int):
+        return int(value)
+    if isinstance(value, np.floating | float):
+        return float(value)
+    raise DataError(f"{item.name}: the attribute {key} is neither number nor text")
+
+
+def text_attr(item: Any, key: str, default: str | None = None) -> str:
+    if default is not None and key not in item.attrs:
+        return default
+    value = read_attr(item, key)
+    if not isinstance(value, str):
+        raise DataError(f"{item.name}: the attribute {key} is not text")
+    return value
+
+
+def float_attr(item: Any, key: str) -> float:
+    value = read_attr(item, key)
+    if isinstance(value, str):
+        raise DataError(f"{item.name}: the attribute {key} is not a number")
+    return float(value)
+
+
+def int_attr(item: Any, key: str, default: int | None = None) -> int:
+    if default is not None and key not in item.attrs:
+        return default
+    value = read_attr(item, key)
+    if not isinstance(value, int):
+        raise DataError(f"{item.name}: the attribute {key} is not a whole number")
+    return value
+
+
+def read_columns(group: Any, table: Table) -> dict[str, NDArray[Any]]:
+    """Every column of a table as float64, int64 or bytes; an optional one that is absent comes back empty.
+
+    Raises DataError on a missing column, another type, or columns of different lengths.
+    """
+    columns = {column.name: read_column(group, column) for column in table.every()}
+    length = len(columns[table.scale.name])
+    for column in table.columns:
+        if len(columns[column.name]) != length and not (column.optional and column.name not in group):
+            raise DataError(f"{group.name}/{column.name} has {len(columns[column.name])} rows, its scale {length}")
+    return columns
+
+
+def read_column(group: Any, column: Column) -> NDArray[Any]:
+    """One column. Raises DataError."""
+    if column.name not in group:
+        if column.optional:
+            return np.empty(0, column.dtype)
+        raise DataError(f"{group.name} has no column {column.name}", "Use a file that draglag wrote")
+    dataset = group[column.name]
+    if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1:
+        raise DataError(f"{group.name}/{column.name} is not a column")
+    allowed = {"f": "iuf", "i": "iu"}.get(column.kind, "S")
+    if dataset.dtype.kind not in allowed:
+        raise DataError(f"{group.name}/{column.name} has the type {dataset.dtype}, expected {column.dtype}")
+    values: NDArray[Any] = dataset[()]
+    return values if allowed == "S" else values.astype(column.dtype)
+
+
+def short(error: BaseException) -> str:
+    """An exception's text on one line."""
+    return " ".join(str(error).split())[:160] or type(error).__name__

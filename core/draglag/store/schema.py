@@ -1,0 +1,370 @@
+"""What is where in a session file: names, units and order of every column, once for all writers and readers.
+
+A session becomes a list of nodes. A node is one HDF5 group: attributes, counters, and at most one table, whose
+columns share one dimension scale. The file writer, the netCDF and the MATLAB export all walk the same nodes.
+
+Layout, version 1::
+
+    /                   schema, schema_version, name, started_utc, clock, software, seed; protocol_toml
+    /screen /stylus /beam /devices                      attributes
+    /clocks/<stream>    observation: device_s host_min_s host_max_s epoch
+    /taps               tap: physical_s registered_s down;  /taps/rejected: reason → count
+    /notes              entry: time_s level source part text
+    /runs/<id>          attributes of the run
+    /runs/<id>/touch    time: x_mm y_mm contact_id x_raw y_raw device_s;  …/gaps …/axes
+    /runs/<id>/laser    time: light device_s epoch;  …/gaps
+    /runs/<id>/display  time: x_mm y_mm
+    /runs/<id>/target   attributes;  /runs/<id>/sync/<stream>;  /runs/<id>/log
+    /analysis/<n>       derived: result_json, runs, options, software, input_sha256
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from draglag.errors import DataError
+from draglag.recording import (
+    ClockBounds,
+    DisplayTrace,
+    LaserTrace,
+    LogEntry,
+    Run,
+    Session,
+    Taps,
+    TouchTrace,
+)
+
+SCHEMA = "draglag-session"
+VERSION = 1
+TEXT_BYTES = 256
+RAW_GROUPS = ("screen", "stylus", "beam", "devices", "clocks", "taps", "notes", "runs")
+
+Value = float | int | str
+_RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One dataset: ``kind`` is "f" (float64), "i" (int64) or "S<n>" (UTF-8, n bytes). ``fill`` stands where a
+    column came late or a row was lost; a column that never came is absent and reads as an empty array."""
+
+    name: str
+    kind: str
+    units: str
+    meaning: str
+    optional: bool = False
+
+    @property
+    def fill(self) -> float | int | bytes:
+        if self.kind == "f":
+            return float("nan")
+        return b"" if self.kind.startswith("S") else -1
+
+    @property
+    def dtype(self) -> str:
+        return {"f": "<f8", "i": "<i8"}.get(self.kind, self.kind)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns over one dimension scale. A scale of kind "i" counts rows from 0; ``chunk`` is in rows."""
+
+    scale: Column
+    columns: tuple[Column, ...]
+    chunk: int
+
+    def every(self) -> tuple[Column, ...]:
+        return (self.scale, *self.columns)
+
+
+@dataclass(frozen=True)
+class Node:
+    """One group to write: attributes to set, counters to add up, long texts, rows to append."""
+
+    path: str
+    attrs: Mapping[str, Value] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    table: Table | None = None
+    rows: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+def _index(name: str, meaning: str) -> Column:
+    return Column(name, "i", "1", meaning)
+
+
+_TIME = Column("time", "f", "s", "time on the host's clock")
+_DEVICE = Column("device_s", "f", "s", "time on the device's own clock", optional=True)
+_EPOCH = Column("epoch", "i", "1", "counts restarts of the device's clock", optional=True)
+_X = Column("x_mm", "f", "mm", "position across the screen, from its left edge")
+_Y = Column("y_mm", "f", "mm", "position down the screen, from its top edge")
+
+TOUCH = Table(
+    _TIME,
+    (
+        _X,
+        _Y,
+        Column("contact_id", "i", "1", "the kernel's tracking id; a change marks a new contact", optional=True),
+        Column("x_raw", "f", "1", "position across as the device reported it, device units", optional=True),
+        Column("y_raw", "f", "1", "position down as the device reported it, device units", optional=True),
+        _DEVICE,
+    ),
+    chunk=1024,
+)
+LASER = Table(
+    _TIME,
+    (Column("light", "i", "1", "1 = from here on the beam is on the sensor, 0 = dark"), _DEVICE, _EPOCH),
+    chunk=256,
+)
+DISPLAY = Table(_TIME, (_X, _Y), chunk=1024)
+GAPS = Table(
+    _index("gap", "number of the gap"),
+    (
+        Column("start_s", "f", "s", "from here the stream is known to be incomplete"),
+        Column("end_s", "f", "s", "from here it is complete again"),
+    ),
+    chunk=16,
+)
+AXES = Table(
+    _index("axis", "number of the axis"),
+    (
+        Column("name", "S64", "1", "name of the axis"),
+        Column("minimum", "i", "1", "smallest value, device units"),
+        Column("maximum", "i", "1", "largest value, device units"),
+        Column("resolution", "i", "1/mm", "device units per mm, 0 = unknown"),
+        Column("fuzz", "i", "1", "the kernel's noise filter, device units"),
+    ),
+    chunk=8,
+)
+CLOCK = Table(
+    _index("observation", "number of the observation"),
+    (
+        Column("device_s", "f", "s", "time on the device's own clock"),
+        Column("host_min_s", "f", "s", "earliest host time it can have been"),
+        Column("host_max_s", "f", "s", "latest host time it can have been"),
+        _EPOCH,
+    ),
+    chunk=256,
+)
+TAPS = Table(
+    _index("tap", "number of the tap"),
+    (
+        Column("physical_s", "f", "s", "physical contact or release, host clock"),
+        Column("registered_s", "f", "s", "registered event, host clock"),
+        Column("down", "i", "1", "1 = touch, 0 = release"),
+    ),
+    chunk=128,
+)
+LOG = Table(
+    _index("entry", "number of the row"),
+    (
+        Column("time_s", "f", "s", "time on the host's clock"),
+        Column("level", "S16", "1", "info, warning, error or note"),
+        Column("source", "S64", "1", "who says so"),
+        Column("part", "i", "1", "0 = a new entry, 1, 2 … = the text before goes on"),
+        Column("text", f"S{TEXT_BYTES}", "1", "what happened"),
+    ),
+    chunk=32,
+)
+
+
+def check_run_id(run_id: str, where: str) -> str:
+    """The id itself if it can name a group and a file. Raises DataError."""
+    if not _RUN_ID.match(run_id) or run_id != run_id.strip() or ".." in run_id:
+        raise DataError(
+            f"{where}: “{run_id[:100]}” cannot be the id of a run",
+            "Use letters, digits, blanks, dots, - and _ only",
+        )
+    return run_id
+
+
+def slug(name: str) -> str:
+    """A group name that any reader can address."""
+    return re.sub(r"[^A-Za-z0-9_.\-]+", "_", name).strip("._") or "unnamed"
+
+
+def as_text(value: str) -> str:
+    """Text that fits a null-padded string: no NUL, nothing that is not Unicode text."""
+    return value.replace("\0", " ").encode("utf-8", "replace").decode("utf-8")
+
+
+def cut_text(text: str, limit: int) -> list[str]:
+    """The text in pieces of at most ``limit`` bytes of UTF-8, never within a character; at least one piece."""
+    parts: list[str] = []
+    rest = as_text(text).encode()
+    while len(rest) > limit:
+        end = limit
+        while end > 0 and (rest[end] & 0xC0) == 0x80:
+            end -= 1
+        parts.append(rest[:end].decode())
+        rest = rest[end:]
+    return [*parts, rest.decode()]
+
+
+def encode(column: Column, values: Iterable[str]) -> NDArray[Any]:
+    """Text as fixed-length UTF-8, cut at a character where it is too long."""
+    limit = int(column.kind[1:])
+    return np.array([cut_text(value, limit)[0].encode() for value in values], dtype=column.kind)
+
+
+def gap_node(path: str, gaps_s: NDArray[Any]) -> Iterator[Node]:
+    if len(gaps_s):
+        yield Node(f"{path}/gaps", table=GAPS, rows={"start_s": gaps_s[:, 0], "end_s": gaps_s[:, 1]})
+
+
+def touch_nodes(path: str, trace: TouchTrace) -> Iterator[Node]:
+    rows = {
+        "time": trace.t_s,
+        "x_mm": trace.x_mm,
+        "y_mm": trace.y_mm,
+        "contact_id": trace.contact_id,
+        "x_raw": trace.x_raw,
+        "y_raw": trace.y_raw,
+        "device_s": trace.device_t_s,
+    }
+    yield Node(path, counts={"dropped": trace.dropped}, table=TOUCH, rows=rows)
+    yield from gap_node(path, trace.gaps_s)
+
+
+def axes_nodes(path: str, trace: TouchTrace) -> Iterator[Node]:
+    """The axes are written once, not with every batch."""
+    if trace.axes:
+        number = {
+            key: np.array([getattr(axis, key) for axis in trace.axes], np.int64)
+            for key in ("minimum", "maximum", "resolution", "fuzz")
+        }
+        names = encode(AXES.columns[0], [axis.name for axis in trace.axes])
+        yield Node(f"{path}/axes", table=AXES, rows={"name": names, **number})
+
+
+def laser_nodes(path: str, trace: LaserTrace) -> Iterator[Node]:
+    rows = {"time": trace.t_s, "light": trace.light, "device_s": trace.device_t_s, "epoch": trace.epoch}
+    yield Node(path, counts={"missed": trace.missed}, table=LASER, rows=rows)
+    yield from gap_node(path, trace.gaps_s)
+
+
+def display_nodes(path: str, trace: DisplayTrace) -> Iterator[Node]:
+    rows = {"time": trace.t_s, "x_mm": trace.x_mm, "y_mm": trace.y_mm}
+    yield Node(path, counts={"missed": trace.missed}, table=DISPLAY, rows=rows)
+
+
+def clock_nodes(path: str, bounds: ClockBounds) -> Iterator[Node]:
+    rows = {
+        "device_s": bounds.device_s,
+        "host_min_s": bounds.host_min_s,
+        "host_max_s": bounds.host_max_s,
+        "epoch": bounds.epoch,
+    }
+    yield Node(f"{path}/{slug(bounds.stream)}", {"stream": bounds.stream}, table=CLOCK, rows=rows)
+
+
+def taps_nodes(taps: Taps) -> Iterator[Node]:
+    rows = {"physical_s": taps.physical_s, "registered_s": taps.registered_s, "down": taps.down}
+    yield Node("taps", table=TAPS, rows=rows)
+    yield Node("taps/rejected", counts=taps.rejected)
+
+
+def log_nodes(path: str, entries: Iterable[LogEntry]) -> Iterator[Node]:
+    rows = [
+        (entry.t_s, entry.level, entry.source, part, text)
+        for entry in entries
+        for part, text in enumerate(cut_text(entry.text, TEXT_BYTES))
+    ]
+    if rows:
+        t_s, level, source, part, text = zip(*rows, strict=True)
+        by_name = {column.name: column for column in LOG.columns}
+        columns: dict[str, NDArray[Any]] = {
+            "time_s": np.array(t_s, np.float64),
+            "level": encode(by_name["level"], level),
+            "source": encode(by_name["source"], source),
+            "part": np.array(part, np.int64),
+            "text": encode(by_name["text"], text),
+        }
+        yield Node(path, table=LOG, rows=columns)
+
+
+def header_nodes(session: Session) -> Iterator[Node]:
+    """Everything about a session that is known before its first run."""
+    root: dict[str, Value] = {
+        "schema": SCHEMA,
+        "schema_version": VERSION,
+        "name": session.name,
+        "started_utc": session.started_utc,
+        "clock": session.clock,
+        "software": session.software,
+    }
+    root |= _known(seed=_seed(session.seed), started_s=_float(session.started_s))
+    texts = {"protocol_toml": session.protocol_toml} if session.protocol_toml else {}
+    yield Node("", root, texts=texts)
+    screen = session.screen
+    yield Node(
+        "screen",
+        {
+            "name": screen.name,
+            "width_mm": float(screen.width_mm),
+            "height_mm": float(screen.height_mm),
+            "width_px": int(screen.width_px),
+            "height_px": int(screen.height_px),
+        },
+    )
+    yield Node("stylus", {"name": session.stylus.name, "diameter_mm": float(session.stylus.diameter_mm)})
+    if session.beam is not None:
+        beam = session.beam
+        yield Node("beam", {"slope": float(beam.slope), "intercept_mm": float(beam.intercept_mm)})
+    yield Node("devices", dict(session.devices))
+    for bounds in session.clocks:
+        yield from clock_nodes("clocks", bounds)
+    if session.taps is not None:
+        yield from taps_nodes(session.taps)
+    yield from log_nodes("notes", session.notes)
+    yield Node("runs")
+
+
+def run_nodes(run: Run, outcome: str) -> Iterator[Node]:
+    """One run with all that it already holds; ``outcome`` is "recording" while it goes on."""
+    path = f"runs/{check_run_id(run.id, 'session')}"
+    attrs: dict[str, Value] = {
+        "protocol": run.protocol,
+        "start_s": float(run.start_s),
+        "duration_s": float(run.duration_s),
+        "outcome": outcome,
+    }
+    optional = _known(
+        nominal_speed_mm_s=_float(run.nominal_speed_mm_s), radius_mm=_float(run.radius_mm), seed=_seed(run.seed)
+    )
+    yield Node(path, {**attrs, **optional})
+    yield Node(f"{path}/target", dict(run.target))
+    yield from touch_nodes(f"{path}/touch", run.touch)
+    yield from axes_nodes(f"{path}/touch", run.touch)
+    yield from laser_nodes(f"{path}/laser", run.laser)
+    if run.display is not None:
+        yield from display_nodes(f"{path}/display", run.display)
+    for bounds in run.sync:
+        yield from clock_nodes(f"{path}/sync", bounds)
+    yield from log_nodes(f"{path}/log", run.log)
+
+
+def session_nodes(session: Session) -> Iterator[Node]:
+    """A whole session, header first."""
+    yield from header_nodes(session)
+    for run in session.runs:
+        yield from run_nodes(run, run.outcome)
+
+
+def _known(**values: Value | None) -> dict[str, Value]:
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _float(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _seed(seed: int | None) -> int | str | None:
+    """Seeds may be longer than 64 bits: those become text."""
+    return seed if seed is None or -(2**63) <= seed < 2**63 else str(seed)

@@ -1,0 +1,134 @@
+"""A session file against its schema, and its contents against sense."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.recording import OUTCOMES, PROTOCOLS, FloatArray, Run, Session
+from draglag.store.checksum import raw_checksum
+from draglag.store.read import read_v1
+from draglag.store.safely import check_schema, open_hdf5, short, tree_problems
+
+
+@dataclass(frozen=True)
+class Finding:
+    """``level``: "error" (the file is not what it should be) | "warning" (readable, look before use)."""
+
+    level: str
+    where: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.level}: {self.where}: {self.text}"
+
+
+def verify(path: Path | str) -> list[Finding]:
+    """Everything that is wrong with a session file; empty when nothing is. Never raises for what is in the file."""
+    path = Path(path)
+    findings: list[Finding] = []
+    try:
+        with open_hdf5(path) as file:
+            check_schema(file, path)
+            findings += [Finding("error", f"/{name}", problem) for name, problem in tree_problems(file)]
+            if not findings:
+                findings += _layout(file)
+                findings += _checksums(file)
+                findings += check_session(read_v1(file))
+    except DataError as error:
+        findings.append(Finding("error", str(path), str(error)))
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError) as error:
+        findings.append(Finding("error", str(path), f"is damaged ({short(error)})"))
+    return findings
+
+
+def _layout(file: Any) -> list[Finding]:
+    findings: list[Finding] = []
+
+    def look(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset):
+            return
+        if "units" not in item.attrs:
+            findings.append(Finding("error", f"/{name}", "has no units"))
+        if item.ndim == 1 and not item.is_scale and not len(item.dims[0]):
+            findings.append(Finding("error", f"/{name}", "has no dimension scale"))
+
+    file.visititems(look)
+    return findings
+
+
+def _checksums(file: Any) -> list[Finding]:
+    now = raw_checksum(file)
+    if "raw_sha256" not in file.attrs:
+        return [Finding("warning", "/", "was never closed: the recording was cut off")]
+    findings = []
+    if _text(file.attrs["raw_sha256"]) != now:
+        findings.append(Finding("error", "/", "the raw data were changed after recording"))
+    for name, group in file["analysis"].items() if "analysis" in file else ():
+        if _text(group.attrs.get("input_sha256", "")) != now:
+            findings.append(Finding("warning", f"/analysis/{name}", "was made from other raw data"))
+    return findings
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def check_session(session: Session) -> list[Finding]:
+    """What a reader of the raw data should know before using them."""
+    findings: list[Finding] = []
+    screen = session.screen
+    if not (screen.width_mm > 0 and screen.height_mm > 0 and screen.width_px > 0 and screen.height_px > 0):
+        findings.append(Finding("error", "screen", "its size is not positive"))
+    if not session.stylus.diameter_mm > 0:
+        findings.append(Finding("error", "stylus", "its diameter is not positive"))
+    if not session.runs:
+        findings.append(Finding("warning", "runs", "the session has no run"))
+    for run in session.runs:
+        findings += [Finding(level, run.id, text) for level, text in _run(run, session)]
+    return findings
+
+
+def _run(run: Run, session: Session) -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    if run.protocol not in PROTOCOLS:
+        found.append(("warning", f"unknown protocol “{run.protocol}”"))
+    if run.outcome not in OUTCOMES:
+        found.append(("warning", f"unknown outcome “{run.outcome}”"))
+    elif run.outcome != "complete":
+        found.append(("warning", f"ended as “{run.outcome}”"))
+    touch, laser = run.touch, run.laser
+    found += _times("touch", touch.t_s)
+    found += _times("laser", laser.t_s)
+    if not (np.isfinite(touch.x_mm).all() and np.isfinite(touch.y_mm).all()):
+        found.append(("error", "touch positions are not all finite"))
+    screen = session.screen
+    outside = (touch.x_mm < -1) | (touch.x_mm > screen.width_mm + 1)
+    outside |= (touch.y_mm < -1) | (touch.y_mm > screen.height_mm + 1)
+    if outside.any():
+        found.append(("warning", f"{int(outside.sum())} touch events lie outside the screen"))
+    if touch.dropped or len(touch.gaps_s):
+        found.append(("warning", f"touch: {touch.dropped} events dropped, {len(touch.gaps_s)} gaps"))
+    if laser.missed or len(laser.gaps_s):
+        found.append(("warning", f"laser: {laser.missed} edges missed, {len(laser.gaps_s)} gaps"))
+    if not np.isin(laser.light, (0, 1)).all():
+        found.append(("error", "laser levels other than 0 and 1"))
+    return found
+
+
+def _times(stream: str, t_s: FloatArray) -> list[tuple[str, str]]:
+    if not len(t_s):
+        return [("warning", f"the {stream} stream is empty")]
+    if not np.isfinite(t_s).all():
+        return [("error", f"{stream} times are not all finite")]
+    steps = np.diff(t_s)
+    if (steps < 0).any():
+        return [("error", f"{stream} times go back {int((steps < 0).sum())} times")]
+    if (steps == 0).any():
+        return [("warning", f"{int((steps == 0).sum())} {stream} times come twice")]
+    return []
