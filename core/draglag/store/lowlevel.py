@@ -75,7 +75,7 @@ def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> N
     scale = group[table.scale.name]
     before = scale.shape[0]
     for column in table.columns:
-        values = rows.get(column.name, ())
+        values = rows.get(column.name, np.empty(0))
         if column.name not in group:
             if not len(values):
                 continue
@@ -84,10 +84,15 @@ def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> N
             raise ValueError(f"{group.name}/{column.name}: {len(values)} rows beside {total}")
         dataset = group[column.name]
         dataset.resize((before + total,))
-        dataset[before:] = values if len(values) else np.full(total, column.fill)
+        dataset[before:] = _as_stored(values if len(values) else np.full(total, column.fill), dataset)
     counted = np.arange(before, before + total)
     scale.resize((before + total,))
     scale[before:] = counted if table.scale.kind == "i" else rows[table.scale.name]
+
+
+def _as_stored(values: NDArray[Any], dataset: Any) -> NDArray[Any]:
+    """HDF5 tells UTF-8 from ASCII by type: bytes must say which they are."""
+    return values.astype(dataset.dtype) if values.dtype.kind == "S" else values
 
 
 def put_node(file: Any, node: Node, start: str = "") -> None:

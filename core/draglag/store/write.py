@@ -33,6 +33,7 @@ from draglag.recording import (
 from draglag.store import schema
 from draglag.store.checksum import raw_checksum
 from draglag.store.lowlevel import put_attrs, put_node
+from draglag.store.safely import read_attr
 
 PARTIAL = ".partial"
 RECORDING = "recording"
@@ -65,10 +66,15 @@ class SessionWriter:
                 f"{self.partial}: cannot be made ({_reason(error)})", "Choose a folder you may write"
             ) from error
         _write_metadata_only_in_flush(self._file)
-        self._put(schema.header_nodes(header))
-        for run in header.runs:
-            self._add_run(run, run.outcome)
-        self.flush()
+        try:
+            self._put(schema.header_nodes(header))
+            for run in header.runs:
+                self._add_run(run, run.outcome)
+            self.flush()
+        except BaseException:
+            self.abandon()
+            self.partial.unlink()  # made a moment ago, and nothing was recorded yet
+            raise
 
     def __enter__(self) -> SessionWriter:
         return self
@@ -173,10 +179,17 @@ class SessionWriter:
 
     def _put(self, nodes: Iterable[schema.Node]) -> None:
         try:
-            for node in nodes:
+            for node in map(self._apart, nodes):
                 put_node(self._file, node, self._start(node))
         except (OSError, RuntimeError) as error:
             raise self._unwritable(error) from error
+
+    def _apart(self, node: schema.Node) -> schema.Node:
+        """Two streams whose names read the same as group names get a group each."""
+        stream, path, number = node.attrs.get("stream"), node.path, 2
+        while stream is not None and path in self._file and read_attr(self._file[path], "stream") != stream:
+            path, number = f"{node.path}-{number}", number + 1
+        return replace(node, path=path)
 
     def _start(self, node: schema.Node) -> str:
         """UTC at which the host's clock read zero, which is what ``time`` counts from."""
@@ -205,10 +218,8 @@ class SessionWriter:
 def write_session(session: Session, path: Path | str) -> Path:
     """Write a whole session. Raises DataError; never overwrites."""
     path = Path(path)
-    writer = SessionWriter(path, replace(session, runs=()))
+    writer = SessionWriter(path, session)
     try:
-        for run in session.runs:
-            writer._add_run(run, run.outcome)
         return writer.close()
     except BaseException:
         writer.abandon()
@@ -263,9 +274,9 @@ def _write_metadata_only_in_flush(file: Any) -> None:
 
 def _merged(nodes: Iterable[schema.Node]) -> list[schema.Node]:
     """Many small batches as few large ones: one write a column and flush."""
-    merged: dict[str, list[schema.Node]] = {}
+    merged: dict[tuple[str, schema.Value | None], list[schema.Node]] = {}
     for node in nodes:
-        merged.setdefault(node.path, []).append(node)
+        merged.setdefault((node.path, node.attrs.get("stream")), []).append(node)
     return [_join(same) for same in merged.values()]
 
 
