@@ -1,0 +1,122 @@
+"""A whole session, from the first target to the closed file."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import draglag
+from draglag.errors import DataError, DraglagError
+from draglag.protocols import Protocol, expand
+from draglag.recording import LogEntry, Session
+from draglag.store.write import SessionWriter
+from draglag_app.session import events
+from draglag_app.session.conductor import RUN_ROLES, TAP_ROLES, Conductor
+from draglag_app.session.control import Control
+from draglag_app.session.display import Display
+from draglag_app.session.options import SessionOptions
+from draglag_app.session.readers import open_all
+from draglag_app.session.recorder import Recorder
+from draglag_devices.rig import Rig
+from draglag_devices.source import DeviceError, SourceInfo
+
+
+def run_session(
+    protocol: Protocol,
+    rig: Rig,
+    display: Display,
+    out: Path,
+    options: SessionOptions,
+    listener: events.Listener = lambda event: None,
+    control: Control | None = None,
+) -> Path:
+    """Record a protocol into a new session file. Blocks until the file is closed.
+
+    Args:
+        rig: sources (not yet open) and their stage; sources with the roles "touch" and "laser" are needed for
+            runs, "touch" and "walt" for taps.
+        listener: told of everything (see ``events``), from two threads.
+        control: requests from other threads.
+
+    Returns the path of the file. When a device is lost or the operator stops, the file is whole, holds what was
+    recorded, and ``SessionFinished.problem`` says what happened.
+
+    Raises:
+        OpenFaults: sources that could not be opened, all at once; nothing was written.
+        DataError: the file exists or cannot be written (what was flushed is in the ``.partial`` file), or a
+            target does not fit the screen.
+    """
+    plan = expand(protocol, options.screen, options.seed, beam=options.beam)
+    roles = {source.role for source in rig.sources}
+    _check_roles(protocol, roles)
+    if out.exists():
+        raise DataError(f"{out}: exists already and is not overwritten", "Choose another name")
+    infos = open_all(rig.sources)
+    writer = None
+    try:
+        for info in infos.values():
+            listener(events.DeviceOpened(info.role, info.address, info.description))
+        writer = SessionWriter(out, _header(protocol, rig, options, infos))
+    finally:
+        if writer is None:
+            for source in rig.sources:
+                source.close()
+    recorder = Recorder(rig.sources, writer, listener)
+    conductor = Conductor(protocol, rig, display, out, options, listener, control or Control(), recorder)
+    conductor.axes = infos["touch"].axes if "touch" in infos else ()
+    finished = False
+    try:
+        recorder.start()
+        conductor.everything(plan)
+        finished = True
+    finally:
+        rig.stage.stop()
+        recorder.stop()
+        display.hide()
+        if not finished or recorder.saver.failure is not None:
+            _abandon(writer, listener)
+    failure = recorder.saver.failure
+    if failure is not None:
+        listener(events.SessionFinished(writer.partial, str(failure)))
+        raise failure
+    path = writer.close()
+    listener(events.SessionFinished(path, conductor.problem))
+    return path
+
+
+def _abandon(writer: SessionWriter, listener: events.Listener) -> None:
+    try:
+        writer.abandon()
+    except DraglagError as error:
+        listener(events.NoticeRaised(0.0, "error", "file", str(error)))
+
+
+def _check_roles(protocol: Protocol, roles: set[str]) -> None:
+    needed = set(RUN_ROLES if protocol.runs else ()) | set(TAP_ROLES if protocol.taps and not protocol.runs else ())
+    missing = [role for role in ("touch", "laser", "walt") if role in needed - roles]
+    if missing:
+        raise DeviceError(
+            f"protocol '{protocol.name}'",
+            f"needs a {' and a '.join(missing)} source",
+            "add " + " ".join(f"--{role} ADDRESS" for role in missing),
+        )
+
+
+def _header(protocol: Protocol, rig: Rig, options: SessionOptions, infos: dict[str, SourceInfo]) -> Session:
+    now_s = rig.stage.time_base.now()
+    notes = (LogEntry(now_s, "note", "operator", options.note),) if options.note else ()
+    return Session(
+        name=options.name or f"{protocol.name} on {options.screen.name}",
+        screen=options.screen,
+        stylus=options.stylus,
+        runs=(),
+        beam=options.beam,
+        started_utc=datetime.now(UTC).isoformat(timespec="microseconds"),
+        started_s=now_s,
+        clock="host CLOCK_MONOTONIC, seconds" if rig.stage.time_base.realtime else "simulated clock, seconds",
+        notes=notes,
+        protocol_toml=protocol.source,
+        seed=protocol.seed if options.seed is None else options.seed,
+        devices={role: f"{info.address} · {info.description}" for role, info in infos.items()},
+        software=f"draglag {draglag.__version__}",
+    )

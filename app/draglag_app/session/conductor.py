@@ -1,0 +1,309 @@
+"""The session's own thread: leads through the protocol, hears the operator, watches devices and disk."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from draglag.errors import DraglagError
+from draglag.protocols import PlannedRun, Protocol
+from draglag.recording import AxisInfo, LogEntry, Run, empty_laser, empty_touch
+from draglag.store.write import PARTIAL
+from draglag.targets import Tap
+from draglag_app.session import events
+from draglag_app.session.control import Control
+from draglag_app.session.display import Display
+from draglag_app.session.machine import RunState, Signal, advance
+from draglag_app.session.options import SessionOptions
+from draglag_app.session.recorder import Recorder
+from draglag_devices.rig import Rig
+
+# Touch events and edges later than this after the target's end belong to something else.
+TAIL_S = 0.5
+# Simulated time is advanced in steps, so that nobody runs far ahead and requests are heard in between.
+_STEP_S = 1.0
+_TICK_S = 0.05
+_STUCK_S = 30.0
+_DRAIN_S = 3.0
+_DISK_EVERY_S = 5.0
+_DISK_LOW = 200_000_000
+
+RUN_ROLES = ("touch", "laser")
+TAP_ROLES = ("touch", "walt")
+
+
+class Conductor:
+    """The session's own thread: leads through the protocol and hears the operator."""
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        rig: Rig,
+        display: Display,
+        out: Path,
+        options: SessionOptions,
+        listener: events.Listener,
+        control: Control,
+        recorder: Recorder,
+    ) -> None:
+        self._protocol = protocol
+        self._stage = rig.stage
+        self._time = rig.stage.time_base
+        self._roles = tuple(source.role for source in rig.sources)
+        self._display = display
+        self._out = out
+        self._options = options
+        self._tell = listener
+        self._control = control
+        self._saver = recorder.saver
+        self._disk_looked = -np.inf
+        self._disk_warned = False
+        self.axes: tuple[AxisInfo, ...] = ()
+        self.problem = ""
+
+    def everything(self, plan: tuple[PlannedRun, ...]) -> None:
+        """Clock check, taps, runs, taps, clock check, with rests between."""
+        steps: list[Callable[[], None]] = []
+        taps, check = self._protocol.taps, self._protocol.clock_check
+        if check is not None:
+            steps.append(lambda: self._clock_check(check.duration_s))
+        if taps is not None and taps.when in ("start", "both"):
+            steps.append(lambda: self._taps(taps.count, taps.interval_s))
+        steps += [partial(self._with_repeats, planned, number, len(plan)) for number, planned in enumerate(plan, 1)]
+        if taps is not None and taps.when in ("end", "both"):
+            steps.append(lambda: self._taps(taps.count, taps.interval_s))
+        if check is not None:
+            steps.append(lambda: self._clock_check(check.duration_s))
+        for k, step in enumerate(steps):
+            if k and not self._rest():
+                break
+            step()
+            if self._over():
+                break
+
+    def _over(self) -> bool:
+        """Whether the session cannot or shall not go on; ``problem`` then says why."""
+        if self._saver.failure is not None:
+            self.problem = str(self._saver.failure)
+        elif self._control.stopping:
+            self.problem = "Stopped by the operator."
+        elif "touch" in self._saver.lost:
+            self.problem = str(self._saver.lost["touch"])
+        elif self._saver.lost and not self.problem:
+            self.problem = " ".join(str(error) for error in self._saver.lost.values())
+        hopeless = self._saver.failure is not None or self._control.stopping or "touch" in self._saver.lost
+        return hopeless
+
+    # --- runs -----------------------------------------------------------------------------------------------
+
+    def _with_repeats(self, planned: PlannedRun, number: int, count: int) -> None:
+        if "laser" in self._saver.lost:
+            return
+        self._run(planned, planned.id, number, count)
+        attempt = 2
+        while self._control.take_repeat() and not self._over() and self._rest():
+            self._run(planned, f"{planned.id}-{attempt}", number, count)
+            attempt += 1
+
+    def _run(self, planned: PlannedRun, run_id: str, number: int, count: int) -> None:
+        state = RunState()
+
+        def go(signal: Signal, remaining_s: float = 0.0) -> None:
+            nonlocal state
+            state = advance(state, signal)
+            self._tell(events.StateChanged(run_id, state.phase, remaining_s, number, count))
+
+        self._control.take_abort()
+        go(Signal.PREPARE)
+        start_s = round(self._time.now() + self._options.countdown_s, 6)
+        end_s = start_s + planned.duration_s
+        signal = self._prepare(planned, run_id, start_s)
+        if signal is None:
+            go(Signal.READY, self._options.countdown_s)
+            signal = self._pass_time(start_s, RUN_ROLES)
+        if signal is None:
+            go(Signal.TARGET_MOVES, planned.duration_s)
+            self._tell(events.RunStarted(run_id, planned, start_s))
+            signal = self._pass_time(end_s, RUN_ROLES, frames=True)
+        if signal is not None:
+            # The target is gone: what the hand would have done next never happens.
+            end_s = min(max(self._time.now(), start_s), end_s)
+            self._stage.stop()
+            self._saver.call(lambda: self._saver.cut_run(end_s))
+        go(signal or Signal.TARGET_DONE)
+        self._display.hide()
+        if signal is None:
+            signal = self._drain(end_s + TAIL_S)
+            if signal is not None:
+                go(signal)
+        run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
+        if self._saver.failure is not None:
+            go(Signal.FAILURE)
+        go(Signal.DRAINED)
+        if run is None:
+            run = self._empty_run(planned, run_id, start_s)
+        outcome = state.outcome or "failed"
+        self._tell(events.RunFinished(replace(run, outcome=outcome), outcome))
+
+    def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
+        self._display.prompt(f"{run_id}: follow the target")
+        self._display.show(planned.target, start_s)
+        self._look_at_disk(force=True)
+        run = self._empty_run(planned, run_id, start_s)
+        try:
+            self._saver.call(lambda: self._saver.begin_run(run, start_s + planned.duration_s + TAIL_S))
+            if planned.note:
+                self._log("info", "protocol", planned.note)
+            if planned.practice:
+                self._log("info", "protocol", "practice")
+        except DraglagError:
+            return Signal.FAILURE
+        self._stage.begin_run(planned, start_s, run_id)
+        return None
+
+    def _empty_run(self, planned: PlannedRun, run_id: str, start_s: float) -> Run:
+        return Run(
+            id=run_id,
+            protocol=planned.kind,
+            start_s=start_s,
+            duration_s=planned.duration_s,
+            touch=replace(empty_touch(), axes=self.axes),
+            laser=empty_laser(),
+            nominal_speed_mm_s=planned.nominal_speed_mm_s,
+            radius_mm=planned.radius_mm,
+            target=planned.target.parameters(),
+            seed=self._protocol.seed if self._options.seed is None else self._options.seed,
+        )
+
+    # --- taps, clocks, rests --------------------------------------------------------------------------------
+
+    def _taps(self, count: int, interval_s: float) -> None:
+        missing = [role for role in TAP_ROLES if role not in self._roles or role in self._saver.lost]
+        if missing:
+            self._log("warning", "protocol", f"taps were left out: there is no {' and no '.join(missing)} source")
+            return
+        screen = self._options.screen
+        tap = Tap(screen.width_mm / 2, screen.height_mm / 2, count, interval_s)
+        start_s = self._time.now() + self._options.countdown_s
+        already = self._saver.tap_count
+        self._control.take_abort()
+        self._display.prompt(f"Tap the spot {count} times")
+        self._display.show(tap, start_s)
+        self._saver.call(self._saver.begin_taps)
+        self._stage.begin_taps(tap, start_s)
+        # A person may need longer than planned; whoever taps in time is done when the last tap was paired.
+        patience_s = tap.duration_s * (2.0 if self._time.realtime else 1.0) + 1.0
+        self._pass_time(
+            start_s + patience_s,
+            TAP_ROLES,
+            until=lambda: self._time.realtime and self._saver.tap_count - already >= count,
+        )
+        self._drain(self._time.now(), TAP_ROLES)
+        with suppress(DraglagError):  # the saver keeps the failure; the session ends because of it
+            self._saver.call(self._saver.end_taps)
+        self._stage.stop()
+        self._display.hide()
+
+    def _clock_check(self, duration_s: float) -> None:
+        self._control.take_abort()
+        self._display.prompt("Comparing clocks: leave the screen alone")
+        self._pass_time(self._time.now() + duration_s, ())
+        self._display.prompt("")
+
+    def _rest(self) -> bool:
+        """Pause before the next step. False if the session is to end."""
+        self._control.take_abort()
+        self._display.prompt("Rest")
+        patience_s = self._protocol.rest_s if self._control.auto else np.inf
+        self._pass_time(self._time.now() + patience_s, (), until=self._control.take_proceed)
+        return not self._over()
+
+    # --- time -----------------------------------------------------------------------------------------------
+
+    def _pass_time(
+        self,
+        until_s: float,
+        roles: tuple[str, ...],
+        *,
+        frames: bool = False,
+        until: Callable[[], bool] = lambda: False,
+    ) -> Signal | None:
+        """Let time pass up to ``until_s`` or until ``until()``; a signal says that something ended it early."""
+        while True:
+            signal = self._look(roles)
+            if signal is not None:
+                return signal
+            now_s = self._time.now()
+            if frames:
+                trace = self._display.frames(min(now_s, until_s))
+                try:
+                    self._saver.call(partial(self._saver.append_display, trace))
+                except DraglagError:
+                    return Signal.FAILURE
+            if now_s >= until_s or until():
+                return None
+            if self._time.realtime:
+                self._control.wait(min(_TICK_S, until_s - now_s))
+            else:
+                step_s = min(now_s + _STEP_S, until_s)
+                if not np.isfinite(step_s):
+                    self._control.wait(_TICK_S)
+                    continue
+                self._time.advance_to(step_s)
+                for role in self._saver.wait_past(step_s, self._roles, _STUCK_S):
+                    self._saver.call(partial(self._saver.give_up, role))
+
+    def _look(self, roles: tuple[str, ...]) -> Signal | None:
+        """Operator, devices, disk."""
+        for text in self._control.take_notes():
+            self._log("note", "operator", text)
+        self._look_at_disk()
+        if self._saver.failure is not None:
+            return Signal.FAILURE
+        if any(role in self._saver.lost for role in roles):
+            return Signal.DEVICE_LOST
+        if self._control.aborting:
+            return Signal.ABORT
+        return None
+
+    def _drain(self, until_s: float, roles: tuple[str, ...] = RUN_ROLES) -> Signal | None:
+        """Wait until what belongs to the run has been reported and saved."""
+        self._time.advance_to(until_s)
+        patience_s = _STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
+        late = self._saver.wait_past(until_s, roles, patience_s)
+        for role in late:
+            self._log("warning", role, f"{role} did not report up to the end of the run")
+        if self._saver.failure is not None:
+            return Signal.FAILURE
+        return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
+
+    def _look_at_disk(self, force: bool = False) -> None:
+        if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:
+            return
+        self._disk_looked = time.monotonic()
+        folder = self._out.absolute().parent
+        growing = self._out.with_name(self._out.name + PARTIAL)
+        try:
+            free, size = shutil.disk_usage(folder).free, growing.stat().st_size
+        except OSError:
+            return  # the writer meets the same trouble and says so
+        self._tell(events.DiskStatus(free, size))
+        if free < _DISK_LOW and not self._disk_warned:
+            self._disk_warned = True
+            self._log("warning", "disk", f"only {free // 1_000_000} MB are free in {folder}: make room")
+
+    def _log(self, level: str, source: str, text: str) -> None:
+        entry = LogEntry(self._time.now(), level, source, text)
+        try:
+            self._saver.call(lambda: self._saver.log(entry))
+        except DraglagError:
+            return  # the saver keeps the failure
+        if level != "note":
+            self._tell(events.NoticeRaised(entry.t_s, level, source, text))

@@ -1,0 +1,93 @@
+"""What the operator may ask of a running session, from another thread."""
+
+from __future__ import annotations
+
+import threading
+
+
+class Control:
+    """Requests that the session looks at several times a second. Thread-safe.
+
+    Args:
+        auto: begin each run by itself after the rest; False waits for ``proceed()`` before every run.
+    """
+
+    def __init__(self, auto: bool = True) -> None:
+        self._changed = threading.Condition()
+        self._auto = auto
+        self._stop = False
+        self._abort = False
+        self._repeat = False
+        self._proceed = False
+        self._notes: list[str] = []
+
+    def stop(self) -> None:
+        """End the session: the present run is aborted, the file is closed."""
+        with self._changed:
+            self._stop = self._abort = True
+            self._changed.notify_all()
+
+    def abort_run(self) -> None:
+        """End the present run; what it recorded is kept, marked as aborted."""
+        with self._changed:
+            self._abort = True
+            self._changed.notify_all()
+
+    def repeat_run(self) -> None:
+        """Record the present run (or the one just ended) once more, under an id of its own."""
+        with self._changed:
+            self._repeat = True
+            self._changed.notify_all()
+
+    def proceed(self) -> None:
+        """Begin the next run now, without waiting for the rest to end."""
+        with self._changed:
+            self._proceed = True
+            self._changed.notify_all()
+
+    def note(self, text: str) -> None:
+        """Words for the file, stamped with the present time."""
+        with self._changed:
+            self._notes.append(text)
+            self._changed.notify_all()
+
+    @property
+    def auto(self) -> bool:
+        return self._auto
+
+    @property
+    def stopping(self) -> bool:
+        with self._changed:
+            return self._stop
+
+    @property
+    def aborting(self) -> bool:
+        """Whether the present run shall end."""
+        with self._changed:
+            return self._abort
+
+    def take_abort(self) -> bool:
+        """Whether an abort was asked for; forgets it, unless the whole session is to stop."""
+        with self._changed:
+            asked, self._abort = self._abort, self._stop
+            return asked
+
+    def take_repeat(self) -> bool:
+        with self._changed:
+            asked, self._repeat = self._repeat, False
+            return asked
+
+    def take_proceed(self) -> bool:
+        with self._changed:
+            asked, self._proceed = self._proceed, False
+            return asked
+
+    def take_notes(self) -> list[str]:
+        with self._changed:
+            notes, self._notes = self._notes, []
+            return notes
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for any request, at most so long."""
+        with self._changed:
+            self._changed.wait(timeout_s)

@@ -1,0 +1,57 @@
+"""Samples cut to a run, and thinned for live plots."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from draglag.recording import LaserTrace, TouchTrace, empty_laser, empty_touch
+from draglag_app.session.events import SamplesArrived
+from draglag_devices.source import Batch
+
+PLOT_POINTS = 200
+_Trace = TypeVar("_Trace", TouchTrace, LaserTrace)
+
+
+def within(trace: _Trace, from_s: float, to_s: float) -> _Trace:
+    """The samples stamped ``from_s`` to ``to_s``, both included, and the gaps that touch that time."""
+    keep = (trace.t_s >= from_s) & (trace.t_s <= to_s)
+    gaps = trace.gaps_s
+    if len(gaps):
+        gaps = gaps[(gaps[:, 1] >= from_s) & (gaps[:, 0] <= to_s)]
+    if keep.all():
+        return replace(trace, gaps_s=gaps)
+    changed: dict[str, Any] = {}
+    for spec in fields(trace):
+        value = getattr(trace, spec.name)
+        if spec.name != "gaps_s" and isinstance(value, np.ndarray) and len(value) == len(keep):
+            changed[spec.name] = value[keep]
+    return replace(trace, gaps_s=gaps, **changed)
+
+
+def digest(role: str, run_id: str, batch: Batch, lost: int) -> SamplesArrived | None:
+    """What a live plot needs of a batch; None where nothing came."""
+    touch = batch.touch if batch.touch is not None else empty_touch()
+    laser = batch.laser if batch.laser is not None else empty_laser()
+    count = len(touch.t_s) + len(laser.t_s)
+    if count == 0:
+        return None
+    t_s = touch.t_s if len(touch.t_s) else laser.t_s
+    span_s = float(t_s[-1] - t_s[0])
+    step = max(1, -(-len(touch.t_s) // PLOT_POINTS))
+    return SamplesArrived(
+        role,
+        run_id,
+        batch.until_s,
+        touch.t_s[::step],
+        touch.x_mm[::step],
+        touch.y_mm[::step],
+        laser.t_s[-PLOT_POINTS:],
+        laser.light[-PLOT_POINTS:],
+        count,
+        (len(t_s) - 1) / span_s if span_s > 0 else 0.0,
+        batch.until_s - float(t_s[-1]),
+        lost,
+    )

@@ -1,0 +1,133 @@
+"""What a session tells whoever listens. Events about data are told after the data were appended to the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from draglag.protocols import PlannedRun
+from draglag.recording import FloatArray, IntArray, Run
+from draglag_app.session.machine import Phase
+
+
+def _floats() -> FloatArray:
+    return np.empty(0)
+
+
+@dataclass(frozen=True)
+class DeviceOpened:
+    role: str
+    address: str
+    description: str
+
+
+@dataclass(frozen=True)
+class StateChanged:
+    """A run moved on. ``remaining_s`` counts down to the target's start in "countdown", else to its end."""
+
+    run_id: str
+    phase: Phase
+    remaining_s: float = 0.0
+    run_number: int = 0
+    run_count: int = 0
+
+
+@dataclass(frozen=True)
+class RunStarted:
+    run_id: str
+    planned: PlannedRun
+    start_s: float
+
+
+@dataclass(frozen=True)
+class RunFinished:
+    """A run is in the file, whole, with its one outcome. ``run`` is what was recorded."""
+
+    run: Run
+    outcome: str
+
+
+@dataclass(frozen=True)
+class SamplesArrived:
+    """A digest of samples for live plots; at most a few hundred points.
+
+    Attributes:
+        run_id: the run they were saved in; empty between runs, when they are shown and not kept.
+        t_s, x_mm, y_mm: (n,) decimated touch events. edge_s, light: (m,) edges.
+        count: samples in all, before decimation. rate_hz: of this batch, 0 where it cannot be told.
+        age_s: how old the newest sample was when it was read.
+        lost: samples known to be lost since the session began.
+    """
+
+    role: str
+    run_id: str
+    until_s: float
+    t_s: FloatArray
+    x_mm: FloatArray
+    y_mm: FloatArray
+    edge_s: FloatArray
+    light: IntArray
+    count: int
+    rate_hz: float
+    age_s: float
+    lost: int
+
+
+@dataclass(frozen=True)
+class TapsArrived:
+    """Pairs of tap and registered event, saved. ``rejected``: so far, by reason."""
+
+    down: int
+    release: int
+    rejected: int
+
+
+@dataclass(frozen=True)
+class DeviceFault:
+    """A device is lost for good. One plain sentence and what to do."""
+
+    role: str
+    address: str
+    problem: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class NoticeRaised:
+    t_s: float
+    level: str  # "info" | "warning" | "error"
+    source: str
+    text: str
+
+
+@dataclass(frozen=True)
+class DiskStatus:
+    free_bytes: int
+    file_bytes: int
+
+
+@dataclass(frozen=True)
+class SessionFinished:
+    """The file is closed. ``problem`` is empty when all that was planned was recorded."""
+
+    path: Path
+    problem: str = ""
+
+
+Event = (
+    DeviceOpened
+    | StateChanged
+    | RunStarted
+    | RunFinished
+    | SamplesArrived
+    | TapsArrived
+    | DeviceFault
+    | NoticeRaised
+    | DiskStatus
+    | SessionFinished
+)
+Listener = Callable[[Event], None]
+"""Called from the session's and the writer's thread; it must return quickly and never raise."""

@@ -1,0 +1,20 @@
+"""What a session is made of beside its protocol and its sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from draglag.recording import Beam, Screen, Stylus
+
+
+@dataclass(frozen=True)
+class SessionOptions:
+    """What a session is made of beside its protocol. ``seed`` None leaves it to the protocol."""
+
+    screen: Screen
+    stylus: Stylus = field(default_factory=lambda: Stylus(7.0))
+    beam: Beam | None = None
+    seed: int | None = None
+    countdown_s: float = 3.0
+    name: str = ""
+    note: str = ""

@@ -1,0 +1,49 @@
+"""The threads of a session: a reader for every source and one that saves."""
+
+from __future__ import annotations
+
+import queue
+import threading
+
+from draglag.store.write import SessionWriter
+from draglag_app.session.events import Listener
+from draglag_app.session.readers import ReaderThread
+from draglag_app.session.saver import Saver
+from draglag_devices.source import Source
+
+QUEUE_BATCHES = 512
+
+
+class Recorder:
+    """Starts the threads over sources that are open, and stops them in order. ``saver`` does the rest."""
+
+    def __init__(
+        self,
+        sources: tuple[Source, ...],
+        writer: SessionWriter,
+        listener: Listener,
+        queue_batches: int = QUEUE_BATCHES,
+    ) -> None:
+        inbox: queue.Queue[object] = queue.Queue(queue_batches)
+        self._inbox = inbox
+        self._sources = sources
+        self._stop_readers = threading.Event()
+        self._readers = [ReaderThread(source, inbox, self._stop_readers) for source in sources]
+        self.saver = Saver(inbox, writer, listener, [source.role for source in sources])
+
+    def start(self) -> None:
+        self.saver.thread.start()
+        for reader in self._readers:
+            reader.start()
+
+    def stop(self) -> None:
+        """Stop reading, save what was read, close the sources. The file stays open for its owner to close."""
+        self._stop_readers.set()
+        for reader in self._readers:
+            if reader.is_alive():
+                reader.join(5.0)
+        if self.saver.thread.is_alive():
+            self._inbox.put(None)
+            self.saver.thread.join(30.0)
+        for source in self._sources:
+            source.close()

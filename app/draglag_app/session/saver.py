@@ -1,0 +1,283 @@
+"""The writer thread: the only one that touches the file. What arrives is saved first and told afterwards."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from draglag.errors import DataError, DraglagError
+from draglag.recording import ClockBounds, DisplayTrace, LaserTrace, LogEntry, Run, TouchTrace, concatenate
+from draglag.store.write import SessionWriter
+from draglag_app.session import events
+from draglag_app.session.digest import digest, within
+from draglag_app.session.readers import Lost, Reported
+from draglag_app.session.taps import TapPairer
+from draglag_devices.source import Batch, DeviceError
+
+# A crash may cost at most 0.5 s of data; live plots follow the flushes.
+FLUSH_S = 0.1
+_T = TypeVar("_T")
+
+
+@dataclass
+class _OpenRun:
+    run: Run
+    to_s: float
+    touch: list[TouchTrace] = field(default_factory=list)
+    laser: list[LaserTrace] = field(default_factory=list)
+    display: list[DisplayTrace] = field(default_factory=list)
+    sync: dict[str, list[ClockBounds]] = field(default_factory=dict)
+    log: list[LogEntry] = field(default_factory=list)
+
+    def assembled(self, outcome: str, duration_s: float) -> Run:
+        empty = self.run
+        return replace(
+            empty,
+            outcome=outcome,
+            duration_s=duration_s,
+            touch=replace(concatenate(self.touch), axes=empty.touch.axes) if self.touch else empty.touch,
+            laser=concatenate(self.laser) if self.laser else empty.laser,
+            display=concatenate(self.display) if self.display else empty.display,
+            sync=tuple(concatenate(parts) for parts in self.sync.values()),
+            log=tuple(self.log),
+        )
+
+
+class Saver:
+    """Takes batches and requests from one queue, in order.
+
+    After a failure to write it takes everything and saves nothing, so that nobody waits for it.
+
+    Attributes:
+        failure: why nothing can be saved any more, or None.
+        lost: role → what became of a source that is gone for good.
+    """
+
+    def __init__(
+        self, inbox: queue.Queue[object], writer: SessionWriter, listener: events.Listener, roles: Iterable[str]
+    ) -> None:
+        self._inbox = inbox
+        self._writer = writer
+        self._listener = listener
+        self._progress = threading.Condition()
+        self._marks = dict.fromkeys(roles, -np.inf)
+        self.lost: dict[str, DeviceError] = {}
+        self.failure: DraglagError | None = None
+        self._run: _OpenRun | None = None
+        self._pairer: TapPairer | None = None
+        self._taps = {"down": 0, "release": 0, "rejected": 0}
+        self._losses: dict[str, int] = {}
+        self._untold: list[events.Event] = []
+        self._flushed = time.monotonic()
+        self.thread = threading.Thread(target=self._work, name="draglag-writer", daemon=True)
+
+    @property
+    def tap_count(self) -> int:
+        """Touches paired and saved so far."""
+        return self._taps["down"]
+
+    def call(self, action: Callable[[], _T]) -> _T:
+        """Run an action in the writer's thread, after what is in the queue. Raises what the action raises."""
+        result: Future[_T] = Future()
+
+        def act() -> None:
+            try:
+                result.set_result(action())
+            except Exception as error:  # it belongs to whoever asked
+                result.set_exception(error)
+
+        self._inbox.put(act)
+        return result.result()
+
+    def behind(self, t_s: float, roles: Iterable[str]) -> list[str]:
+        """Living sources of these roles that have not reported past ``t_s`` yet."""
+        return [role for role in roles if role not in self.lost and self._marks.get(role, np.inf) < t_s]
+
+    def wait_past(self, t_s: float, roles: tuple[str, ...], timeout_s: float) -> list[str]:
+        """Wait until all living sources of these roles are saved past ``t_s``; returns those that are not."""
+        with self._progress:
+            self._progress.wait_for(lambda: not self.behind(t_s, roles) or self.failure is not None, timeout_s)
+            return self.behind(t_s, roles)
+
+    # --- actions: they run in the writer's thread, through ``call`` ------------------------------------------
+
+    def begin_run(self, run: Run, to_s: float) -> None:
+        """Save samples stamped from ``run.start_s`` to ``to_s`` in a new run. Raises DraglagError."""
+        self._save(lambda: self._writer.begin_run(run))
+        self._run = _OpenRun(run, to_s)
+
+    def cut_run(self, to_s: float) -> None:
+        """The run ends earlier than planned."""
+        if self._run is not None:
+            self._run.to_s = min(self._run.to_s, to_s)
+
+    def end_run(self, outcome: str, duration_s: float) -> Run | None:
+        """Close the run; the data are on disk afterwards. Returns what was recorded. Raises DraglagError."""
+        opened, self._run = self._run, None
+        if opened is None:
+            return None
+        run = opened.assembled(outcome, duration_s)
+        if self.failure is not None:
+            return replace(run, outcome="failed")
+        try:
+            self._save(lambda: self._writer.end_run(run.id, outcome, duration_s))
+        except DraglagError:
+            return replace(run, outcome="failed")
+        self._tell()
+        return run
+
+    def append_display(self, trace: DisplayTrace) -> None:
+        opened = self._run
+        if opened is not None and (len(trace.t_s) or trace.missed):
+            self._save(lambda: self._writer.append_display(opened.run.id, trace))
+            opened.display.append(trace)
+
+    def log(self, entry: LogEntry) -> None:
+        """Into the open run's log, or the session's notes."""
+        opened = self._run
+        self._save(lambda: self._writer.append_log(entry, None if opened is None else opened.run.id))
+        if opened is not None:
+            opened.log.append(entry)
+
+    def give_up(self, role: str) -> None:
+        """Treat a source that does not report any more as lost."""
+        error = DeviceError(role, f"the {role} source does not report any more", "check the device")
+        self._take_loss(Lost(role, error))
+
+    def begin_taps(self) -> None:
+        """Pair shocks and contacts from now on."""
+        self._pairer = TapPairer()
+
+    def end_taps(self) -> None:
+        self._pair(np.inf)
+        self._pairer = None
+
+    # --- the thread -----------------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        while True:
+            wait_s = max(0.0, self._flushed + FLUSH_S - time.monotonic())
+            try:
+                item = self._inbox.get(timeout=max(wait_s, 0.005))
+            except queue.Empty:
+                item = self._flush_due
+            try:
+                if item is not None:
+                    self._take(item)
+                self._flush_due(force=item is None)
+            except DraglagError as error:
+                self._fail(error)
+            except Exception as error:  # an unforeseen fault must end the run with an outcome, not the thread
+                self._fail(DataError(f"{self._writer.partial}: cannot be written ({error})"))
+            if item is None:
+                self._tell()
+                return
+
+    def _take(self, item: Any) -> None:
+        if isinstance(item, Reported):
+            try:
+                self._take_batch(item.role, item.batch)
+            finally:
+                with self._progress:
+                    self._marks[item.role] = max(self._marks[item.role], item.batch.until_s)
+                    self._progress.notify_all()
+        elif isinstance(item, Lost):
+            self._take_loss(item)
+        else:
+            item()
+
+    def _take_loss(self, item: Lost) -> None:
+        if item.role in self.lost:
+            return
+        with self._progress:
+            self.lost[item.role] = item.error
+            self._progress.notify_all()
+        error = item.error
+        self._untold.append(events.DeviceFault(item.role, error.source, error.problem, error.remedy))
+        t_s = self._marks[item.role]
+        self.log(LogEntry(t_s if np.isfinite(t_s) else 0.0, "error", item.role, str(error)))
+
+    def _take_batch(self, role: str, batch: Batch) -> None:
+        opened = self._run
+        for notice in batch.notices:
+            self.log(LogEntry(notice.t_s, notice.level, role, notice.text))
+            self._untold.append(events.NoticeRaised(notice.t_s, notice.level, role, notice.text))
+        if batch.clock is not None and len(batch.clock.device_s):
+            self._take_clock(batch.clock, opened)
+        touch, laser = batch.touch, batch.laser
+        if opened is not None and touch is not None:
+            kept = within(touch, opened.run.start_s, opened.to_s)
+            self._save(lambda: self._writer.append_touch(opened.run.id, kept))
+            opened.touch.append(kept)
+        if opened is not None and laser is not None:
+            edges = within(laser, opened.run.start_s, opened.to_s)
+            self._save(lambda: self._writer.append_laser(opened.run.id, edges))
+            opened.laser.append(edges)
+        if self._pairer is not None:
+            self._pairer.add(batch.taps, batch.contacts)
+            self._marks[role] = max(self._marks[role], batch.until_s)
+            self._pair(min((self._marks[r] for r in ("touch", "walt") if r in self._marks), default=np.inf))
+        lost = (0 if touch is None else touch.dropped) + (0 if laser is None else laser.missed)
+        self._losses[role] = self._losses.get(role, 0) + lost
+        seen = digest(role, "" if opened is None else opened.run.id, batch, self._losses[role])
+        if seen is not None:
+            self._untold.append(seen)
+
+    def _take_clock(self, bounds: ClockBounds, opened: _OpenRun | None) -> None:
+        run_id = None if opened is None else opened.run.id
+        self._save(lambda: self._writer.append_clock(bounds, run_id))
+        if opened is not None:
+            opened.sync.setdefault(bounds.stream, []).append(bounds)
+
+    def _pair(self, until_s: float) -> None:
+        if self._pairer is None:
+            return
+        taps = self._pairer.take(until_s)
+        if len(taps.physical_s) == 0 and not taps.rejected:
+            return
+        self._save(lambda: self._writer.append_taps(taps))
+        self._taps["down"] += int((taps.down == 1).sum())
+        self._taps["release"] += int((taps.down == 0).sum())
+        self._taps["rejected"] += sum(taps.rejected.values())
+        self._untold.append(events.TapsArrived(**self._taps))
+
+    def _save(self, write: Callable[[], None]) -> None:
+        """Raises DraglagError. Once saving failed it is not tried again: the file stays as it is."""
+        if self.failure is not None:
+            raise self.failure
+        try:
+            write()
+        except DraglagError as error:
+            self._fail(error)
+            raise
+        except OSError as error:
+            failure = DataError(f"{self._writer.partial}: cannot be written ({error.strerror or error})")
+            self._fail(failure)
+            raise failure from error
+
+    def _flush_due(self, force: bool = False) -> None:
+        if not force and time.monotonic() - self._flushed < FLUSH_S:
+            return
+        self._flushed = time.monotonic()
+        if self.failure is None:
+            self._save(self._writer.flush)
+        self._tell()
+
+    def _tell(self) -> None:
+        untold, self._untold = self._untold, []
+        for event in untold:
+            self._listener(event)
+
+    def _fail(self, error: DraglagError) -> None:
+        if self.failure is None:
+            with self._progress:
+                self.failure = error
+                self._progress.notify_all()
+            self._untold.append(events.NoticeRaised(0.0, "error", "file", str(error)))
