@@ -79,9 +79,7 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
     path = Path(name_or_path)
     if not path.is_file():
         known = ", ".join(presets(folder))
-        raise DataError(
-            f"no {what} preset or file '{name_or_path}'", f"presets are {known}; or give a TOML file"
-        )
+        raise DataError(f"no {what} preset or file '{name_or_path}'", f"presets are {known}; or give a TOML file")
     try:
         return str(path), path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -131,9 +129,7 @@ def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tup
         if first["type"] == "extra_forbidden":
             what = "there is no such key"
         line = _line_of(text, first["loc"])
-        raise DataError(
-            f"{label}, line {line}: {place + ': ' if place else ''}{what}", "correct the file"
-        ) from error
+        raise DataError(f"{label}, line {line}: {place + ': ' if place else ''}{what}", "correct the file") from error
 
 
 def load_screen_file(name_or_path: str | Path) -> ScreenFile:

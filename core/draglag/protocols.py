@@ -124,9 +124,7 @@ def load_protocol(name_or_path: str | Path) -> Protocol:
     return protocol.model_copy(update={"source": text})
 
 
-def _sideways(
-    plan: RunPlan, screen: Screen, half_width_mm: float, duration_s: float
-) -> tuple[float, float, str]:
+def _sideways(plan: RunPlan, screen: Screen, half_width_mm: float, duration_s: float) -> tuple[float, float, str]:
     """(start x, speed, note): left to right about the middle, slower than asked if the screen is narrow."""
     asked = plan.sideways_px_s * screen.mm_per_px[0]
     room = screen.width_mm - 2 * (half_width_mm + MARGIN_MM)
@@ -148,9 +146,7 @@ def _plan_run(plan: RunPlan, speed: float | None, screen: Screen, beam: Beam) ->
         assert speed is not None  # the model demands it
         target = Circle(x, middle, radius, speed, duration, drift, -math.pi / 2, plan.turn)
     elif plan.kind == "chirp":
-        target = Chirp(
-            x, middle, radius, duration, plan.start_hz, plan.end_hz, drift, -math.pi / 2, plan.turn
-        )
+        target = Chirp(x, middle, radius, duration, plan.start_hz, plan.end_hz, drift, -math.pi / 2, plan.turn)
     elif plan.kind == "multisine":
         scale = plan.peak_fraction * screen.height_mm / MULTISINE_PEAK
         target = MultiSine(x, middle, scale, duration, drift)

@@ -14,7 +14,5 @@ def resource(folder: str, name: str) -> Traversable:
 def presets(folder: str, suffix: str = ".toml") -> list[str]:
     """Names, without the suffix, of what ``folder`` holds, sorted."""
     return sorted(
-        entry.name.removesuffix(suffix)
-        for entry in (files(__name__) / folder).iterdir()
-        if entry.name.endswith(suffix)
+        entry.name.removesuffix(suffix) for entry in (files(__name__) / folder).iterdir() if entry.name.endswith(suffix)
     )
