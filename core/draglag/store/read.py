@@ -113,7 +113,10 @@ def _group(parent: Any, name: str) -> Any:
 
 
 def _children(parent: Any, name: str) -> list[Any]:
-    return [_group(parent[name], key) for key in parent[name]] if name in parent else []
+    if name not in parent:
+        return []
+    group = _group(parent, name)
+    return [_group(group, key) for key in group]
 
 
 def _optional_float(item: Any, key: str) -> float | None:

@@ -20,7 +20,16 @@ MAX_DEPTH = 8
 _MAX_ATTRIBUTE_BYTES = 2**20
 _DEFLATE_LIMIT = 1100  # deflate cannot shrink data further than about 1030 to 1
 _FILTERS = {"1", "2", "3", "gzip", "shuffle", "fletcher32"}  # built in; others would load a plug-in
-_BROKEN = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError)
+BROKEN = (
+    OSError,
+    RuntimeError,
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    MemoryError,
+)
 
 
 @contextmanager
@@ -38,7 +47,7 @@ def open_session(path: Path | str) -> Iterator[Any]:
             yield file
     except DraglagError:
         raise
-    except _BROKEN as error:
+    except BROKEN as error:
         raise DataError(
             f"{path}: is damaged ({short(error)})", f"Try `draglag verify {path}` to see what can be saved"
         ) from error
@@ -198,6 +207,8 @@ def read_columns(group: Any, table: Table) -> dict[str, NDArray[Any]]:
 
     Raises DataError on a missing column, another type, or columns of different lengths.
     """
+    if not isinstance(group, h5py.Group):
+        raise DataError(f"{group.name} is not a group")
     columns = {column.name: read_column(group, column) for column in table.every()}
     length = len(columns[table.scale.name])
     for column in table.columns:

@@ -16,10 +16,9 @@ from draglag.errors import DataError
 from draglag.recording import LogEntry, Run, Session
 from draglag.store import schema
 from draglag.store.read import header_v1, run_v1
-from draglag.store.safely import check_schema, dataset_problem, open_hdf5, short, tree_problems
+from draglag.store.safely import BROKEN, check_schema, dataset_problem, open_hdf5, short, tree_problems
 from draglag.store.write import PARTIAL, write_session
 
-_BROKEN = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, DataError)
 _TABLES = {
     "touch": schema.TOUCH,
     "laser": schema.LASER,
@@ -87,7 +86,7 @@ def recover(path: Path) -> tuple[Session, list[str]]:
             _attempt(losses, f"run {name}", partial(_add_run, runs, copy["runs"], name))
         try:
             return header_v1(copy, tuple(runs)), losses
-        except _BROKEN as error:
+        except (*BROKEN, DataError) as error:
             raise DataError(f"{path}: nothing could be saved ({short(error)})", "Record again") from error
 
 
@@ -98,7 +97,7 @@ def _add_run(runs: list[Run], group: Any, name: str) -> None:
 def _walkable(file: Any) -> bool:
     try:
         list(tree_problems(file))
-    except _BROKEN:
+    except BROKEN:
         return False
     return True
 
@@ -106,7 +105,7 @@ def _walkable(file: Any) -> bool:
 def _attempt(losses: list[str], what: str, action: Callable[[], object]) -> None:
     try:
         action()
-    except _BROKEN as error:
+    except (*BROKEN, DataError) as error:
         losses.append(f"{what} is lost ({short(error)})")
 
 

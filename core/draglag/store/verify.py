@@ -13,7 +13,7 @@ from draglag.errors import DataError
 from draglag.recording import OUTCOMES, PROTOCOLS, FloatArray, Run, Session
 from draglag.store.checksum import raw_checksum
 from draglag.store.read import read_v1
-from draglag.store.safely import check_schema, open_hdf5, short, tree_problems
+from draglag.store.safely import BROKEN, check_schema, open_hdf5, short, tree_problems
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def verify(path: Path | str) -> list[Finding]:
                 findings += check_session(read_v1(file))
     except DataError as error:
         findings.append(Finding("error", str(path), str(error)))
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError) as error:
+    except BROKEN as error:
         findings.append(Finding("error", str(path), f"is damaged ({short(error)})"))
     return findings
 

@@ -8,6 +8,7 @@ half there. What is lost with the process is what was appended since the last fl
 from __future__ import annotations
 
 import os
+import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -45,14 +46,15 @@ class SessionWriter:
     Args:
         path: final name of the file.
         header: the session; runs it already holds are written too.
+        suffix: what the growing file's name ends on.
 
     Raises DataError where the file (or its ``.partial``) exists or cannot be made. Leaving a ``with`` block by an
     exception keeps the ``.partial`` for ``salvage``.
     """
 
-    def __init__(self, path: Path | str, header: Session) -> None:
+    def __init__(self, path: Path | str, header: Session, suffix: str = PARTIAL) -> None:
         self.path = Path(path)
-        self.partial = self.path.with_name(self.path.name + PARTIAL)
+        self.partial = self.path.with_name(self.path.name + suffix)
         self._started = (header.started_utc, header.started_s)
         self._waiting: list[schema.Node] = []
         self._open_runs: set[str] = set()
@@ -218,7 +220,8 @@ class SessionWriter:
 def write_session(session: Session, path: Path | str) -> Path:
     """Write a whole session. Raises DataError; never overwrites."""
     path = Path(path)
-    writer = SessionWriter(path, session)
+    # Its own suffix: what is salvaged from a .partial stands beside that file.
+    writer = SessionWriter(path, session, f".{uuid.uuid4().hex[:8]}.tmp")
     try:
         return writer.close()
     except BaseException:
