@@ -38,7 +38,7 @@ _SERVES = {"sim": ROLES, "replay": ROLES, "csv": ("touch", "laser"), "evdev": ("
            "ethercat": ("laser",), "serial": ("laser", "walt")}  # fmt: skip
 
 # Drivers of real hardware are imported only when an address asks for them.
-_DRIVERS = {"evdev": "draglag_devices.evdev_touch", "ethercat": "draglag_devices.ethercat_laser",
+DRIVERS = {"evdev": "draglag_devices.evdev_touch", "ethercat": "draglag_devices.ethercat_laser",
             "serial": "draglag_devices.walt"}  # fmt: skip
 
 
@@ -131,7 +131,7 @@ def _new_stage() -> Stage:
 
 
 def _driver_source(address: Address, role: str) -> Source:
-    module_name = _DRIVERS[address.scheme]
+    module_name = DRIVERS[address.scheme]
     try:
         module = importlib.import_module(module_name)
     except ModuleNotFoundError as missing:

@@ -138,10 +138,9 @@ def load_tape(address: Address, role: str) -> Tape:
 
             return _session_tape(read_exchange(path), address)
         if path.name.lower().endswith(_SESSION):
-            from draglag.store import read_session, salvage
+            from draglag.store import read_session
 
-            session = salvage(path) if path.name.lower().endswith(".partial") else read_session(path)
-            return _session_tape(session, address)
+            return _session_tape(read_session(path), address)
         if path.name.lower().endswith(_EVEMU):
             return _evemu_tape(path, address)
     except DataError as error:

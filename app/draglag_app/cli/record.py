@@ -1,0 +1,188 @@
+"""``draglag record``: measure a protocol into a new session file."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import cast
+
+import click
+
+from draglag.errors import DataError, DraglagError
+from draglag.presets import load_screen_file
+from draglag.protocols import Protocol, load_protocol
+from draglag.recording import Screen, Stylus
+from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
+from draglag_devices.addresses import parse_address
+from draglag_devices.rig import Rig, make_rig
+from draglag_devices.sim.world import World
+
+SIMULATED = ("sim", "replay", "csv")
+_ON_SCREEN = "draglag_app.windows.participant"
+
+
+@click.command("record")
+@click.argument("protocol")
+@click.argument("screen_number", required=False)
+@click.option("--touch", required=True, metavar="ADDRESS", help="The touchscreen, e.g. evdev:/dev/input/event5.")
+@click.option("--laser", metavar="ADDRESS", help="The laser sensor, e.g. ethercat:eth1?channel=1.")
+@click.option("--walt", metavar="ADDRESS", help="The WALT, for taps, e.g. serial:/dev/ttyACM0.")
+@click.option("--display", default="offscreen", show_default=True, metavar="(screen N|offscreen)",
+              help="Where the participant sees the target.")  # fmt: skip
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="The session file to make.")
+@click.option("--screen", "screen_name", metavar="NAME", help="Preset or TOML file of the screen under test.")
+@click.option("--seed", type=click.IntRange(min=0), help="Of the order of runs and of the simulation.")
+@click.option("--fast/--realtime", "fast", default=None,
+              help="Simulated or replayed sources: as fast as the computer allows, or in real time.")  # fmt: skip
+@click.option("--stylus-mm", type=click.FloatRange(min=0, min_open=True), help="Diameter of the stylus.")
+@click.option("--note", default="", help="The operator's words for the file.")
+def record(
+    protocol: str,
+    screen_number: str | None,
+    touch: str,
+    laser: str | None,
+    walt: str | None,
+    display: str,
+    out: Path,
+    screen_name: str | None,
+    seed: int | None,
+    fast: bool | None,
+    stylus_mm: float | None,
+    note: str,
+) -> None:
+    """Record PROTOCOL (a preset's name or a TOML file) into a new session file.
+
+    \b
+    Examples:
+        draglag record latency-sweep --touch evdev:/dev/input/event5 --laser ethercat:eth1?channel=1 \\
+            --display screen 2 --screen screen-1 --out session.h5
+        draglag record demo --touch sim: --laser sim: --walt sim: --display offscreen --out session.h5
+    """
+    number = display_number(display, screen_number)
+    plan = load_protocol(protocol)
+    addresses = {role: text for role, text in (("touch", touch), ("laser", laser), ("walt", walt)) if text}
+    parsed = [parse_address(text) for text in addresses.values()]
+    if fast is None and number is None and not any("speed" in address.options for address in parsed):
+        # Nobody watches and nothing real takes part: there is nothing to wait for.
+        fast = all(address.scheme in SIMULATED for address in parsed)
+    if screen_name is None:
+        screen_name = next((a.options.get("screen", "screen-1") for a in parsed if a.scheme == "sim"), None)
+    if screen_name is None:
+        raise DataError("which screen is under test is not known", "add --screen NAME (a preset or a TOML file)")
+    rig = make_rig(addresses, screen_name, plan.seed if seed is None else seed, fast)
+    options = session_options(rig, screen_name, seed, stylus_mm, note)
+    path = record_with(plan, rig, number, out, options)
+    click.echo(f"{path}: saved")
+
+
+def display_number(display: str, screen_number: str | None) -> int | None:
+    """Number of the screen (1, 2 …) or None for offscreen. Raises click.UsageError."""
+    words = re.fullmatch(r"screen[ :=-]?(\d*)", display)
+    if display == "offscreen" and screen_number is None:
+        return None
+    digits = (words.group(1) or screen_number or "1") if words else ""
+    if not digits.isdecimal() or int(digits) < 1:
+        raise click.UsageError("--display takes 'screen N' (N = 1, 2 …) or 'offscreen'")
+    return int(digits)
+
+
+def session_options(
+    rig: Rig, screen_name: str, seed: int | None, stylus_mm: float | None = None, note: str = ""
+) -> SessionOptions:
+    """Screen, stylus and beam of a session; the simulated world knows its own. Raises DataError."""
+    preset = load_screen_file(screen_name)
+    screen = Screen(preset.name, **preset.screen.model_dump())
+    stylus, beam = Stylus(preset.stylus.diameter_mm), None
+    world = rig.stage.players.get("sim")
+    if isinstance(world, World):
+        stylus, beam = world.rig.stylus, world.rig.beam
+    if stylus_mm is not None:
+        stylus = Stylus(stylus_mm)
+    return SessionOptions(screen, stylus, beam, seed, note=note)
+
+
+def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, options: SessionOptions) -> Path:
+    """Run a session, with progress on a terminal. Ctrl-C ends it in order.
+
+    Raises DraglagError; also when the session ended early, with the path of what was recorded.
+    """
+    problem = ""
+    tell = progress_printer()
+
+    def listener(event: events.Event) -> None:
+        nonlocal problem
+        if isinstance(event, events.SessionFinished):
+            problem = event.problem
+        tell(event)
+
+    control = Control()
+
+    def measure(display: Display) -> Path:
+        return run_session(protocol, rig, display, out, options, listener, control)
+
+    with stop_on_interrupt(control):
+        path = measure(OffscreenDisplay()) if number is None else _on_screen(number)(number, measure)
+    if problem:
+        raise DataError(f"the session ended early: {problem}", f"what was recorded is in {path}")
+    return path
+
+
+def _on_screen(number: int) -> Callable[[int, Callable[[Display], Path]], Path]:
+    try:
+        module = importlib.import_module(_ON_SCREEN)
+    except ModuleNotFoundError as missing:
+        if not (missing.name or "").startswith("draglag_app.windows"):
+            raise DraglagError(
+                f"screen {number} cannot be drawn on: {missing}", "pip install PySide6-Essentials"
+            ) from None
+        raise DraglagError("drawing on a screen is not built in this version", "use --display offscreen") from None
+    return cast(Callable[[int, Callable[[Display], Path]], Path], module.record_on_screen)
+
+
+@contextmanager
+def stop_on_interrupt(control: Control) -> Iterator[None]:
+    """The first Ctrl-C ends the session and closes the file; a second one is the usual one."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        control.stop()
+        signal.signal(signal.SIGINT, before)
+
+    try:
+        before = signal.signal(signal.SIGINT, stop)
+    except ValueError:  # not the main thread: whoever owns that one hears Ctrl-C
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def progress_printer() -> events.Listener:
+    """One line a finished run, and every warning, on stderr."""
+    quiet = not sys.stderr.isatty()
+    numbers: dict[str, str] = {}
+
+    def tell(event: events.Event) -> None:
+        if isinstance(event, events.StateChanged):
+            numbers[event.run_id] = f"{event.run_number}/{event.run_count}"
+        elif isinstance(event, events.NoticeRaised) and event.level != "info":
+            click.echo(f"{event.source}: {event.text}", err=True)
+        elif isinstance(event, events.DeviceFault):
+            click.echo(f"{event.role}: {event.problem} {event.remedy}", err=True)
+        elif isinstance(event, events.RunFinished) and not quiet:
+            run = event.run
+            speed = "" if run.nominal_speed_mm_s is None else f" {run.nominal_speed_mm_s:.0f} mm/s"
+            click.echo(
+                f"{numbers.get(run.id, '')} {run.id} {run.protocol}{speed}: {event.outcome}, "
+                f"{len(run.touch.t_s)} touch events, {len(run.laser.t_s)} edges",
+                err=True,
+            )
+
+    return tell

@@ -1,0 +1,39 @@
+"""What is there to measure with: the simulator, and whatever the drivers of real devices find."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+
+from draglag_devices.addresses import DRIVERS
+
+
+@dataclass(frozen=True)
+class Found:
+    """One device. ``remedy`` says what to do when it is not ``usable`` (rights, cable, a program that holds it)."""
+
+    address: str
+    roles: tuple[str, ...]
+    description: str
+    usable: bool = True
+    remedy: str = ""
+
+
+def discover() -> list[Found]:
+    """The simulator first, then what each driver's own ``discover()`` finds. Drivers that are not built find nothing.
+
+    A driver's package may be missing on this machine: that is one entry, with the remedy.
+    """
+    found = [Found("sim:", ("touch", "laser", "walt"), "simulated rig (any screen of the presets)")]
+    for scheme, module_name in DRIVERS.items():
+        try:
+            module = importlib.import_module(module_name)
+        except ModuleNotFoundError as missing:
+            if missing.name != module_name:
+                remedy = f"pip install {missing.name}"
+                found.append(Found(f"{scheme}:", (), f"the Python package '{missing.name}' is missing", False, remedy))
+            continue
+        look = getattr(module, "discover", None)
+        if look is not None:
+            found.extend(look())
+    return found
