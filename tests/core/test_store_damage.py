@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -231,23 +232,25 @@ def test_a_truncated_file_is_called_so(tmp_path: Path, kept: float) -> None:
         read_session(path)
 
 
-def test_damage_anywhere_in_a_file_never_gets_past_the_one_error(tmp_path: Path) -> None:
+def test_damage_anywhere_is_either_refused_or_noticed_or_harmless(tmp_path: Path) -> None:
     path = tmp_path / "s.h5"
-    write_session(full_session(), path)
+    session = full_session()
+    write_session(session, path)
     data = np.frombuffer(path.read_bytes(), np.uint8)
     rng = np.random.default_rng(3)
-    refused = 0
+    noticed = 0
     for _ in range(25):
         broken = data.copy()
         start = int(rng.integers(0, len(data)))
         broken[start : start + 64] = rng.integers(0, 256, len(broken[start : start + 64]))
         path.write_bytes(broken.tobytes())
-        try:
-            read_session(path)
-        except DataError:
-            refused += 1
-        verify(path)
-    assert refused > 0
+        if any(finding.level == "error" for finding in verify(path)):
+            noticed += 1
+            with suppress(DataError):  # damage that only a checksum shows can still be read
+                read_session(path)
+        else:
+            assert_same(read_session(path), session)
+    assert noticed > 0
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x89HDF\r\n\x1a\n" + b"\0" * 100])
