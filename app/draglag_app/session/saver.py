@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -101,10 +102,13 @@ class Saver:
         return [role for role in roles if role not in self.lost and self._marks.get(role, np.inf) < t_s]
 
     def wait_past(self, t_s: float, roles: tuple[str, ...], timeout_s: float) -> list[str]:
-        """Wait until all living sources of these roles are saved past ``t_s``; returns those that are not."""
+        """Wait until all living sources of these roles are saved past ``t_s``; returns those that are not.
+
+        Returns at once, and nobody, when saving has failed.
+        """
         with self._progress:
             self._progress.wait_for(lambda: not self.behind(t_s, roles) or self.failure is not None, timeout_s)
-            return self.behind(t_s, roles)
+            return [] if self.failure is not None else self.behind(t_s, roles)
 
     # --- actions: they run in the writer's thread, through ``call`` ------------------------------------------
 
@@ -202,7 +206,8 @@ class Saver:
         error = item.error
         self._untold.append(events.DeviceFault(item.role, error.source, error.problem, error.remedy))
         t_s = self._marks[item.role]
-        self.log(LogEntry(t_s if np.isfinite(t_s) else 0.0, "error", item.role, str(error)))
+        with suppress(DraglagError):  # it is kept as ``failure``
+            self.log(LogEntry(t_s if np.isfinite(t_s) else 0.0, "error", item.role, str(error)))
 
     def _take_batch(self, role: str, batch: Batch) -> None:
         opened = self._run
@@ -251,7 +256,7 @@ class Saver:
     def _save(self, write: Callable[[], None]) -> None:
         """Raises DraglagError. Once saving failed it is not tried again: the file stays as it is."""
         if self.failure is not None:
-            raise self.failure
+            raise self.failure.with_traceback(None)
         try:
             write()
         except DraglagError as error:

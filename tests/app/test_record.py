@@ -1,0 +1,101 @@
+"""The commands ``record`` and ``devices``."""
+
+import json
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from draglag.errors import DraglagError
+from draglag.store import read_session
+from draglag_app.cli.devices import devices
+from draglag_app.cli.record import display_number, record
+
+SHORT = """name = "short"
+rest_s = 1.0
+[[runs]]
+kind = "circle"
+speeds_mm_s = [300, 600]
+duration_s = 3.0
+[taps]
+count = 5
+"""
+
+
+@pytest.fixture
+def short(tmp_path):
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return str(path)
+
+
+def invoke(*words):
+    return CliRunner().invoke(record, [str(word) for word in words])
+
+
+def test_a_protocol_is_recorded_from_simulated_sources(short, tmp_path):
+    out = tmp_path / "s.h5"
+    result = invoke(short, "--touch", "sim:", "--laser", "sim:", "--walt", "sim:", "--display", "offscreen",
+                    "--out", out, "--seed", 3)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    session = read_session(out)
+    assert [run.outcome for run in session.runs] == ["complete", "complete"]
+    assert len(session.taps.physical_s) == 10
+    assert session.seed == 3
+    assert session.screen.width_mm == 509.2
+    assert session.beam is not None
+    assert session.protocol_toml == SHORT
+
+
+def test_the_address_may_choose_the_screen(short, tmp_path):
+    sim = "sim:?screen=screen-2"
+    result = invoke(short, "--touch", sim, "--laser", sim, "--walt", sim, "--out", tmp_path / "s.h5")
+    assert result.exit_code == 0, result.output
+    assert read_session(tmp_path / "s.h5").screen.width_mm == 304.1
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--touch", "usb:1", "--laser", "sim:"], "not a device address"),
+        (["--touch", "sim:"], "needs a laser"),
+        (["--touch", "sim:", "--laser", "sim:", "--screen", "screen-9"], "screen-9"),
+        (["--touch", "replay:none.h5", "--laser", "sim:"], "no such file"),
+    ],
+)
+def test_what_cannot_be_measured_is_one_sentence(short, tmp_path, words, problem):
+    result = invoke(short, *words, "--out", tmp_path / "s.h5")
+    assert isinstance(result.exception, DraglagError)
+    assert problem in str(result.exception)
+    assert not list(tmp_path.glob("s.h5*"))
+
+
+def test_an_existing_file_is_not_overwritten(short, tmp_path):
+    out = tmp_path / "s.h5"
+    out.write_text("mine")
+    result = invoke(short, "--touch", "sim:", "--laser", "sim:", "--out", out)
+    assert "not overwritten" in str(result.exception)
+    assert out.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("display", "word", "number"),
+    [("offscreen", None, None), ("screen", "2", 2), ("screen 2", None, 2), ("screen", None, 1)],
+)
+def test_displays(display, word, number):
+    assert display_number(display, word) == number
+
+
+@pytest.mark.parametrize(
+    ("display", "word"), [("window", None), ("screen", "x"), ("screen 0", None), ("offscreen", "2")]
+)
+def test_unknown_displays_are_wrong_usage(display, word):
+    with pytest.raises(click.UsageError):
+        display_number(display, word)
+
+
+def test_devices_lists_the_simulator_and_the_forms():
+    plain, as_json = CliRunner().invoke(devices, []), CliRunner().invoke(devices, ["--json"])
+    assert plain.exit_code == as_json.exit_code == 0
+    assert "evdev:/dev/input/eventN" in plain.output
+    assert json.loads(as_json.output)["devices"][0]["address"] == "sim:"
