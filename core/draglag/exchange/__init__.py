@@ -1,0 +1,8 @@
+"""The neutral exchange folder and the plain formats: what other tools write and read."""
+
+from draglag.exchange.csv_files import write_csv
+from draglag.exchange.folder import read_exchange, write_exchange
+from draglag.exchange.matlab import write_mat
+from draglag.exchange.netcdf import write_netcdf
+
+__all__ = ["read_exchange", "write_csv", "write_exchange", "write_mat", "write_netcdf"]

@@ -1,0 +1,55 @@
+"""A MATLAB file (level 5): one struct ``session`` with the groups and columns of a session file."""
+
+from __future__ import annotations
+
+import re
+import uuid
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import savemat
+
+from draglag.errors import DataError
+from draglag.recording import Session
+from draglag.store.schema import session_nodes
+from draglag.store.write import publish
+
+
+def write_mat(session: Session, path: Path | str) -> Path:
+    """Write a session for ``load`` of MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector.
+
+    Names become valid MATLAB names (the true id of a run is its field ``id``). Raises DataError.
+    """
+    path = Path(path)
+    if path.exists():
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+    root: dict[str, Any] = {}
+    for node in session_nodes(session):
+        place = root
+        for name in filter(None, node.path.split("/")):
+            place = place.setdefault(_name(name), {})
+        if re.fullmatch(r"runs/[^/]+", node.path):
+            place["id"] = node.path.split("/")[1]
+        for key, value in {**node.attrs, **node.counts, **node.texts}.items():
+            place[_name(key)] = value
+        for key, values in node.rows.items():
+            place[_name(key)] = (
+                np.array([value.decode() for value in values.tolist()], object) if values.dtype.kind == "S" else values
+            )
+    growing = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
+    try:
+        with growing.open("wb") as file:
+            savemat(file, {"session": root}, long_field_names=True, do_compression=True, oned_as="column")
+        publish(growing, path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+    finally:
+        growing.unlink(missing_ok=True)
+    return path
+
+
+def _name(text: str) -> str:
+    """A valid MATLAB name of at most 63 characters."""
+    name = re.sub(r"\W", "_", text, flags=re.ASCII)[:60]
+    return name if name[:1].isalpha() else f"x{name}"

@@ -1,0 +1,75 @@
+"""netCDF-4 with the groups and columns of a session file, for tools that know netCDF and not HDF5."""
+
+from __future__ import annotations
+
+import importlib
+import uuid
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.recording import Session
+from draglag.store.schema import Node, session_nodes
+from draglag.store.write import publish, zero_utc
+
+
+def write_netcdf(session: Session, path: Path | str) -> Path:
+    """Write a session as netCDF-4; dimensions are named as the session file's scales.
+
+    Raises DataError: h5netcdf is not installed, or the file exists or cannot be written.
+    """
+    path = Path(path)
+    try:
+        h5netcdf: Any = importlib.import_module("h5netcdf")
+    except ImportError as error:
+        raise DataError(
+            "netCDF needs the package h5netcdf, which is not installed", "Run `pip install draglag[netcdf]`"
+        ) from error
+    if path.exists():
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+    growing = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
+    start = zero_utc(session.started_utc, session.started_s)
+    try:
+        with h5netcdf.File(growing, "w") as file:
+            for node in session_nodes(session):
+                _put(file, node, start)
+        publish(growing, path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror or error})", "Check the folder") from error
+    finally:
+        growing.unlink(missing_ok=True)
+    return path
+
+
+def _put(file: Any, node: Node, start: str) -> None:
+    group = file
+    for name in filter(None, node.path.split("/")):
+        group = group.groups[name] if name in group.groups else group.create_group(name)
+    for key, value in {**node.attrs, **node.counts, **node.texts}.items():
+        group.attrs[key] = value
+    if node.table is None:
+        return
+    length = max((len(values) for values in node.rows.values()), default=0)
+    dimension = node.table.scale.name
+    group.dimensions = {dimension: length}
+    for column in node.table.every():
+        values: Any = node.rows.get(column.name, ())
+        if column is node.table.scale and column.kind == "i":
+            values = np.arange(length)
+        elif not len(values) and column.optional:
+            continue
+        if column.kind.startswith("S"):
+            variable = group.create_variable(column.name, (dimension,), dtype=h5py.string_dtype())
+            if length:
+                variable[...] = np.array([value.decode() for value in values], dtype=object)
+        else:
+            variable = group.create_variable(column.name, (dimension,), dtype=column.dtype)
+            if length:
+                variable[...] = np.asarray(values, column.dtype)
+        variable.attrs["units"] = column.units
+        variable.attrs["long_name"] = column.meaning
+        if column.name == "time" and start:
+            variable.attrs["start"] = start

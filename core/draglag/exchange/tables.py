@@ -1,0 +1,109 @@
+"""CSV columns of numbers, plain or gzipped: fast when sound, exact about the line when not."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from draglag.errors import DataError
+
+MAX_BYTES = 512 * 2**20
+
+
+def find_table(folder: Path, stem: str) -> Path | None:
+    """``<stem>.csv`` or ``<stem>.csv.gz``, whichever is there. Raises DataError where both are."""
+    found = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.csv.gz") if path.is_file()]
+    if len(found) > 1:
+        raise DataError(f"{found[0]}: stands beside {found[1].name}", "Remove the one that is out of date")
+    return found[0] if found else None
+
+
+def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
+    """The named columns of a CSV file, (n, len(columns)); further columns are left aside, empty lines skipped.
+
+    Raises DataError naming file, line and expectation. A file without a header has no rows (an empty file).
+    """
+    text = _text(path)
+    if not text.strip():
+        return np.empty((0, len(columns)))
+    head, _, body = text.partition("\n")
+    names = [name.strip().strip('"') for name in head.split(",")]
+    expected = ",".join(columns)
+    missing = [name for name in columns if name not in names]
+    if missing:
+        raise DataError(
+            f"{path}, line 1: expected the header {expected}, found “{head.strip()[:80]}”",
+            "Write the column names in the first line",
+        )
+    if not body.strip():
+        return np.empty((0, len(columns)))
+    wanted = [names.index(name) for name in columns]
+    try:
+        values = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
+    except ValueError:
+        _refuse(path, body, names)
+    if values.shape[1] != len(names):
+        _refuse(path, body, names)
+    table: NDArray[np.float64] = values[:, wanted]
+    return table
+
+
+def line_of_row(path: Path, row: int) -> int:
+    """The line in the file of a row of ``read_table``, counting from 1."""
+    lines = _text(path).split("\n")
+    filled = [number for number, line in enumerate(lines, 1) if line.strip() and number > 1]
+    return filled[row]
+
+
+def write_table(path: Path, columns: Mapping[str, NDArray[Any] | list[str]]) -> None:
+    """Columns as CSV, floats with as many digits as they need to come back the same. A name on .gz is gzipped."""
+    cells = [values if isinstance(values, list) else list(map(repr, values.tolist())) for values in columns.values()]
+    rows = map(",".join, zip(*cells, strict=True))
+    data = ("\n".join([",".join(columns), *rows]) + "\n").encode()
+    path.write_bytes(gzip.compress(data, 6, mtime=0) if path.suffix == ".gz" else data)
+
+
+def _text(path: Path) -> str:
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise DataError(f"{path}: is not sound gzip ({error})", "Copy or compress it again") from error
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the file and its rights") from error
+    if len(data) > MAX_BYTES:
+        raise DataError(f"{path}: is longer than {MAX_BYTES // 2**20} MiB", "Split the run")
+    try:
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise DataError(f"{path}, line {line}: is not text", "Expected numbers separated by commas") from error
+
+
+def _refuse(path: Path, body: str, names: Sequence[str]) -> NoReturn:
+    """DataError for the first line that is not what the header promises."""
+    for number, line in enumerate(body.split("\n"), 2):
+        if not line.strip():
+            continue
+        cells = line.split(",")
+        if len(cells) != len(names):
+            raise DataError(
+                f"{path}, line {number}: expected {len(names)} numbers ({','.join(names)}), found {len(cells)}",
+                "Correct or remove that line",
+            )
+        for name, cell in zip(names, cells, strict=True):
+            try:
+                float(cell)
+            except ValueError:
+                raise DataError(
+                    f"{path}, line {number}: expected a number for {name}, found “{cell.strip()[:40]}”",
+                    "Correct or remove that line",
+                ) from None
+    raise DataError(f"{path}: holds something other than numbers", f"Expected columns {','.join(names)}")
