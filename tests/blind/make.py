@@ -8,20 +8,18 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from .physics.effects import EFFECTS, draw_value
-from .physics.rig import stream
+from .conditions import profile_for, sized
+from .physics.effects import EFFECTS
 from .physics.session import make_session
 
 
 def effects_of(condition: str, scale: float, seed: int) -> dict[str, float]:
     """Effects of a condition: `none`, one id, or ids joined by `+`; sizes drawn around scale × nominal."""
-    if condition == "none":
-        return {}
-    names = condition.split("+")
+    names = () if condition == "none" else tuple(condition.split("+"))
     unknown = [name for name in names if name not in EFFECTS]
     if unknown:
         raise ValueError(f"no such effect: {', '.join(unknown)}; there are: {', '.join(EFFECTS)}")
-    return {name: draw_value(name, scale, stream(seed, f"size {name}")) for name in names}
+    return sized(names, scale, seed)
 
 
 def session_seed(seed: int, condition: str, k: int) -> int:
@@ -30,9 +28,9 @@ def session_seed(seed: int, condition: str, k: int) -> int:
 
 def _make(job: tuple[str, str, float, int]) -> tuple[str, dict[str, Any]]:
     folder, condition, scale, seed = job
-    return Path(folder).name, make_session(folder, seed, effects_of(condition, scale, seed)).to_dict() | {
-        "condition": condition
-    }
+    effects = effects_of(condition, scale, seed)
+    truth = make_session(folder, seed, effects, profile_for(effects))
+    return Path(folder).name, truth.to_dict() | {"condition": condition}
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -34,7 +34,7 @@ EFFECTS: dict[str, Hidden] = {
     "spatial_warp": Hidden(0.8, "mm", "the digitiser's map is bent smoothly"),
     "scale_error": Hidden(0.04, "1", "the digitiser's map is too large, about the middle of the screen", signed=True),
     "direction_asymmetry": Hidden(0.006, "s", "latency moving down exceeds latency moving up", signed=True),
-    "acceleration_lag": Hidden(2.0e-5, "s/(mm/s^2)", "latency grows with acceleration along the motion"),
+    "acceleration_lag": Hidden(1.0e-5, "s/(mm/s^2)", "latency grows with acceleration along the motion"),
     "contact_trail": Hidden(1.0, "mm", "the contact's centroid trails the tip along the motion"),
     "thermal_drift": Hidden(0.040, "s/h", "the latency itself creeps", signed=True),
     "frame_batching": Hidden(2.0, "frames", "frames arrive in groups, stamped at delivery", whole=True),
@@ -48,7 +48,7 @@ EFFECTS: dict[str, Hidden] = {
     "pitch_ripple": Hidden(0.4, "mm", "position error periodic in the electrode pitch"),
     "smoothing_shrink": Hidden(0.035, "s", "a low-pass of this time constant that also shrinks circles"),
     "beam_wedge": Hidden(0.8, "mm", "the beam's apparent width grows by this across the screen", signed=True),
-    "lagging_law": Hidden(0.150, "s", "the latency follows the speed of this long ago"),
+    "lagging_law": Hidden(0.060, "s", "the latency follows the speed of this long ago"),
     # In no library: the workflow must own up to them.
     "split_panel": Hidden(0.008, "s", "latency steps at a vertical line on the panel", signed=True, in_library=False),
     "split_offset": Hidden(0.6, "mm", "y steps at a vertical line on the panel", signed=True, in_library=False),

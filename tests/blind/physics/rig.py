@@ -29,9 +29,9 @@ def stream(seed: int, name: str) -> np.random.Generator:
 class Profile:
     """What the draw is narrowed to.
 
-    `noise`, `hand` scale the digitiser's noise and the hand's imperfections. `protocol` "speeds" is 12–16 shuffled circle
-    speeds, "repeats" fewer speeds several times, "random" draws one. `between_runs` None lets the draw decide whether runs
-    have a latency and offset of their own; `taps` "end", "both", "none" or "random".
+    `noise`, `hand` scale the digitiser's noise and the hand's faults. `protocol` "speeds" is 12–16 shuffled circle
+    speeds, "repeats" fewer speeds several times, "random" draws one. `between_runs` None lets the draw decide whether
+    runs have a latency and offset of their own; `taps` is "end", "both", "none" or "random".
     """
 
     noise: float = 1.0

@@ -25,7 +25,7 @@ class Truth:
     rig: Rig
     true_latency_ms: dict[str, float | None]
     n_edges: int
-    details: dict[str, dict[str, np.ndarray]] = field(default_factory=dict, repr=False)
+    details: dict[str, dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         rig = asdict(self.rig)
@@ -60,7 +60,7 @@ def make_session(
         at_edges = np.interp(crossed, motion.t_s, behind)
         latencies[run.id] = float(1e3 * at_edges.mean()) if len(crossed) else None
         n_edges += len(crossed)
-        details[run.id] = {"edge_s": crossed, "latency_s": at_edges, "stamp_s": stamp, "light": light}
+        details[run.id] = {"edge_s": crossed, "latency_s": at_edges, "stamp_s": stamp, "touch": (tau, x, y)}
         details[run.id] |= {
             key: np.interp(crossed, motion.t_s, getattr(motion, key))
             for key in ("x_mm", "y_mm", "vx_mm_s", "vy_mm_s", "speed_mm_s", "along_mm_s2")

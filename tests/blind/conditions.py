@@ -1,0 +1,116 @@
+"""What is tried: nothing hidden, effects alone at three sizes, pairs, triples, removed from the library, unknown."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .physics.effects import LIBRARY, UNKNOWN, draw_value
+from .physics.rig import Profile, stream
+
+SCALES = (0.7, 1.0, 2.0)
+FAINT = (0.7, 1.5, 3.0)
+
+# Seen in the streams themselves, before any residual.
+STREAM = frozenset(
+    {"sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "frame_drop", "loss_of_contact"}
+)
+
+# Absorbed by Eq. 5 (contact trail is a 1/v term): naming it is welcome, not naming it is no mistake.
+UNIDENTIFIABLE = frozenset({"contact_trail"})
+
+# No residual of an edge is left when these are unknown: they thin the stream or move only the taps against the curve.
+LEAVES_NO_TRACE = frozenset({"frame_drop", "clock_offset", "contact_trail", "laser_bounce", "timestamp_quantisation"})
+
+
+def alike(name: str, taps_before: bool) -> frozenset[str]:
+    """Names that this kind of session cannot tell from `name`, itself among them."""
+    classes: list[set[str]] = [{"scale_error", "beam_width"}, {"lagging_law", "acceleration_lag"}]
+    if not taps_before:  # only taps at both ends show whose clock it was
+        classes.append({"clock_drift", "thermal_drift"})
+    return frozenset({name}.union(*(group for group in classes if name in group)))
+
+
+@dataclass(frozen=True)
+class Task:
+    """One session to make, hand over and judge."""
+
+    kind: str
+    """none, single, faint (scale counts just-detectable sizes, not nominal ones), pair, triple, left_out or unknown."""
+    row: str
+    scale: float
+    seed: int
+    effects: dict[str, float] = field(default_factory=dict)
+    excluded: tuple[str, ...] = ()
+    floor: bool = True
+
+
+def profile_for(effects: dict[str, float] | tuple[str, ...]) -> Profile:
+    """Sessions in which the effects can be seen at all; the rest stays drawn."""
+    needs_changes_of_speed = {"lagging_law", "acceleration_lag"} & set(effects)
+    return Profile(varied_runs=True if needs_changes_of_speed else None)
+
+
+def sized(names: tuple[str, ...], scale: float, seed: int) -> dict[str, float]:
+    """Effects with sizes drawn around scale × nominal."""
+    return {name: draw_value(name, scale, stream(seed, f"size {name}")) for name in names}
+
+
+def _drawn(rng: np.random.Generator, count: int) -> tuple[str, ...]:
+    """`count` effects that can all be told apart from each other."""
+    free = [name for name in LIBRARY if name not in UNIDENTIFIABLE]
+    while True:
+        names = tuple(str(name) for name in rng.choice(free, count, replace=False))
+        groups = [alike(name, taps_before=False) for name in names]
+        # Two ways of writing stamps anew do not compose into something either could be read off.
+        stamps = sum(name in ("sample_hold", "frame_batching", "timestamp_quantisation") for name in names)
+        if stamps < 2 and all(groups[i].isdisjoint(groups[j]) for i in range(count) for j in range(i)):
+            return names
+
+
+def tasks(sessions: int, seed: int, only: tuple[str, ...] = (), scales: tuple[float, ...] = SCALES) -> list[Task]:
+    """The whole benchmark, `sessions` a row; `none` has four times as many, pairs and triples are drawn anew each time."""
+    out: list[Task] = []
+
+    def add(kind: str, row: str, names: tuple[str, ...] | int, scale: float, n: int, less: bool = False) -> None:
+        if only and kind not in only and row not in only:
+            return
+        for k in range(n):
+            own = int(stream(seed, f"{kind} {row} {scale} {k}").integers(2**31))
+            chosen = _drawn(stream(own, "which"), names) if isinstance(names, int) else names
+            gone = tuple(sorted(alike(row, taps_before=False))) if less else ()
+            out.append(Task(kind, row, scale, own, sized(chosen, scale, own), gone))
+
+    add("none", "none", (), 1.0, 4 * sessions)
+    for name in LIBRARY:
+        for scale in scales:
+            add("single", name, (name,), scale, sessions)
+        if name not in UNIDENTIFIABLE | STREAM:
+            for scale in FAINT:
+                add("faint", name, (name,), scale, max(1, sessions // 2))
+    add("pair", "pairs", 2, 1.0, 4 * sessions)
+    add("triple", "triples", 3, 1.0, 2 * sessions)
+    for name in LIBRARY:
+        if name not in LEAVES_NO_TRACE:
+            add("left_out", name, (name,), 1.0, sessions, less=True)
+    for name in UNKNOWN:
+        add("unknown", name, (name,), 1.0, sessions)
+    return out
+
+
+def quick_tasks(seed: int) -> list[Task]:
+    """About forty sessions that touch every kind, without the floors' second runs: for a few minutes on two cores."""
+    rng = stream(seed, "quick")
+    out = [Task("none", "none", 1.0, int(rng.integers(2**31)), floor=False) for _ in range(10)]
+    singles = [name for name in LIBRARY if name not in UNIDENTIFIABLE]
+    for name in singles:
+        own = int(rng.integers(2**31))
+        out.append(Task("single", name, 1.3, own, sized((name,), 1.3, own), floor=False))
+    for kind, row, pool in (("unknown", "", UNKNOWN), ("left_out", "", tuple(set(singles) - LEAVES_NO_TRACE - STREAM))):
+        for name in rng.permutation(sorted(pool))[:3]:
+            own = int(rng.integers(2**31))
+            gone = tuple(sorted(alike(str(name), False))) if kind == "left_out" else ()
+            out.append(Task(kind, row or str(name), 1.3, own, sized((str(name),), 1.3, own), gone, floor=False))
+    for _ in range(3):
+        own = int(rng.integers(2**31))
+        out.append(Task("pair", "pairs", 1.3, own, sized(_drawn(stream(own, "which"), 2), 1.3, own), floor=False))
+    return out
