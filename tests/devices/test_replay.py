@@ -3,7 +3,7 @@ import gzip
 import numpy as np
 import pytest
 
-from draglag.presets import load_screen
+from draglag.exchange import write_exchange
 from draglag.protocols import PlannedRun
 from draglag.simulation import simulate_session
 from draglag.store import write_session
@@ -101,21 +101,21 @@ def test_a_missing_or_unknown_file_is_refused(tmp_path):
         open_source(f"replay:{tmp_path / 'notes.txt'}", "touch").open()
 
 
-def test_a_session_is_played_run_by_run_with_touch_and_laser_together(tmp_path):
-    session = simulate_session(str(_short_screen()), _short_protocol(tmp_path), seed=1)
-    path = write_session(session, tmp_path / "old.h5")
+@pytest.mark.parametrize("kind", ["session", "folder"])
+def test_a_session_is_played_run_by_run_with_touch_and_laser_together(tmp_path, kind):
+    session = simulate_session("screen-1", _short_protocol(tmp_path), seed=1)
+    if kind == "session":
+        path = write_session(session, tmp_path / "old.h5")
+    else:
+        path = write_exchange(session, tmp_path / "folder")
     rig = make_rig({"touch": f"replay:{path}", "laser": f"replay:{path}"}, fast=True)
     played = play(rig, seconds=8.0)
     run = session.runs[0]
     shift = 10.0 - run.start_s
-    np.testing.assert_allclose(joined(played["touch"], "touch", "t_s"), run.touch.t_s + shift, atol=1e-9)
-    np.testing.assert_allclose(joined(played["laser"], "laser", "t_s"), run.laser.t_s + shift, atol=1e-9)
-    np.testing.assert_array_equal(joined(played["laser"], "laser", "device_t_s"), run.laser.device_t_s)
-
-
-def _short_screen():
-    assert load_screen("screen-1").width_mm == 509.2
-    return "screen-1"
+    # Text keeps microseconds at least.
+    np.testing.assert_allclose(joined(played["touch"], "touch", "t_s"), run.touch.t_s + shift, atol=1e-6)
+    np.testing.assert_allclose(joined(played["laser"], "laser", "t_s"), run.laser.t_s + shift, atol=1e-6)
+    np.testing.assert_array_equal(joined(played["laser"], "laser", "light"), run.laser.light)
 
 
 def _short_protocol(folder):

@@ -81,8 +81,8 @@ class Saver:
 
     @property
     def tap_count(self) -> int:
-        """Touches paired and saved so far."""
-        return self._taps["down"]
+        """Taps saved so far of which both touch and release found their shock."""
+        return min(self._taps["down"], self._taps["release"])
 
     def call(self, action: Callable[[], _T]) -> _T:
         """Run an action in the writer's thread, after what is in the queue. Raises what the action raises."""
