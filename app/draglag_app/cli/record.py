@@ -24,7 +24,8 @@ from draglag_devices.rig import Rig, make_rig
 from draglag_devices.sim.world import World
 
 SIMULATED = ("sim", "replay", "csv")
-_ON_SCREEN = "draglag_app.windows.participant"
+_OnScreen = Callable[[int, Callable[[Display], Path], Screen], Path]
+_ON_SCREEN = "draglag_app.windows.screen_display"
 
 
 @click.command("record")
@@ -127,13 +128,13 @@ def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, opt
         return run_session(protocol, rig, display, out, options, listener, control)
 
     with stop_on_interrupt(control):
-        path = measure(OffscreenDisplay()) if number is None else _on_screen(number)(number, measure)
+        path = measure(OffscreenDisplay()) if number is None else _on_screen(number)(number, measure, options.screen)
     if problem:
         raise DataError(f"the session ended early: {problem}", f"what was recorded is in {path}")
     return path
 
 
-def _on_screen(number: int) -> Callable[[int, Callable[[Display], Path]], Path]:
+def _on_screen(number: int) -> _OnScreen:
     try:
         module = importlib.import_module(_ON_SCREEN)
     except ModuleNotFoundError as missing:
@@ -142,7 +143,7 @@ def _on_screen(number: int) -> Callable[[int, Callable[[Display], Path]], Path]:
                 f"screen {number} cannot be drawn on: {missing}", "pip install PySide6-Essentials"
             ) from None
         raise DraglagError("drawing on a screen is not built in this version", "use --display offscreen") from None
-    return cast(Callable[[int, Callable[[Display], Path]], Path], module.record_on_screen)
+    return cast(_OnScreen, module.record_on_screen)
 
 
 @contextmanager
