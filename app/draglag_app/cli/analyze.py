@@ -1,0 +1,157 @@
+"""``draglag analyze``: the estimates of a session, for people or as JSON."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from draglag.analysis import Analysis, AnalysisOptions
+from draglag.analysis import analyze as analyze_session
+from draglag.curve import FORMS
+from draglag.errors import DataError
+from draglag_app.cli.common import json_option, load_session, number, print_json, progress, session_argument, table
+
+
+@click.command("analyze")
+@session_argument
+@click.option(
+    "--estimator",
+    type=click.Choice(["efficient", "paper"]),
+    default="efficient",
+    show_default=True,
+    help="The efficient estimator, or Eq. 1–3 as published.",
+)
+@click.option(
+    "--update-rate",
+    "update_rate_hz",
+    type=click.FloatRange(min=1, max=10000),
+    metavar="HZ",
+    help="Emulate a loop that holds the last event (the paper: 100). Default: the kernel's own stamps.",
+)
+@click.option(
+    "--form", type=click.Choice(["best", *FORMS]), default="best", show_default=True, help="Shape of the curve."
+)
+@click.option("--tie-asymptote", is_flag=True, help="Hold the asymptote at the median release tap.")
+@click.option("--save", is_flag=True, help="Store the result in the session file, beside the raw data.")
+@click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Also write report.html and figures.")
+@json_option
+def analyze(
+    session: Path,
+    estimator: str,
+    update_rate_hz: float | None,
+    form: str,
+    tie_asymptote: bool,
+    save: bool,
+    report: Path | None,
+    as_json: bool,
+) -> None:
+    """Estimate the latency of every run of SESSION (a session file or an exchange folder), the curve of latency
+    against speed, tap latencies, and what the curve removes in the validation runs.
+
+    \b
+    Examples:
+        draglag analyze session.h5
+        draglag analyze session.h5 --estimator paper --update-rate 100 --json
+        draglag analyze session.h5 --save --report report
+    """
+    if save and not session.is_file():
+        raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
+    data = load_session(session)
+    options = AnalysisOptions(
+        estimator=estimator, update_rate_hz=update_rate_hz, form=form, tie_asymptote=tie_asymptote
+    )
+    with progress("Analysing") as tell:
+        analysis = analyze_session(data, options, tell)
+    result = analysis.to_dict()
+    if save:
+        from draglag.store import add_analysis
+
+        asked = {
+            "estimator": estimator,
+            "update_rate_hz": update_rate_hz,
+            "form": form,
+            "tie_asymptote": tie_asymptote,
+            "window_s": list(options.window_s),
+        }
+        add_analysis(session, result, asked, datetime.now(UTC).isoformat(timespec="seconds"))
+    if report is not None:
+        from draglag.report import write_report
+
+        write_report(data, analysis, report)
+    if as_json:
+        print_json(result)
+    else:
+        click.echo("\n\n".join(summary(analysis, result)))
+
+
+def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
+    """The result for people: blocks of text."""
+    rate = analysis.options.update_rate_hz
+    stamps = "the kernel's stamps" if rate is None else f"a loop at {rate:g} Hz holding the last event"
+    blocks = [f"{analysis.session}: {analysis.options.estimator} estimator on {stamps}"]
+    if result["runs"]:
+        blocks.append(_runs(result["runs"]))
+    if analysis.curve is not None:
+        blocks.append(_curve(result["curve"]))
+    taps = [
+        f"{name:<8}{number(tap['median_ms'], 2)} ms (quartiles {number(tap['iqr_ms'][0], 2)} to "
+        f"{number(tap['iqr_ms'][1], 2)}), {tap['n']} taps"
+        for name, tap in result["taps"].items()
+    ]
+    if taps:
+        blocks.append("Taps, median\n" + "\n".join(f"  {line}" for line in taps))
+    if result["validation"]:
+        blocks.append(_validation(result["validation"]))
+    if analysis.problems:
+        blocks.append("Not done\n" + "\n".join(f"  {problem}" for problem in analysis.problems))
+    return blocks
+
+
+def _runs(runs: list[dict[str, Any]]) -> str:
+    rows = []
+    for run in sorted(runs, key=lambda run: run["speed_mm_s"] or 0.0):
+        low_high = run["latency_ci95_ms"]
+        interval = f"{number(low_high[0], 2)} to {number(low_high[1], 2)}" if low_high else "–"
+        rows.append(
+            [
+                run["id"],
+                number(run["speed_mm_s"]),
+                number(run["latency_ms"], 2),
+                interval,
+                str(run["n_edges"]),
+                number(run["J_per_edge_mm2"], 4),
+                number(run["stylus_diameter_mm"], 2),
+                ", ".join(run["flags"]) or "ok",
+            ]
+        )
+    head = ["run", "speed mm/s", "latency ms", "95 % interval", "edges", "J/edge mm²", "stylus mm", "verdict"]
+    return table(head, rows)
+
+
+def _curve(curve: dict[str, Any]) -> str:
+    parameters = ", ".join(f"{name} = {value:.4g}" for name, value in curve["parameters"].items())
+    low, high = curve["speed_range_mm_s"]
+    lines = [
+        f"Curve ({curve['form'].replace('_', ' ')}), RMS {number(curve['rms_ms'], 2)} ms, {low:.0f} to {high:.0f} mm/s",
+        f"  {parameters}",
+    ]
+    return "\n".join(lines)
+
+
+def _validation(rows: list[dict[str, Any]]) -> str:
+    head = ["validation", "target", "J(0)/N mm²", "J/N mm²", "ΔJ %", "verdict"]
+    cells = [
+        [
+            row["run"],
+            row["protocol"],
+            number(row["J0_per_edge_mm2"], 2),
+            number(row["J_per_edge_mm2"], 4),
+            number(row["delta_J_percent"], 2),
+            ", ".join(row["flags"]) or "ok",
+        ]
+        for row in rows
+    ]
+    return table(head, cells, left=2)

@@ -1,0 +1,88 @@
+"""What several commands share: reading sessions of either kind, progress, JSON and tables."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from draglag.errors import DataError
+from draglag.recording import LogEntry, Session
+
+Progress = Callable[[float, str], None]
+
+session_argument = click.argument("session", type=click.Path(path_type=Path))
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+
+
+def load_session(path: Path) -> Session:
+    """A session file or an exchange folder. Raises DataError."""
+    if path.is_dir() or path.name == "session.json":
+        from draglag.exchange import read_exchange
+
+        session = read_exchange(path if path.is_dir() else path.parent)
+        say_warnings(session.notes)
+        return session
+    from draglag.store import read_session
+
+    return read_session(path)
+
+
+def say_warnings(notes: Iterable[LogEntry]) -> None:
+    """Warnings of an import on stderr, where they do not mix with results."""
+    for note in notes:
+        if note.level == "warning" and note.source == "import":
+            click.echo(f"warning: {note.text}", err=True)
+
+
+def refuse_existing(path: Path) -> None:
+    """Raise DataError if something is there, before long work rather than after it."""
+    if path.exists() or path.is_symlink():
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+    if not path.absolute().parent.is_dir():
+        raise DataError(f"{path.absolute().parent}: there is no such folder", "Make it first, or choose another")
+
+
+@contextmanager
+def progress(label: str) -> Iterator[Progress | None]:
+    """A bar on stderr when a person is watching; None otherwise."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    with click.progressbar(length=1000, label=label, file=sys.stderr, show_eta=False) as bar:
+
+        def tell(fraction: float, text: str) -> None:
+            bar.label = f"{label} {text}"
+            bar.update(max(0, round(1000 * fraction) - bar.pos))
+
+        yield tell
+
+
+def print_json(value: Mapping[str, Any]) -> None:
+    """One JSON object on stdout; NaN becomes null."""
+    from draglag.store import to_json
+
+    click.echo(to_json(value))
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """Columns aligned: the first ``left`` and the last to the left, the others to the right."""
+    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
+
+    def line(row: Sequence[str]) -> str:
+        cells = [
+            cell.ljust(width) if k < left or k == len(row) - 1 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        return "  ".join(cells).rstrip()
+
+    return "\n".join([line(head), line(["─" * width for width in widths]), *map(line, rows)])
+
+
+def number(value: object, digits: int = 1) -> str:
+    """A number for people; an absent one is a dash."""
+    return "–" if not isinstance(value, int | float) or value != value else f"{value:.{digits}f}"

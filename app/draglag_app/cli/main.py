@@ -1,0 +1,113 @@
+"""The table of commands, and how whatever goes wrong in them reaches people."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from draglag.errors import DraglagError
+
+_HERE = "draglag_app.cli"
+
+# name → (module:function, help in one line). The line stands here so that the list of commands imports none of them.
+COMMANDS: dict[str, tuple[str, str]] = {
+    "demo": (f"{_HERE}.demo:demo", "Measure a simulated touchscreen from target to curve."),
+    "devices": (f"{_HERE}.devices:devices", "List devices to measure with."),
+    "record": (f"{_HERE}.record:record", "Measure a protocol into a new session file."),
+    "simulate": (f"{_HERE}.simulate:simulate", "Make a session of a simulated screen, with effects if you like."),
+    "import": (f"{_HERE}.files:import_", "Make a session file from an exchange folder."),
+    "export": (f"{_HERE}.files:export", "Write a session as exchange folder, CSV, netCDF or MATLAB file."),
+    "analyze": (f"{_HERE}.analyze:analyze", "Latency of every run, the curve, taps and validation."),
+    "verify": (f"{_HERE}.verify:verify", "Check a session file; save what an unfinished one holds."),
+}
+
+OPERATOR_WINDOW = "draglag_app.windows.main:open_operator_window"
+
+
+class LazyGroup(click.Group):
+    """A group that knows its commands by name and imports one when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command = load(COMMANDS[cmd_name][0])
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        return spoken(super().invoke, ctx)
+
+
+@click.group(cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="draglag", message="%(prog)s %(version)s")
+@click.pass_context
+def cli(ctx: click.Context) -> None:
+    """Measure, model and compensate the drag latency of touchscreens.
+
+    Without a command the operator window opens.
+
+    \b
+    Examples:
+        draglag demo --out demo
+        draglag analyze session.h5
+    """
+    if ctx.invoked_subcommand is None:
+        ctx.exit(load(OPERATOR_WINDOW)() or 0)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the program: 0 done, 1 the data or the rig says no, 2 usage."""
+    cli.main(args=None if arguments is None else list(arguments), prog_name="draglag")
+
+
+def load(place: str) -> Any:
+    """``module:function`` → the function."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
+    """Run a command; what goes wrong becomes one line on stderr and exit 1, a bug also a saved traceback."""
+    try:
+        return action(*arguments)
+    except (click.exceptions.Exit, click.ClickException, click.Abort):
+        raise
+    except DraglagError as error:
+        click.echo(f"draglag: {error}", err=True)
+    except BrokenPipeError:
+        # The reader (head, less) has gone: nothing to say, and nothing to say it to.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except Exception as error:  # the one place where a bug meets people
+        name = type(error).__name__
+        click.echo(f"draglag: unexpected {name}; please report it with the file {_save_traceback()}.", err=True)
+    raise click.exceptions.Exit(1)
+
+
+def _save_traceback() -> Path:
+    """Where the traceback of the present exception was saved."""
+    from platformdirs import user_log_path
+
+    folder = user_log_path("draglag", appauthor=False)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor, name = tempfile.mkstemp(prefix="error-", suffix=".log", dir=folder, text=True)
+    except OSError:
+        descriptor, name = tempfile.mkstemp(prefix="draglag-error-", suffix=".log", text=True)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        file.write(f"draglag {' '.join(sys.argv[1:])}\n\n{traceback.format_exc()}")
+    return Path(name)

@@ -1,0 +1,77 @@
+"""``draglag verify``: a session file against its schema; salvage of an unfinished one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from draglag.errors import DataError
+from draglag_app.cli.common import json_option, print_json
+
+if TYPE_CHECKING:
+    from draglag.store import Finding
+
+
+@click.command("verify")
+@click.argument("session", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Where to save what an unfinished file holds.")
+@json_option
+def verify(session: Path, out: Path | None, as_json: bool) -> None:
+    """Check SESSION against the schema and its contents against sense. A file that was never finished (its name
+    ends on .partial), or a damaged one with --out, is saved: everything readable goes to a new file, the old one
+    stays. An exchange folder is checked too.
+
+    \b
+    Examples:
+        draglag verify session.h5
+        draglag verify session.h5.partial --out saved.h5
+    """
+    from draglag.store import Finding, salvage
+    from draglag.store import verify as check
+
+    saved: Path | None = None
+    findings: list[Finding] = []
+    if session.is_dir():
+        findings = _folder(session)
+    elif session.exists() and (
+        out is not None or (session.name.endswith(PARTIAL) and not final_name(session).exists())
+    ):
+        result = salvage(session, out)
+        saved = result.path
+        findings = [Finding("warning", str(session), loss) for loss in result.losses] + check(saved)
+    else:
+        findings = check(session)
+    errors = [finding for finding in findings if finding.level == "error"]
+    if as_json:
+        rows = [{"level": f.level, "where": f.where, "text": f.text} for f in findings]
+        print_json({"session": str(session), "ok": not errors, "saved": saved and str(saved), "findings": rows})
+    else:
+        for finding in findings:
+            click.echo(str(finding), err=finding.level == "error")
+        if saved is not None:
+            click.echo(f"{saved}: saved from {session.name}")
+        if not errors:
+            click.echo(f"{saved or session}: sound" + (f", {len(findings)} remarks" if findings else ""))
+    if errors:
+        raise click.exceptions.Exit(1)
+
+
+def _unfinished(session: Path) -> bool:
+    """Whether a recording was cut off and has not been saved since."""
+    from draglag.store import PARTIAL, final_name
+
+    return session.name.endswith(PARTIAL) and not final_name(session).exists()
+
+
+def _folder(folder: Path) -> list[Finding]:
+    """Findings of an exchange folder. Raises DataError where it cannot be read."""
+    from draglag.exchange import read_exchange
+    from draglag.store import Finding, check_session
+
+    try:
+        session = read_exchange(folder)
+    except DataError as error:
+        return [Finding("error", str(folder), str(error))]
+    return [Finding("warning", "import", note.text) for note in session.notes] + check_session(session)
