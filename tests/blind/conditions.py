@@ -68,7 +68,7 @@ def _drawn(rng: np.random.Generator, count: int) -> tuple[str, ...]:
 
 
 def tasks(sessions: int, seed: int, only: tuple[str, ...] = (), scales: tuple[float, ...] = SCALES) -> list[Task]:
-    """The whole benchmark, `sessions` a row; `none` has four times as many, pairs and triples are drawn anew each time."""
+    """The whole benchmark, `sessions` a row, more of `none`, pairs and triples, which are drawn anew each time."""
     out: list[Task] = []
 
     def add(kind: str, row: str, names: tuple[str, ...] | int, scale: float, n: int, less: bool = False) -> None:

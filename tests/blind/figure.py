@@ -64,7 +64,7 @@ def _recall(ax: Any, rows: list[dict[str, Any]]) -> None:
 
 def _confusion(ax: Any, confusion: dict[str, dict[str, int]]) -> None:
     rows = list(confusion)
-    said = sorted({name for row in confusion.values() for name in row}, key=lambda name: (rows + [name]).index(name))
+    said = sorted({name for row in confusion.values() for name in row}, key=lambda name: [*rows, name].index(name))
     counts = np.array([[confusion[row].get(name, 0) for name in said] for row in rows], dtype=float)
     ax.set(title="Hidden (rows) against first name given (columns)")
     if counts.size:

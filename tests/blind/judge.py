@@ -16,9 +16,10 @@ from .visibility import JUST_DETECTABLE, visibility
 class Outcome:
     """The verdict on one session.
 
-    `right` answers the kind's own question: nothing reported (none), the right name first (single, faint), all names (pair,
-    triple), owned up to (left_out, unknown). `named` are the library's ids in the order found; `spurious` those of them
-    that nothing hidden accounts for. `size` is in just-detectable sizes, None where the streams show the effect.
+    `right` answers the kind's own question: nothing reported (none), the right name first (single, faint), all names
+    (pair, triple), owned up to (left_out, unknown). `named` are the library's ids in the order found; `spurious` those
+    of them that nothing hidden accounts for. `size`, of the least visible effect, counts just-detectable sizes; None
+    where the streams show it.
     """
 
     kind: str
@@ -47,7 +48,10 @@ def run_task(task: Task) -> Outcome:
         effects = dict(task.effects)
         twin = make_session(folder / "twin", task.seed, {}, profile) if effects else None
         truth = make_session(folder / "session", task.seed, effects, profile)
-        d = visibility(truth, twin) if twin else None
+        d = visibility(truth, twin) if twin and len(effects) == 1 else None
+        if twin and len(effects) > 1:
+            alone = [make_session(folder / key, task.seed, {key: value}, profile) for key, value in effects.items()]
+            d = min((seen for one in alone if (seen := visibility(one, twin)) is not None), default=None)
         if task.kind == "faint" and twin and d:
             effects = {key: value * task.scale * JUST_DETECTABLE / d for key, value in effects.items()}
             truth = make_session(folder / "session", task.seed, effects, profile)
@@ -97,7 +101,7 @@ def _is(step: dict[str, Any], name: str, taps_before: bool) -> bool:
 def _parameter_error(
     hits: dict[str, dict[str, Any] | None], hidden: dict[str, float]
 ) -> tuple[float | None, bool | None]:
-    """Relative error of the size of the first effect found under its own name, and whether its interval holds the truth."""
+    """Relative error of the first effect found under its own name; whether its interval holds the truth."""
     for name, step in hits.items():
         if step is None or step["effect"] != name or not step.get("parameters"):
             continue

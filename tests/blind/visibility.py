@@ -60,7 +60,8 @@ def visibility(truth: Truth, twin: Truth) -> float | None:
     rig = twin.rig
     spread = np.concatenate([r for r, _ in without.values()])
     sigma = 1.4826 * np.median(np.abs(spread - np.median(spread))) + 1e-3
-    normal, moved, energy = np.zeros((7, 7)), np.zeros(7), 0.0
+    usual = np.median(np.concatenate([r for r, _ in with_it.values()])) - np.median(spread)
+    rows = []
     for run_id, (r1, at1) in with_it.items():
         if run_id not in without:
             continue
@@ -68,22 +69,23 @@ def visibility(truth: Truth, twin: Truth) -> float | None:
         _, i1, i0 = np.intersect1d(at1, at0, return_indices=True)
         if len(i1) < 2:
             continue
-        delta, at = r1[i1] - r0[i0], at0[i0]
+        # a few wild edges at the start of a step are nobody's evidence
+        delta, at = np.clip(r1[i1] - r0[i0] - usual, -4 * sigma, 4 * sigma), at0[i0]
         base = twin.details[run_id]
         vy, v = base["vy_mm_s"][at], base["speed_mm_s"][at]
         fast, slow = np.exp(-rig.law["a2"] * v), np.exp(-rig.law["a5"] * v)
         columns = np.column_stack(
             [vy, vy * fast, vy * v * fast, vy * slow, vy * v * slow, np.ones_like(vy), base["x_mm"][at]]
         )
-        delta = np.clip(delta, -4 * sigma, 4 * sigma)  # a few wild edges at the start of a step are nobody's evidence
         cover = sigma**2 * np.eye(len(at)) + rig.run_offset_sd_mm**2 + rig.run_latency_sd_s**2 * np.outer(vy, vy)
         white = np.linalg.solve(np.linalg.cholesky(cover), np.column_stack([delta, columns]))
-        normal += white[:, 1:].T @ white[:, 1:]
-        moved += white[:, 1:].T @ white[:, 0]
-        energy += float(white[:, 0] @ white[:, 0])
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    absorbed = (moved / scale) @ np.linalg.lstsq(normal / np.outer(scale, scale), moved / scale, rcond=1e-12)[0]
-    return float(np.sqrt(max(energy - absorbed, 0.0)))
+        rows.append(white)
+    if not rows:
+        return 0.0
+    white = np.concatenate(rows)
+    scaled = white[:, 1:] / np.maximum(np.linalg.norm(white[:, 1:], axis=0), 1e-300)
+    left = white[:, 0] - scaled @ np.linalg.lstsq(scaled, white[:, 0], rcond=1e-7)[0]
+    return float(np.linalg.norm(left))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -23,7 +23,7 @@ def missing() -> str | None:
 
 
 def close(folder: Path, excluded: tuple[str, ...] = (), max_effects: int | None = None) -> dict[str, Any]:
-    """Gap report of one exchange folder as plain data, with `seconds` it took; `excluded` effects are not in the library."""
+    """Gap report of one exchange folder as plain data, and the `seconds` it took; `excluded` leave the library."""
     from draglag.errors import DraglagError
     from draglag.exchange import read_exchange
     from draglag.gap import close_gap
