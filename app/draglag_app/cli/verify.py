@@ -35,9 +35,7 @@ def verify(session: Path, out: Path | None, as_json: bool) -> None:
     findings: list[Finding] = []
     if session.is_dir():
         findings = _folder(session)
-    elif session.exists() and (
-        out is not None or (session.name.endswith(PARTIAL) and not final_name(session).exists())
-    ):
+    elif session.exists() and (out is not None or _unfinished(session)):
         result = salvage(session, out)
         saved = result.path
         findings = [Finding("warning", str(session), loss) for loss in result.losses] + check(saved)
