@@ -1,0 +1,176 @@
+"""The figures of a report, each a function from estimates to a matplotlib figure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from draglag.analysis import Analysis
+from draglag.latency import RunEstimate
+from draglag.latency.estimate import Alignment
+from draglag.recording import Run, Session
+from draglag.report import style
+
+_TAP_LOOK = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
+
+
+def latency_figure(analysis: Analysis) -> Any:
+    """Latency against speed with 95 % intervals, the fitted curve with its band, and tap medians (Fig. 5)."""
+    figure = style.new_figure()
+    axes = figure.add_subplot()
+    runs = [run for run in analysis.runs if run.latency_s is not None and run.speed_mm_s is not None]
+    sound = [run for run in runs if not run.flags]
+    flagged = [run for run in runs if run.flags]
+    if analysis.curve is not None:
+        low, high = analysis.curve.speed_range_mm_s
+        speed = np.geomspace(max(low, 1.0), max(high, 1.0), 300)
+        band = [1e3 * edge for edge in analysis.curve.band_s(speed)]
+        axes.fill_between(speed, *band, color=style.SKY, alpha=0.35, linewidth=0, label="95 % band of the curve")
+        title = analysis.curve.form.replace("_", " ")
+        axes.plot(speed, 1e3 * analysis.curve.predict_s(speed), color=style.BLUE, label=f"fit: {title}")
+    for some, marker, colour, label in (
+        (sound, "s", style.BLACK, "run, 95 % interval"),
+        (flagged, "X", style.ORANGE, "run with a warning"),
+    ):
+        if some:
+            axes.errorbar(
+                [run.speed_mm_s for run in some],
+                [run.latency_ms for run in some],
+                yerr=_bars(some),
+                fmt=marker,
+                color=colour,
+                capsize=2.5,
+                elinewidth=1.1,
+                label=label,
+                zorder=3,
+            )
+    for name, taps in analysis.taps.items():
+        colour, marker, dashes = _TAP_LOOK[name]
+        axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)
+        label = f"tap, {name}: median {1e3 * taps.median_s:.1f} ms"
+        right = analysis.curve.speed_range_mm_s[1] if analysis.curve is not None else 1000.0
+        axes.plot([right], [1e3 * taps.median_s], marker, color=colour, linestyle=dashes, label=label, zorder=4)
+    axes.set(xlabel="drag speed, mm/s", ylabel="latency, ms")
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(left=0)
+    if runs or analysis.taps:
+        axes.legend(loc="upper right")
+    return figure
+
+
+def _bars(runs: list[RunEstimate]) -> Any:
+    """Lower and upper lengths of the error bars, (2, n) ms."""
+    bars = np.zeros((2, len(runs)))
+    for k, run in enumerate(runs):
+        if run.latency_ci95_ms is not None and run.latency_ms is not None:
+            bars[:, k] = run.latency_ms - run.latency_ci95_ms[0], run.latency_ci95_ms[1] - run.latency_ms
+    return np.maximum(bars, 0)
+
+
+def alignment_figure(run: Run, alignment: Alignment, title: str, session: Session) -> Any:
+    """The touch path of one run, its edges before and after the correction, and the two lines (Fig. 4)."""
+    figure = style.new_figure(7.2, 3.9)
+    axes = figure.add_subplot()
+    axes.plot(run.touch.x_mm, run.touch.y_mm, color=style.GREY, linewidth=0.5, alpha=0.7, label="touch path")
+    for falling, marker, name in ((True, "v", "light→dark"), (False, "^", "dark→light")):
+        some = np.asarray(alignment.falling, bool) == falling
+        for x_mm, y_mm, colour, state in (
+            (alignment.x_raw_mm, alignment.y_raw_mm, style.VERMILION, "raw"),
+            (alignment.x_mm, alignment.y_mm, style.BLUE, "corrected"),
+        ):
+            filled = {"markerfacecolor": "none"} if state == "raw" else {}
+            axes.plot(
+                x_mm[some],
+                y_mm[some],
+                marker,
+                color=colour,
+                markersize=4.5,
+                linestyle="none",
+                label=f"{state}, {name}",
+                **filled,
+            )
+    lines = alignment.lines
+    ends = np.array([alignment.x_mm.min(), alignment.x_mm.max()])
+    both = ((lines.slope_top, lines.intercept_top_mm), (lines.slope_bottom, lines.intercept_bottom_mm))
+    for k, (slope, intercept_mm) in enumerate(both):
+        label = "fitted top and bottom line" if k == 0 else None
+        axes.plot(ends, slope * ends + intercept_mm, color=style.BLACK, linewidth=1.2, label=label, zorder=4)
+    axes.set(xlabel="x, mm", ylabel="y, mm (down the screen)", title=title)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.invert_yaxis()
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def width_figure(analysis: Analysis, session: Session) -> Any:
+    """Stylus width from the distance of the two lines, against speed, beside the true width (Fig. 7)."""
+    figure = style.new_figure(7.2, 3.2)
+    axes = figure.add_subplot()
+    runs = [run for run in analysis.runs if run.stylus_diameter_mm is not None and run.speed_mm_s is not None]
+    speed = np.array([run.speed_mm_s for run in runs], float)
+    width = np.array([run.stylus_diameter_mm for run in runs], float)
+    se = np.array([run.stylus_diameter_se_mm or 0.0 for run in runs], float)
+    axes.axhline(session.stylus.diameter_mm, color=style.BLACK, linestyle="--", label="true width")
+    bars = {"yerr": 1.96 * se} if se.any() else {}
+    label = "estimated, 95 % interval" if bars else "estimated"
+    axes.errorbar(speed, width, fmt="D", color=style.BLUE, capsize=2.5, elinewidth=1.1, label=label, **bars)
+    axes.set(xlabel="drag speed, mm/s", ylabel="stylus width, mm")
+    axes.set_xlim(left=0)
+    low, high = axes.get_ylim()
+    middle = session.stylus.diameter_mm
+    reach = max(1.0, high - middle, middle - low)
+    axes.set_ylim(middle - reach, middle + reach)
+    axes.legend(loc="lower right", ncols=2)
+    return figure
+
+
+def taps_figure(analysis: Analysis) -> Any:
+    """Tap latency, touch and release (Fig. 6): box from quartile to quartile, every tap as a point."""
+    figure = style.new_figure(7.2, 2.6)
+    axes = figure.add_subplot()
+    names = list(analysis.taps)
+    rng = np.random.default_rng(0)  # spreads the points, so that equal ones stay visible
+    for place, name in enumerate(names):
+        latency_ms = 1e3 * analysis.taps[name].latency_s
+        colour, marker, _ = _TAP_LOOK[name]
+        axes.boxplot(
+            [latency_ms],
+            positions=[place],
+            orientation="horizontal",
+            widths=0.5,
+            showfliers=False,
+            medianprops={"color": style.BLACK, "linewidth": 2},
+            boxprops={"color": style.BLACK},
+            manage_ticks=False,
+        )
+        spread = place + rng.uniform(-0.17, 0.17, latency_ms.size)
+        axes.plot(latency_ms, spread, marker, color=colour, alpha=0.55, markersize=3.5, linestyle="none")
+    axes.set_yticks(range(len(names)), [f"{name}\n(n = {analysis.taps[name].n})" for name in names])
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("tap latency, ms")
+    axes.grid(visible=False, axis="y")
+    return figure
+
+
+def speeds_figure(analysis: Analysis) -> Any:
+    """The speeds at which each validation run crosses the beam, on the curve that corrects it (Fig. 8)."""
+    figure = style.new_figure(7.2, 3.4)
+    axes = figure.add_subplot()
+    curve = analysis.curve
+    assert curve is not None
+    low, high = curve.speed_range_mm_s
+    speed = np.linspace(max(low, 1.0), high, 300)
+    axes.plot(speed, 1e3 * curve.predict_s(speed), color=style.BLACK, label="curve, measured range")
+    looks = [(style.VERMILION, "o"), (style.GREEN, "s"), (style.BLUE, "^"), (style.PURPLE, "D"), (style.ORANGE, "v")]
+    kinds = list(dict.fromkeys(item.protocol for item in analysis.validation))
+    for kind, (colour, marker) in zip(kinds, looks, strict=False):
+        same = [item for item in analysis.validation if item.protocol == kind]
+        speeds = np.concatenate([item.speeds_mm_s for item in same])
+        latency = 1e3 * np.concatenate([item.latency_s for item in same])
+        axes.plot(speeds, latency, marker, color=colour, markersize=4, alpha=0.6, linestyle="none", label=kind)
+    axes.set(xlabel="speed at the crossing, mm/s", ylabel="latency from the curve, ms")
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(left=0)
+    axes.legend(loc="upper right")
+    return figure

@@ -1,0 +1,148 @@
+"""A report of one session: report.html, whole in one file, and its figures as SVG and PNG."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import draglag
+from draglag.analysis import Analysis
+from draglag.errors import DataError
+from draglag.recording import Session
+from draglag.report import figures, style
+from draglag.store.schema import slug
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One picture of the report."""
+
+    name: str
+    caption: str
+    image: str  # data: address
+    alt: str
+
+
+def write_report(session: Session, analysis: Analysis, out_dir: Path | str) -> Path:
+    """Write ``report.html`` and ``figures/*.svg|png`` into a folder and return the path of the report.
+
+    Raises DataError where the report exists already or cannot be written.
+    """
+    out = Path(out_dir)
+    report = out / "report.html"
+    if report.exists():
+        raise DataError(f"{report}: exists already and is not overwritten", "Choose another folder")
+    try:
+        (out / "figures").mkdir(parents=True, exist_ok=True)
+        with style.house_style():
+            pictures = {name: list(group) for name, group in _figures(session, analysis, out / "figures").items()}
+        report.write_text(_page(session, analysis, pictures), "utf-8")
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+    return report
+
+
+def _figures(session: Session, analysis: Analysis, folder: Path) -> dict[str, Iterator[Figure]]:
+    return {
+        "curve": _main_figures(session, analysis, folder),
+        "runs": _run_figures(session, analysis, folder),
+        "validation": _validation_figures(session, analysis, folder),
+    }
+
+
+def _main_figures(session: Session, analysis: Analysis, folder: Path) -> Iterator[Figure]:
+    yield _keep(
+        figures.latency_figure(analysis),
+        folder,
+        "latency",
+        "Latency against drag speed. Every mark is one run, its bar the 95 % interval; tap latency is what an "
+        "infinitely fast drag should approach.",
+    )
+    if any(run.stylus_diameter_mm is not None for run in analysis.runs):
+        yield _keep(
+            figures.width_figure(analysis, session),
+            folder,
+            "stylus-width",
+            "Width of the stylus from the distance of the two lines: right only where the alignment is.",
+        )
+    if analysis.taps:
+        yield _keep(
+            figures.taps_figure(analysis), folder, "taps", "Tap latency: box from quartile to quartile, line = median."
+        )
+
+
+def _run_figures(session: Session, analysis: Analysis, folder: Path) -> Iterator[Figure]:
+    for estimate in sorted(analysis.runs, key=lambda run: run.speed_mm_s or 0.0):
+        if estimate.alignment is None or estimate.latency_ms is None:
+            continue
+        title = f"{estimate.id}: {estimate.speed_mm_s:.0f} mm/s, latency {estimate.latency_ms:.1f} ms"
+        drawn = figures.alignment_figure(session.run(estimate.id), estimate.alignment, title, session)
+        yield _keep(drawn, folder, f"alignment-{slug(estimate.id)}", title, png=True)
+
+
+def _validation_figures(session: Session, analysis: Analysis, folder: Path) -> Iterator[Figure]:
+    if analysis.validation and analysis.curve is not None:
+        caption = "Speeds at which the validation runs cross the beam, on the curve that corrects them."
+        yield _keep(figures.speeds_figure(analysis), folder, "validation-speeds", caption)
+    for item in analysis.validation:
+        title = f"{item.run}, {item.protocol}: {item.delta_j_percent:.1f} % of the misalignment removed"
+        drawn = figures.alignment_figure(session.run(item.run), item.alignment, title, session)
+        yield _keep(drawn, folder, f"alignment-{slug(item.run)}", title, png=True)
+
+
+def _keep(drawn: Any, folder: Path, name: str, caption: str, png: bool = False) -> Figure:
+    """Save a figure and embed it: as SVG, or as PNG where thousands of points would make the page slow."""
+    svg = style.save(drawn, folder, name)
+    if png:
+        image = "data:image/png;base64," + base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
+    else:
+        image = "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+    return Figure(name, caption, image, re.sub(r"\s+", " ", caption))
+
+
+def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]]) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("draglag.report", "templates"), autoescape=True, undefined=StrictUndefined
+    )
+    environment.filters["number"] = _number
+    result = analysis.to_dict()
+    excluded = [
+        {"level": "warning", "text": f"{run}: left out ({why})"} for run, why in analysis.options.exclude.items()
+    ]
+    notes = [{"level": note.level, "text": note.text} for note in session.notes]
+    return environment.get_template("report.html").render(
+        session=session,
+        analysis=analysis,
+        result=result,
+        runs=sorted(analysis.runs, key=lambda run: run.speed_mm_s or 0.0),
+        pictures=pictures,
+        notes=excluded + notes,
+        version=draglag.__version__,
+        verdict=_verdict(analysis),
+    )
+
+
+def _verdict(analysis: Analysis) -> str:
+    """The result in one sentence."""
+    known = [run for run in analysis.runs if run.latency_ms is not None and run.speed_mm_s is not None]
+    if not known:
+        return "No run gave a latency."
+    slow, fast = (pick(known, key=lambda run: run.speed_mm_s or 0.0) for pick in (min, max))
+    sentence = f"Latency {slow.latency_ms:.1f} ms at {slow.speed_mm_s:.0f} mm/s"
+    if fast is not slow:
+        sentence += f" and {fast.latency_ms:.1f} ms at {fast.speed_mm_s:.0f} mm/s"
+    if analysis.curve is not None:
+        sentence += (
+            f"; the curve fits {analysis.curve.n_points} runs with an RMS of {1e3 * analysis.curve.rms_s:.2f} ms"
+        )
+    return sentence + "."
+
+
+def _number(value: object, digits: int = 1) -> str:
+    return "–" if not isinstance(value, int | float) or value != value else f"{value:.{digits}f}"
