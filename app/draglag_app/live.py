@@ -1,0 +1,82 @@
+"""What the live plots of a run show, gathered from digests of samples. No Qt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from draglag.motion import local_fit
+from draglag.protocols import PlannedRun
+from draglag.recording import FloatArray
+from draglag_app.session.events import SamplesArrived
+
+# Half width of the fits behind the live speed: a compromise between noise and the sharpest turns.
+_HALF_S = 0.06
+_MOST_POINTS = 40_000
+
+
+@dataclass
+class LiveRun:
+    """One run as it arrives. Times count from ``start_s``, the moment the target began to move.
+
+    Attributes (n touch events, m edges): t_s, x_mm, y_mm (n,); edge_s, light (m,); speed_t_s, speed_mm_s (k,).
+    """
+
+    run_id: str
+    planned: PlannedRun | None
+    start_s: float
+    count: int = 0
+    n_edges: int = 0
+    touch: list[FloatArray] = field(default_factory=lambda: [np.empty((0, 3))])
+    edges: list[FloatArray] = field(default_factory=lambda: [np.empty((0, 2))])
+    speed: list[FloatArray] = field(default_factory=lambda: [np.empty((0, 2))])
+
+    def add(self, samples: SamplesArrived) -> None:
+        """Take a digest; those of other runs are left alone."""
+        if samples.run_id != self.run_id:
+            return
+        if len(samples.t_s):
+            self.count += samples.count
+            if sum(len(part) for part in self.touch) < _MOST_POINTS:
+                self.touch.append(np.column_stack([samples.t_s - self.start_s, samples.x_mm, samples.y_mm]))
+        if len(samples.edge_s):
+            self.n_edges += len(samples.edge_s)
+            self.edges.append(np.column_stack([samples.edge_s - self.start_s, samples.light]))
+
+    def trace(self) -> FloatArray:
+        """(n, 3) time s, x mm, y mm."""
+        return _joined(self.touch)
+
+    def edges_on_screen(self) -> FloatArray:
+        """(m, 3) x mm, y mm of the touch event at each edge, not yet shifted, and 1 where the light came back."""
+        trace, edges = self.trace(), _joined(self.edges)
+        if len(trace) < 2 or not len(edges):
+            return np.empty((0, 3))
+        x_mm, y_mm = (np.interp(edges[:, 0], trace[:, 0], trace[:, k]) for k in (1, 2))
+        return np.column_stack([x_mm, y_mm, edges[:, 1]])
+
+    def speeds(self) -> FloatArray:
+        """(k, 2) time s and speed mm/s so far; computes only what is new."""
+        trace, known = self.trace(), _joined(self.speed)
+        from_s = known[-1, 0] if len(known) else -np.inf
+        fresh = trace[trace[:, 0] > from_s - 4 * _HALF_S]
+        if len(fresh) > 8 and fresh[-1, 0] - fresh[0, 0] > 3 * _HALF_S:
+            at_s = fresh[(fresh[:, 0] > from_s) & (fresh[:, 0] < fresh[-1, 0] - _HALF_S), 0][::2]
+            if len(at_s):
+                fit = local_fit(fresh[:, 0], fresh[:, 1:], at_s, _HALF_S)
+                speed = np.where(fit.ok, fit.speed_mm_s, np.nan)
+                self.speed.append(np.column_stack([at_s, speed]))
+        return _joined(self.speed)
+
+    def target_speed_mm_s(self, t_s: FloatArray) -> FloatArray:
+        """What the target does, (k,) → (k,)."""
+        if self.planned is None:
+            return np.full(t_s.shape, np.nan)
+        return np.asarray(np.hypot(*self.planned.target.velocity_mm_s(t_s)))
+
+
+def _joined(parts: list[FloatArray]) -> FloatArray:
+    if len(parts) > 1:
+        parts[:] = [np.concatenate(parts)]
+    return parts[0]

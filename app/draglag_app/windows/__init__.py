@@ -1,0 +1,1 @@
+"""The Qt windows: the participant's display and the operator's station. Maths lives in the library."""

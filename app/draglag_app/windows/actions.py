@@ -1,0 +1,111 @@
+"""Everything the operator can ask for, in one table: menus, keys and the Help page are made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from PySide6.QtCore import QCoreApplication, QObject
+from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtWidgets import QMenuBar
+
+from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
+
+CONTEXT = "Actions"
+
+
+@dataclass(frozen=True)
+class ActionSpec:
+    """One action. ``when``: "always", "idle" (nothing is being recorded) or "recording"."""
+
+    id: str
+    menu: str
+    text: str
+    keys: str = ""
+    when: str = "always"
+
+
+MENUS = {
+    "session": QT_TRANSLATE_NOOP("Actions", "&Session"),
+    "edit": QT_TRANSLATE_NOOP("Actions", "&Edit"),
+    "measure": QT_TRANSLATE_NOOP("Actions", "&Measure"),
+    "go": QT_TRANSLATE_NOOP("Actions", "&Go to"),
+    "help": QT_TRANSLATE_NOOP("Actions", "&Help"),
+}
+ACTIONS = (
+    ActionSpec("open", "session", QT_TRANSLATE_NOOP("Actions", "Open session…"), "Ctrl+O", "idle"),
+    ActionSpec("import", "session", QT_TRANSLATE_NOOP("Actions", "Import exchange folder…"), "Ctrl+I", "idle"),
+    ActionSpec("export", "session", QT_TRANSLATE_NOOP("Actions", "Export session…"), "Ctrl+E", "idle"),
+    ActionSpec("report", "session", QT_TRANSLATE_NOOP("Actions", "Write report…"), "Ctrl+Shift+E", "idle"),
+    ActionSpec("quit", "session", QT_TRANSLATE_NOOP("Actions", "Quit"), "Ctrl+Q"),
+    ActionSpec("undo", "edit", QT_TRANSLATE_NOOP("Actions", "Undo"), "Ctrl+Z"),
+    ActionSpec("redo", "edit", QT_TRANSLATE_NOOP("Actions", "Redo"), "Ctrl+Shift+Z"),
+    ActionSpec("start", "measure", QT_TRANSLATE_NOOP("Actions", "Start measuring"), "F5", "idle"),
+    ActionSpec("proceed", "measure", QT_TRANSLATE_NOOP("Actions", "Begin next run now"), "F6", "recording"),
+    ActionSpec("repeat", "measure", QT_TRANSLATE_NOOP("Actions", "Repeat this run"), "F7", "recording"),
+    ActionSpec("abort", "measure", QT_TRANSLATE_NOOP("Actions", "Abort this run"), "F8", "recording"),
+    ActionSpec("stop", "measure", QT_TRANSLATE_NOOP("Actions", "Stop and save"), "F9", "recording"),
+    ActionSpec("note", "measure", QT_TRANSLATE_NOOP("Actions", "Write a note"), "F4", "recording"),
+    ActionSpec("check", "measure", QT_TRANSLATE_NOOP("Actions", "Check the rig"), "F3", "idle"),
+    ActionSpec("analyse", "measure", QT_TRANSLATE_NOOP("Actions", "Analyse again"), "F2", "idle"),
+    ActionSpec("cancel", "measure", QT_TRANSLATE_NOOP("Actions", "Cancel what is running"), "Ctrl+."),
+    ActionSpec("go_bench", "go", QT_TRANSLATE_NOOP("Actions", "Bench"), "Ctrl+1"),
+    ActionSpec("go_geometry", "go", QT_TRANSLATE_NOOP("Actions", "Geometry"), "Ctrl+2"),
+    ActionSpec("go_protocol", "go", QT_TRANSLATE_NOOP("Actions", "Protocol"), "Ctrl+3"),
+    ActionSpec("go_record", "go", QT_TRANSLATE_NOOP("Actions", "Record"), "Ctrl+4"),
+    ActionSpec("go_results", "go", QT_TRANSLATE_NOOP("Actions", "Results"), "Ctrl+5"),
+    ActionSpec("go_gap", "go", QT_TRANSLATE_NOOP("Actions", "Gap"), "Ctrl+6"),
+    ActionSpec("go_compare", "go", QT_TRANSLATE_NOOP("Actions", "Compare"), "Ctrl+7"),
+    ActionSpec("go_log", "go", QT_TRANSLATE_NOOP("Actions", "Log"), "Ctrl+8"),
+    ActionSpec("go_preferences", "go", QT_TRANSLATE_NOOP("Actions", "Preferences"), "Ctrl+9"),
+    ActionSpec("go_help", "go", QT_TRANSLATE_NOOP("Actions", "Help"), "F1"),
+    ActionSpec("theme", "help", QT_TRANSLATE_NOOP("Actions", "Dark or light"), "Ctrl+T"),
+    ActionSpec("fullscreen", "help", QT_TRANSLATE_NOOP("Actions", "Full screen"), "F11"),
+)
+
+
+def say(text: str) -> str:
+    """A text of this table in the operator's language."""
+    return QCoreApplication.translate(CONTEXT, text)
+
+
+class Actions(QObject):
+    """The table as QActions. ``handlers`` maps ids to what they do; ids without one are left out."""
+
+    def __init__(self, parent: QObject, handlers: Mapping[str, Callable[[], object]]) -> None:
+        super().__init__(parent)
+        self.made: dict[str, QAction] = {}
+        for spec in ACTIONS:
+            handler = handlers.get(spec.id)
+            if handler is None:
+                continue
+            action = QAction(say(spec.text), self)
+            action.setShortcut(QKeySequence(spec.keys))
+            action.triggered.connect(_without_argument(handler))
+            self.made[spec.id] = action
+
+    def fill(self, bar: QMenuBar) -> None:
+        """Menus in the order of the table."""
+        for name, title in MENUS.items():
+            menu = bar.addMenu(say(title))
+            for spec in ACTIONS:
+                if spec.menu == name and spec.id in self.made:
+                    menu.addAction(self.made[spec.id])
+
+    def set_recording(self, recording: bool) -> None:
+        """Enable what makes sense now."""
+        for spec in ACTIONS:
+            if spec.id in self.made and spec.when != "always":
+                self.made[spec.id].setEnabled((spec.when == "recording") == recording)
+
+
+def _without_argument(handler: Callable[[], object]) -> Callable[[], None]:
+    def call() -> None:
+        handler()
+
+    return call
+
+
+def key_list() -> list[tuple[str, str]]:
+    """(keys, what they do) of every action, for the Help page."""
+    return [(QKeySequence(spec.keys).toString(), say(spec.text)) for spec in ACTIONS if spec.keys]

@@ -1,0 +1,83 @@
+"""The Qt application: faults become one sentence and a log file; language, fonts and theme."""
+
+from __future__ import annotations
+
+import locale
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import cast
+
+from platformdirs import user_log_path
+from PySide6.QtCore import QCoreApplication, QTranslator
+from PySide6.QtGui import QIcon, QPixmap
+from PySide6.QtWidgets import QApplication
+
+from draglag.errors import DraglagError
+from draglag_app.windows.settings import Settings
+from draglag_app.windows.theme import apply_theme
+from draglag_resources import resource
+
+
+def make_application(arguments: Sequence[str], settings: Settings | None = None) -> QApplication:
+    """The one application of this process, made on first call, in the settings' theme and language."""
+    present = QCoreApplication.instance()
+    application = cast(QApplication, present) if present is not None else QApplication(list(arguments))
+    application.setApplicationName("draglag")
+    application.setDesktopFileName("draglag")
+    settings = settings or Settings()
+    translate(application, settings.language)
+    font = application.font()
+    font.setPointSizeF(10.0 * settings.text_scale)
+    application.setFont(font)
+    apply_theme(application, settings.theme)
+    icon = resource("icons", "draglag.svg")
+    if icon.is_file():
+        pixmap = QPixmap()
+        pixmap.loadFromData(icon.read_bytes())
+        if not pixmap.isNull():
+            application.setWindowIcon(QIcon(pixmap))
+    return application
+
+
+def translate(application: QApplication, language: str) -> None:
+    """Use that language; "system" takes the desktop's, English where there is no translation."""
+    if language == "system":
+        language = (locale.getlocale()[0] or "en")[:2]
+    file = resource("translations", f"draglag_{language}.qm")
+    if language == "en" or not file.is_file():
+        return
+    translator = QTranslator(application)
+    if translator.load(file.read_bytes()):
+        application.installTranslator(translator)
+
+
+def install_excepthook(tell: Callable[[str], None]) -> None:
+    """Faults nobody foresaw: the traceback into a log file, one sentence to the operator, the program goes on."""
+
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if issubclass(kind, KeyboardInterrupt):
+            QCoreApplication.quit()
+            return
+        if isinstance(error, DraglagError):
+            tell(str(error))
+            return
+        where = write_fault(kind, error, trace)
+        tell(f"Something went wrong ({error or kind.__name__}). Details are in {where}.")
+
+    sys.excepthook = hook
+
+
+def write_fault(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> Path:
+    """Append a traceback to the log file; returns its path."""
+    path = user_log_path("draglag") / "faults.log"
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as file:
+            file.write(f"--- {datetime.now().isoformat(timespec='seconds')}\n")
+            file.writelines(traceback.format_exception(kind, error, trace))
+    return path

@@ -1,0 +1,81 @@
+"""The one bridge from session events, told by other threads, to Qt signals in the windows' thread."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from PySide6.QtCore import QObject, Qt, Signal
+
+from draglag_app.session import events
+
+
+class SessionBridge(QObject):
+    """``listener`` may be called from any thread; the signals are emitted in the thread this object lives in.
+
+    Events are queued and taken in a bunch: a source of 1 kHz costs one wake-up of the window, not a thousand.
+    """
+
+    device_opened = Signal(object)
+    state_changed = Signal(object)
+    run_started = Signal(object)
+    run_finished = Signal(object)
+    samples_arrived = Signal(object)
+    taps_arrived = Signal(object)
+    device_fault = Signal(object)
+    notice_raised = Signal(object)
+    disk_status = Signal(object)
+    session_finished = Signal(object)
+    crashed = Signal(object)
+    """The session's thread ended with this exception; no file was closed."""
+    _wake = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._lock = threading.Lock()
+        self._waiting: list[Any] = []
+        self._woken = False
+        self._wake.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
+
+    def listener(self, event: events.Event) -> None:
+        """Take an event, from any thread."""
+        self._post(event)
+
+    def failed(self, error: Exception) -> None:
+        """Take the exception that ended the session's thread, from any thread."""
+        self._post(error)
+
+    def _post(self, item: Any) -> None:
+        with self._lock:
+            self._waiting.append(item)
+            if self._woken:
+                return
+            self._woken = True
+        self._wake.emit()
+
+    def _deliver(self) -> None:
+        # Bounded, so that a simulation at full speed cannot starve the window.
+        with self._lock:
+            items, self._waiting = self._waiting[:100], self._waiting[100:]
+            self._woken = again = bool(self._waiting)
+        for item in items:
+            self._emitter(item)(item)
+        if again:
+            self._wake.emit()
+
+    def _emitter(self, item: Any) -> Callable[[Any], None]:
+        emitters: dict[type, Any] = {
+            events.DeviceOpened: self.device_opened,
+            events.StateChanged: self.state_changed,
+            events.RunStarted: self.run_started,
+            events.RunFinished: self.run_finished,
+            events.SamplesArrived: self.samples_arrived,
+            events.TapsArrived: self.taps_arrived,
+            events.DeviceFault: self.device_fault,
+            events.NoticeRaised: self.notice_raised,
+            events.DiskStatus: self.disk_status,
+            events.SessionFinished: self.session_finished,
+        }
+        emit: Callable[[Any], None] = emitters.get(type(item), self.crashed).emit
+        return emit

@@ -1,0 +1,121 @@
+"""Opening, importing, exporting, reporting and salvaging from the window. Dialogs here, work in the workers."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QCoreApplication
+from PySide6.QtWidgets import QFileDialog, QMessageBox
+
+from draglag.errors import DraglagError
+from draglag.store import partial_files, salvage
+from draglag_app.windows.tasks import Progress
+
+if TYPE_CHECKING:
+    from draglag_app.windows.window import OperatorWindow
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("Files", text)
+
+
+def optional(module: str) -> Any | None:
+    """A module of the library that this version may lack."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError:
+        return None
+
+
+def open_session(window: OperatorWindow) -> None:
+    """Ask for a session file and put it at hand."""
+    folder = window.space.settings.folder
+    name, _ = QFileDialog.getOpenFileName(window, tr("Open session"), folder, tr("Sessions (*.h5)"))
+    if name:
+        window.space.open(Path(name))
+        window.go("results")
+
+
+def import_folder(window: OperatorWindow) -> None:
+    """Read an exchange folder of another rig."""
+    exchange = optional("draglag.exchange")
+    if exchange is None:
+        window.tell("warning", tr("Importing is not built in this version."))
+        return
+    name = QFileDialog.getExistingDirectory(window, tr("Import exchange folder"), window.space.settings.folder)
+    if name:
+        read = exchange.read_exchange
+        window.space.tasks.start(
+            tr("Importing"), lambda progress: read(Path(name)), lambda session: window.space.take(session, None),
+            lambda text: window.tell("error", text),
+        )  # fmt: skip
+        window.go("results")
+
+
+def export_session(window: OperatorWindow) -> None:
+    """Write the session at hand in a neutral form."""
+    session, exchange = window.space.session, optional("draglag.exchange")
+    if session is None:
+        window.tell("info", tr("There is no session to export yet."))
+        return
+    if exchange is None:
+        window.tell("warning", tr("Exporting is not built in this version."))
+        return
+    name = QFileDialog.getExistingDirectory(window, tr("Export into which (new or empty) folder?"))
+    if name:
+        write = exchange.write_exchange
+        _work(window, tr("Exporting"), lambda progress: write(session, Path(name)), Path(name))
+
+
+def write_report(window: OperatorWindow) -> None:
+    """Write the HTML report of the session at hand."""
+    session, analysis, report = window.space.session, window.space.analysis, optional("draglag.report")
+    if session is None or analysis is None:
+        window.tell("info", tr("There are no results to report yet."))
+        return
+    if report is None or not hasattr(report, "write_report"):
+        window.tell("warning", tr("Reports are not built in this version."))
+        return
+    name = QFileDialog.getExistingDirectory(window, tr("Folder for the report"), window.space.settings.folder)
+    if name:
+        write = report.write_report
+        _work(window, tr("Writing the report"), lambda progress: write(session, analysis, Path(name)), Path(name))
+
+
+def _work(window: OperatorWindow, what: str, work: Any, where: Path) -> None:
+    window.space.tasks.start(
+        what, work, lambda result: window.tell("info", tr("{what}: {where}").format(what=what, where=where)),
+        lambda text: window.tell("error", text),
+    )  # fmt: skip
+
+
+def offer_salvage(window: OperatorWindow) -> None:
+    """Ask about recordings that were never closed; No leaves them as they are."""
+    folder = Path(window.space.settings.folder)
+    try:
+        left = partial_files(folder) if folder.is_dir() else []
+    except (DraglagError, OSError):
+        left = []
+    if not left:
+        return
+    names = "\n".join(path.name for path in left)
+    question = tr("These recordings were cut short. Save what they hold?") + "\n\n" + names
+    if QMessageBox.question(window, "draglag", question) != QMessageBox.StandardButton.Yes:
+        return
+
+    def work(progress: Progress) -> list[str]:
+        lines = []
+        for k, path in enumerate(left):
+            progress(k / len(left), path.name)
+            try:
+                lines.append(str(salvage(path).path.name))
+            except DraglagError as error:
+                lines.append(str(error))
+        return lines
+
+    window.space.tasks.start(
+        tr("Salvaging"), work, lambda lines: window.tell("info", " · ".join(lines)),
+        lambda text: window.tell("error", text),
+    )  # fmt: skip

@@ -1,0 +1,112 @@
+"""Always in sight: device lights, session name, clock, disk left."""
+
+from __future__ import annotations
+
+import shutil
+from datetime import datetime
+from pathlib import Path
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
+
+from draglag_app.session import events
+from draglag_app.windows import words
+from draglag_app.windows.widgets import Light, label, restyle
+from draglag_app.windows.workspace import Workspace
+from draglag_devices.addresses import ROLES
+
+_LOW_BYTES = 1_000_000_000
+
+
+class Header(QFrame):
+    """The bar on top of the window."""
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("header")
+        self.setFixedHeight(56)
+        self._space = workspace
+        row = QHBoxLayout(self)
+        row.setContentsMargins(16, 0, 16, 0)
+        row.setSpacing(8)
+        self.session = label("", "sessionName")
+        row.addWidget(self.session, 1)
+        self.lights: dict[str, Light] = {}
+        names = {"touch": self.tr("touch"), "laser": self.tr("laser"), "walt": self.tr("WALT")}
+        for role in ROLES:
+            light = self.lights[role] = Light()
+            row.addWidget(light)
+            row.addWidget(label(names[role], "headerFact"))
+            row.addSpacing(10)
+        self.disk = label("", "headerFact")
+        self.clock = label("", "headerFact")
+        row.addSpacing(10)
+        row.addWidget(self.disk)
+        row.addSpacing(14)
+        row.addWidget(self.clock)
+        bridge = workspace.bridge
+        bridge.device_opened.connect(lambda event: self.set_light(event.role, "live", event.description))
+        bridge.device_fault.connect(self._fault)
+        bridge.disk_status.connect(lambda event: self._show_disk(event.free_bytes))
+        workspace.recording.began.connect(lambda order: self._show_name())
+        workspace.recording.ended.connect(lambda path, problem: self.show_rig())
+        workspace.session_changed.connect(self._show_name)
+        workspace.settings_changed.connect(self.show_rig)
+        self._timer = QTimer(self)
+        self._timer.setInterval(1000)
+        self._timer.timeout.connect(self._tick)
+        self._timer.start()
+        self._ticks = 0
+        self.show_rig()
+        self._show_name()
+        self._tick()
+
+    def set_light(self, role: str, state: str, tip: str) -> None:
+        """Show a device's state: "off", "ready", "live", "warning" or "fault"."""
+        self.lights[role].set_state(state)
+        self.lights[role].setToolTip(tip)
+        self.lights[role].setAccessibleName(f"{role}: {state}")
+
+    def show_rig(self) -> None:
+        """Lights of the rig as chosen: nothing is known of it until it is checked or used."""
+        if self._space.recording.active:
+            return
+        rig = self._space.settings.rig
+        for role in ROLES:
+            address = getattr(rig, role)
+            if not address:
+                missing = role != "walt"
+                self.set_light(role, "fault" if missing else "off", self.tr("no address chosen"))
+            elif address.startswith("sim:"):
+                self.set_light(role, "ready", self.tr("simulated"))
+            else:
+                self.set_light(role, "warning", self.tr("{address}: not checked yet").format(address=address))
+
+    def _fault(self, event: events.DeviceFault) -> None:
+        self.set_light(event.role, "fault", f"{event.problem} {event.remedy}")
+
+    def _show_name(self) -> None:
+        recording = self._space.recording
+        if recording.active and recording.order is not None:
+            self.session.setText("● " + recording.order.out.name)
+        elif self._space.session is not None:
+            file = f"  ({self._space.path.name})" if self._space.path else ""
+            self.session.setText(self._space.session.name + file)
+        else:
+            self.session.setText(self.tr("No session"))
+
+    def _tick(self) -> None:
+        self.clock.setText(datetime.now().strftime("%H:%M:%S"))
+        if self._ticks % 10 == 0:
+            folder = Path(self._space.settings.folder)
+            while not folder.exists() and folder != folder.parent:
+                folder = folder.parent
+            try:
+                self._show_disk(shutil.disk_usage(folder).free)
+            except OSError:
+                self.disk.setText("")
+        self._ticks += 1
+
+    def _show_disk(self, free_bytes: int) -> None:
+        self.disk.setText(self.tr("{size} free").format(size=words.size(free_bytes)))
+        restyle(self.disk, "alarm", "true" if free_bytes < _LOW_BYTES else "false")

@@ -1,0 +1,70 @@
+"""The live plots of a run: the stylus on the screen, and its speed against the target's."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtWidgets import QWidget
+
+from draglag.protocols import PlannedRun
+from draglag_app.live import LiveRun
+from draglag_app.windows.plots import Plot, tr
+from draglag_app.windows.session_thread import Order
+from draglag_app.windows.theme import theme
+
+
+class TracePlot(Plot):
+    """The screen under test: target's path, touch trace, beam and the touch positions at its edges."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(tr("On the screen"), tr("x (mm)"), tr("y (mm)"), "trace", parent)
+        self.setAspectLocked(True)
+        self.getPlotItem().vb.invertY(True)
+        self.add_legend((8, 8))
+
+    def begin(self, order: Order | None, planned: PlannedRun | None) -> None:
+        """An empty screen with beam and the path the target will take."""
+        self.clear_all()
+        if order is None:
+            return
+        colours, screen = theme(), order.options.screen
+        x, y = np.array([0, 1, 1, 0, 0]) * screen.width_mm, np.array([0, 0, 1, 1, 0]) * screen.height_mm
+        self.line(tr("screen"), x, y, colours.muted, 1, legend=False)
+        beam = order.options.beam
+        if beam is not None:
+            across = np.array([0.0, screen.width_mm])
+            self.line(tr("beam"), across, beam.slope * across + beam.intercept_mm, colours.bad, 1.5, dash=True)
+        if planned is not None:
+            t_s = np.linspace(0, planned.duration_s, 3000)
+            self.line(tr("target"), *planned.target.position_mm(t_s), colours.line, 1)
+
+    def draw(self, live: LiveRun) -> None:
+        """What has arrived."""
+        colours, trace = theme(), live.trace()
+        if not len(trace):
+            return
+        self.line(tr("touch"), trace[:, 1], trace[:, 2], colours.blue, 1.5)
+        self.dots(tr("stylus"), trace[-1:, 1], trace[-1:, 2], colours.text, "+", 16, legend=False)
+        edges = live.edges_on_screen()
+        for name, light, symbol, colour in (
+            (tr("goes dark"), 0, "t", colours.orange),
+            (tr("light returns"), 1, "s", colours.purple),
+        ):
+            chosen = edges[edges[:, 2] == light]
+            if len(chosen):
+                self.dots(name, chosen[:, 0], chosen[:, 1], colour, symbol, 8, hollow=True)
+
+
+class SpeedPlot(Plot):
+    """Speed of the stylus, as the touch trace shows it, against the target's."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(tr("Speed"), tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
+        self.add_legend()
+
+    def draw(self, live: LiveRun) -> None:
+        speed = live.speeds()
+        if live.planned is None or not len(speed):
+            return
+        t_s = np.linspace(0, live.planned.duration_s, 800)
+        self.line(tr("target"), t_s, live.target_speed_mm_s(t_s), theme().muted, 2, dash=True)
+        self.line(tr("stylus"), speed[:, 0], speed[:, 1], theme().blue, 1.5)

@@ -1,0 +1,39 @@
+"""Opening the operator's window."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+
+from PySide6.QtCore import QTimer
+
+from draglag_app.windows.application import install_excepthook, make_application
+from draglag_app.windows.settings import load_settings, settings_path
+from draglag_app.windows.window import OperatorWindow
+
+
+def open_operator_window(session: Path | None = None) -> int:
+    """Show the operator's window, with that session file at hand; returns when it is closed."""
+    file = settings_path()
+    settings, problem = load_settings(file)
+    application = make_application(sys.argv[:1], settings)
+    window = OperatorWindow(settings, file)
+    install_excepthook(lambda text: window.tell("error", text))
+    if problem:
+        window.tell("warning", problem)
+    window.show()
+    if session is not None:
+        window.space.open(session)
+    else:
+        window.offer_salvage()
+    signal.signal(signal.SIGINT, lambda number, frame: window.close())
+    # Python sees a signal only while it runs: give it the chance.
+    pulse = QTimer()
+    pulse.timeout.connect(lambda: None)
+    pulse.start(250)
+    status = application.exec()
+    pulse.stop()
+    window.shut_down()
+    sys.excepthook = sys.__excepthook__
+    return status

@@ -1,0 +1,249 @@
+"""Bench: which instruments are used, whether they work, and what to do if not."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
+
+from draglag.errors import DraglagError
+from draglag_app.windows.session_thread import display_choices
+from draglag_app.windows.tasks import Progress
+from draglag_app.windows.widgets import Light, Panel, button, label
+from draglag_app.windows.workspace import Workspace
+from draglag_devices.addresses import ROLES
+from draglag_devices.discovery import Found, discover
+from draglag_devices.rig import make_rig
+
+_LOOK_S = 0.6
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a look at one device found: a light's state and a sentence."""
+
+    role: str
+    state: str
+    text: str
+
+
+def check_devices(addresses: dict[str, str], screen: str, progress: Progress) -> list[Checked]:
+    """Open each device, read for a moment, close it. Never raises for a device: the sentence says what is wrong."""
+    out = []
+    for k, (role, address) in enumerate(addresses.items()):
+        progress(k / len(addresses), address)
+        try:
+            source = make_rig({role: address}, screen).sources[0]
+            info = source.open()
+        except DraglagError as error:
+            out.append(Checked(role, "fault", str(error)))
+            continue
+        try:
+            seen, notices = 0, []
+            end_s = time.monotonic() + _LOOK_S
+            while time.monotonic() < end_s:
+                batch = source.read(0.1)
+                seen += 0 if batch.touch is None else len(batch.touch.t_s)
+                notices += [notice.text for notice in batch.notices]
+            state = "warning" if notices else "ready"
+            out.append(Checked(role, state, " · ".join([info.description, info.clock, *notices])))
+        except DraglagError as error:
+            out.append(Checked(role, "fault", str(error)))
+        finally:
+            source.close()
+    return out
+
+
+class BenchPage(QWidget):
+    """One row a role; below, what else is on this computer."""
+
+    checked = Signal(object)
+    asks = Signal(str)
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        self._found: list[Found] = []
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(16, 16, 16, 16)
+        outer.setSpacing(12)
+        self.welcome = self._welcome()
+        outer.addWidget(self.welcome)
+        outer.addWidget(self._instruments())
+        outer.addWidget(self._surroundings())
+        outer.addWidget(self._others(), 1)
+        workspace.settings_changed.connect(self.refresh)
+        self.refresh()
+
+    def _welcome(self) -> Panel:
+        panel = Panel(self.tr("Welcome"))
+        text = self.tr("No instruments are chosen yet. Try everything on the simulated rig, or choose yours below.")
+        panel.body.addWidget(label(text, "medium", wrap=True))
+        row = QHBoxLayout()
+        self.use_simulated = button(self.tr("Use the simulated rig"), "primary", large=True)
+        self.use_simulated.clicked.connect(self._simulate)
+        later = button(self.tr("I choose my own"), large=True)
+        later.clicked.connect(lambda: self._space.change_settings(first_start=False))
+        row.addWidget(self.use_simulated)
+        row.addWidget(later)
+        row.addStretch(1)
+        panel.body.addLayout(row)
+        return panel
+
+    def _instruments(self) -> Panel:
+        panel = Panel(self.tr("Instruments"))
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(12)
+        grid.setVerticalSpacing(10)
+        grid.setColumnStretch(3, 1)
+        self.boxes: dict[str, QComboBox] = {}
+        self.lights: dict[str, Light] = {}
+        self.words = {}
+        names = {"touch": self.tr("Touchscreen"), "laser": self.tr("Laser sensor"), "walt": self.tr("WALT (taps)")}
+        for row, role in enumerate(ROLES):
+            self.lights[role] = Light()
+            box = self.boxes[role] = QComboBox()
+            box.setEditable(True)
+            box.setMinimumWidth(330)
+            box.setAccessibleName(names[role])
+            box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+            box.activated.connect(lambda index, role=role: self._address_chosen(role))
+            edit = box.lineEdit()
+            if edit is not None:
+                edit.setPlaceholderText(self.tr("not used"))
+                edit.editingFinished.connect(lambda role=role: self._address_chosen(role))
+            self.words[role] = label("", "hint", wrap=True)
+            grid.addWidget(self.lights[role], row, 0)
+            grid.addWidget(label(names[role]), row, 1)
+            grid.addWidget(box, row, 2)
+            grid.addWidget(self.words[role], row, 3)
+        panel.body.addLayout(grid)
+        return panel
+
+    def _surroundings(self) -> Panel:
+        panel = Panel()
+        row = QHBoxLayout()
+        row.setSpacing(10)
+        row.addWidget(label(self.tr("Participant sees the target")))
+        self.display = QComboBox()
+        for value, text in display_choices():
+            self.display.addItem(self.tr(text), value)
+        self.display.activated.connect(self._display_chosen)
+        row.addWidget(self.display)
+        self.fast = QCheckBox(self.tr("Simulated time, as fast as possible"))
+        self.fast.clicked.connect(lambda on: self._change_rig(fast=on))
+        row.addWidget(self.fast)
+        row.addStretch(1)
+        look = button(self.tr("Look for devices"))
+        look.clicked.connect(self.look)
+        self.check_button = button(self.tr("Check the rig  F3"), "primary")
+        self.check_button.clicked.connect(self.check)
+        row.addWidget(look)
+        row.addWidget(self.check_button)
+        panel.body.addLayout(row)
+        return panel
+
+    def _others(self) -> Panel:
+        panel = Panel(self.tr("On this computer"))
+        self.list = label("", wrap=True)
+        self.list.setTextFormat(Qt.TextFormat.RichText)
+        self.list.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        panel.body.addWidget(self.list)
+        panel.body.addStretch(1)
+        return panel
+
+    # --- what is chosen -------------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Show the settings."""
+        settings = self._space.settings
+        self.welcome.setVisible(settings.first_start and not settings.rig.addresses())
+        for role in ROLES:
+            address = getattr(settings.rig, role)
+            self.boxes[role].setEditText(address)
+            if not address:
+                needed = role != "walt"
+                self.lights[role].set_state("fault" if needed else "off")
+                self.words[role].setText(
+                    self.tr("Needed: choose an address.") if needed else self.tr("Only for taps; may stay empty.")
+                )
+            elif address.startswith("sim:"):
+                self.lights[role].set_state("ready")
+                self.words[role].setText(self.tr("simulated"))
+            else:
+                self.lights[role].set_state("warning")
+                self.words[role].setText(self.tr("Not checked yet: F3."))
+        self.display.setCurrentIndex(max(0, self.display.findData(settings.rig.display)))
+        self.fast.setChecked(settings.rig.fast)
+        self.fast.setEnabled(settings.rig.simulated)
+
+    def _change_rig(self, **changes: object) -> None:
+        rig = self._space.settings.rig.model_copy(update=changes)
+        if rig != self._space.settings.rig:
+            self._space.change_settings(rig=rig, first_start=False)
+
+    def _simulate(self) -> None:
+        self._change_rig(touch="sim:", laser="sim:", walt="sim:")
+
+    def _address_chosen(self, role: str) -> None:
+        text = self.boxes[role].currentText().split("  ")[0].strip()
+        changes: dict[str, object] = {role: text}
+        if not text.startswith(("sim:", "replay:", "csv:")) and text:
+            changes["fast"] = False
+        self._change_rig(**changes)
+
+    def _display_chosen(self) -> None:
+        self._change_rig(display=self.display.currentData())
+
+    # --- looking --------------------------------------------------------------------------------------------
+
+    def look(self) -> None:
+        """List what is on this computer."""
+        self._space.tasks.start(
+            self.tr("Looking for devices"), lambda progress: discover(), self._discovered, self._say
+        )
+
+    def _discovered(self, found: list[Found]) -> None:
+        self._found = found
+        for role, box in self.boxes.items():
+            text = box.currentText()
+            box.clear()
+            box.addItems([f"{f.address}  {f.description}" for f in found if role in f.roles])
+            box.setEditText(text)
+        rows = []
+        for device in found:
+            state = "✓" if device.usable else "✕"
+            line = f"<b>{state} {device.address}</b> &nbsp; {device.description}"
+            rows.append(line + (f"<br>&nbsp;&nbsp;&nbsp;→ {device.remedy}" if device.remedy else ""))
+        self.list.setText("<br>".join(rows))
+
+    def check(self) -> None:
+        """Open every chosen device and read for a moment."""
+        rig, screen = self._space.settings.rig, self._space.settings.panel.preset
+        addresses = rig.addresses()
+        if not addresses:
+            self._say(self.tr("There is nothing to check: choose the instruments first."))
+            return
+        self.check_button.setEnabled(False)
+        self._space.tasks.start(
+            self.tr("Checking the rig"),
+            lambda progress: check_devices(addresses, screen, progress),
+            self._devices_checked,
+            self._check_failed,
+        )
+
+    def _devices_checked(self, results: list[Checked]) -> None:
+        self.check_button.setEnabled(True)
+        for result in results:
+            self.lights[result.role].set_state(result.state)
+            self.words[result.role].setText(result.text)
+        self.checked.emit(results)
+
+    def _check_failed(self, text: str) -> None:
+        self.check_button.setEnabled(True)
+        self._say(text)
+
+    def _say(self, text: str) -> None:
+        self._space.noticed.emit("warning", text)

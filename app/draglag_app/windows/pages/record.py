@@ -1,0 +1,239 @@
+"""Record: the run as it happens, in figures that can be read from two metres away."""
+
+from __future__ import annotations
+
+import time
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QProgressBar, QSplitter, QVBoxLayout, QWidget
+
+from draglag_app.live import LiveRun
+from draglag_app.session import events
+from draglag_app.session.machine import Phase
+from draglag_app.windows import words
+from draglag_app.windows.curve_plot import CurvePlot
+from draglag_app.windows.live_plots import SpeedPlot, TracePlot
+from draglag_app.windows.run_table import RunTable
+from draglag_app.windows.theme import theme
+from draglag_app.windows.widgets import Fact, Panel, button, label, restyle
+from draglag_app.windows.workspace import Workspace
+
+# Live plots are drawn this often; samples that came in between are drawn together.
+_REDRAW_MS = 66
+
+
+class RecordPage(QWidget):
+    """``asks(action id)`` is emitted by its buttons."""
+
+    asks = Signal(str)
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        self._live: LiveRun | None = None
+        self._fresh = False
+        self._due_s = 0.0
+        self._span_s = 0.0
+        self._phase: Phase | None = None
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(12, 12, 12, 12)
+        outer.setSpacing(10)
+        outer.addWidget(self._state_band())
+        plots = QSplitter(Qt.Orientation.Horizontal)
+        self.trace = TracePlot()
+        right = QSplitter(Qt.Orientation.Vertical)
+        self.speed = SpeedPlot()
+        self.curve = CurvePlot(self.tr("Latency so far"))
+        right.addWidget(self.speed)
+        right.addWidget(self.curve)
+        right.setSizes([200, 260])
+        plots.addWidget(self.trace)
+        plots.addWidget(right)
+        plots.setSizes([560, 520])
+        outer.addWidget(plots, 1)
+        lower = QHBoxLayout()
+        self.table = RunTable()
+        lower.addWidget(self.table, 3)
+        lower.addWidget(self._facts(), 2)
+        outer.addLayout(lower)
+        self.table.setFixedHeight(176)
+        self._redraw = QTimer(self)
+        self._redraw.setInterval(_REDRAW_MS)
+        self._redraw.timeout.connect(self._draw)
+        self._listen()
+        self.set_recording(False)
+
+    def _state_band(self) -> QWidget:
+        band = Panel()
+        row = QHBoxLayout()
+        row.setSpacing(8)
+        words_box = QVBoxLayout()
+        words_box.setSpacing(0)
+        self.big = label("", "big")
+        self.small = label("", "medium")
+        words_box.addWidget(self.big)
+        words_box.addWidget(self.small)
+        row.addLayout(words_box, 1)
+        self.buttons = {}
+        for action, text, role in (
+            ("start", self.tr("Start  F5"), "primary"),
+            ("proceed", self.tr("Begin now  F6"), "primary"),
+            ("repeat", self.tr("Repeat run  F7"), ""),
+            ("abort", self.tr("Abort run  F8"), "danger"),
+            ("stop", self.tr("Stop and save  F9"), "danger"),
+        ):
+            made = button(text, role, large=True)
+            made.clicked.connect(lambda checked=False, action=action: self.asks.emit(action))
+            self.buttons[action] = made
+            row.addWidget(made)
+        band.body.addLayout(row)
+        self.progress = QProgressBar()
+        self.progress.setTextVisible(False)
+        self.progress.setRange(0, 1000)
+        band.body.addWidget(self.progress)
+        return band
+
+    def _facts(self) -> QWidget:
+        panel = Panel()
+        panel.setFixedHeight(176)
+        grid = QGridLayout()
+        grid.setVerticalSpacing(6)
+        self.facts = {}
+        for k, (name, title) in enumerate(
+            (
+                ("touch_rate", self.tr("touch events")),
+                ("touch_age", self.tr("last touch")),
+                ("edges", self.tr("edges, this run")),
+                ("lost", self.tr("lost")),
+                ("file", self.tr("file")),
+                ("taps", self.tr("taps")),
+            )
+        ):
+            fact = self.facts[name] = Fact(title)
+            grid.addWidget(fact, k // 3, k % 3)
+        panel.body.addLayout(grid)
+        self.note = QLineEdit()
+        self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
+        self.note.returnPressed.connect(self._write_note)
+        panel.body.addWidget(self.note)
+        return panel
+
+    def _listen(self) -> None:
+        bridge = self._space.bridge
+        bridge.state_changed.connect(self._state_changed)
+        bridge.run_started.connect(self._run_started)
+        bridge.run_finished.connect(self._run_finished)
+        bridge.samples_arrived.connect(self._samples_arrived)
+        bridge.taps_arrived.connect(lambda taps: self.facts["taps"].show_text(f"{taps.down} / {taps.release}"))
+        bridge.disk_status.connect(lambda disk: self.facts["file"].show_text(words.size(disk.file_bytes)))
+        self._space.live_changed.connect(self._live_changed)
+
+    # --- state ----------------------------------------------------------------------------------------------
+
+    def set_recording(self, recording: bool) -> None:
+        """Show the buttons that make sense; called when a session begins and ends."""
+        for action, made in self.buttons.items():
+            made.setVisible((action == "start") != recording)
+        self.note.setEnabled(recording)
+        if recording:
+            self.table.clear_runs()
+            self.trace.clear_all()
+            self.speed.clear_all()
+            self._losses: dict[str, int] = {}
+            for fact in self.facts.values():
+                fact.show_text(words.DASH)
+            self._say(self.tr("Opening the instruments"), "")
+            self._redraw.start()
+        else:
+            self._redraw.stop()
+            self._phase = None
+            self.progress.setValue(0)
+            self._say(self.tr("Ready"), self.tr("F5 starts: {name}").format(name=self._space.protocol.name))
+
+    def _say(self, big: str, small: str, level: str = "") -> None:
+        self.big.setText(big)
+        self.small.setText(small)
+        restyle(self.big, "level", level)
+        colours = {"live": theme().bad, "good": theme().ok, "": theme().text}
+        self.big.setStyleSheet(f"color: {colours.get(level, theme().text)};")
+
+    def _state_changed(self, event: events.StateChanged) -> None:
+        self._phase = event.phase
+        self._due_s = time.monotonic() + event.remaining_s
+        self._span_s = event.remaining_s
+        planned = self._space.recording.planned(event.run_id)
+        self._what = self.tr("run {k} of {n}").format(k=event.run_number, n=event.run_count)
+        if planned is not None:
+            speed = "" if planned.nominal_speed_mm_s is None else f" {planned.nominal_speed_mm_s:.0f} mm/s"
+            self._what += f" · {words.target_name(planned.kind)}{speed}"
+            if planned.practice:
+                self._what += " · " + self.tr("practice")
+        if event.phase is Phase.PREPARING:
+            self._live = LiveRun(event.run_id, planned, 0.0)
+            self.trace.begin(self._space.recording.order, planned)
+            self.speed.clear_all()
+        if event.phase is Phase.FINISHED:
+            self._say(self.tr("Rest"), self.tr("after {run}: F6 begins the next one now").format(run=self._what))
+        else:
+            self._show_state()
+
+    def _show_state(self) -> None:
+        left_s = self._due_s - time.monotonic()
+        if self._phase is Phase.COUNTDOWN:
+            self._say(self.tr("Starts in {n}").format(n=max(1, round(left_s + 0.5))), self._what)
+            self.progress.setValue(0)
+        elif self._phase is Phase.RECORDING:
+            left = self.tr("{time} left").format(time=words.duration(left_s))
+            self._say(self.tr("● Recording"), f"{self._what} · {left}", "live")
+            self.progress.setValue(round(1000 * (1 - max(0.0, left_s) / max(self._span_s, 1e-3))))
+        elif self._phase is Phase.CLOSING:
+            self._say(self.tr("Saving"), self._what)
+            self.progress.setValue(1000)
+
+    def _run_started(self, event: events.RunStarted) -> None:
+        self._live = LiveRun(event.run_id, event.planned, event.start_s)
+
+    def _run_finished(self, event: events.RunFinished) -> None:
+        self._fresh = True
+        self._draw()
+        self.table.add_run(event.run, event.outcome)
+
+    # --- data -----------------------------------------------------------------------------------------------
+
+    def _samples_arrived(self, event: events.SamplesArrived) -> None:
+        if self._live is not None:
+            self._live.add(event)
+        self._fresh = True
+        self._losses[event.role] = event.lost
+        if event.role == "touch" and event.rate_hz:
+            self.facts["touch_rate"].show_text(f"{event.rate_hz:.0f} /s")
+            self.facts["touch_age"].show_text(f"{1e3 * max(0.0, event.age_s):.0f} ms")
+        self.facts["lost"].show_text(str(sum(self._losses.values())))
+        if self._live is not None:
+            self.facts["edges"].show_text(str(self._live.n_edges))
+
+    def _draw(self) -> None:
+        if self._phase in (Phase.COUNTDOWN, Phase.RECORDING):
+            self._show_state()
+        if self._fresh and self._live is not None and self.isVisible():
+            self._fresh = False
+            self.trace.draw(self._live)
+            self.speed.draw(self._live)
+
+    def _live_changed(self) -> None:
+        self.curve.draw(self._space.live, self._space.live_curve)
+        self.table.show_estimates(self._space.live)
+
+    def _write_note(self) -> None:
+        control = self._space.recording.control
+        if control is not None and self.note.text().strip():
+            control.note(self.note.text().strip())
+            self.note.clear()
+
+    def restyle_plots(self) -> None:
+        """Draw in the present theme."""
+        for plot in (self.trace, self.speed, self.curve):
+            plot.restyle()
+        self._fresh = True
+        self._draw()
+        self._live_changed()

@@ -1,0 +1,254 @@
+"""Results: latency against speed, and behind each point its run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QHBoxLayout,
+    QInputDialog,
+    QSplitter,
+    QTabWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from draglag.analysis import Analysis
+from draglag.curve import FORMS, CurveFit, fit_form
+from draglag.errors import EstimateError
+from draglag_app.windows import words
+from draglag_app.windows.curve_plot import CurvePlot
+from draglag_app.windows.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
+from draglag_app.windows.run_table import RunTable
+from draglag_app.windows.tasks import Progress
+from draglag_app.windows.widgets import button, label
+from draglag_app.windows.workspace import Workspace
+
+_RATES = (None, 60.0, 100.0, 120.0, 200.0)
+
+
+class ResultsPage(QWidget):
+    """The curve and the table of runs on the left, the chosen run on the right."""
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        self._chosen = ""
+        self._rivals: list[CurveFit] = []
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(12, 12, 12, 12)
+        outer.setSpacing(8)
+        self.summary = label("", "medium", wrap=True)
+        outer.addWidget(self.summary)
+        outer.addLayout(self._choices())
+        across = QSplitter(Qt.Orientation.Horizontal)
+        left = QSplitter(Qt.Orientation.Vertical)
+        self.curve = CurvePlot()
+        self.table = RunTable()
+        self.table.run_selected.connect(self.choose)
+        left.addWidget(self.curve)
+        left.addWidget(self.table)
+        left.setSizes([330, 240])
+        self.tabs = QTabWidget()
+        self.alignment = AlignmentPlot()
+        self.cost = CostPlot()
+        self.width_plot = WidthPlot()
+        self.taps = TapsPlot()
+        self.validation = ValidationView()
+        for page, title in (
+            (self.alignment, self.tr("Alignment")),
+            (self.cost, self.tr("J(L)")),
+            (self.width_plot, self.tr("Width")),
+            (self.taps, self.tr("Taps")),
+            (self.validation, self.tr("Validation")),
+        ):
+            self.tabs.addTab(page, title)
+        self.tabs.currentChanged.connect(lambda index: self._show_run())
+        across.addWidget(left)
+        across.addWidget(self.tabs)
+        across.setSizes([600, 500])
+        outer.addWidget(across, 1)
+        workspace.session_changed.connect(self._session_changed)
+        workspace.analysis_changed.connect(self._analysis_changed)
+        self._session_changed()
+
+    def _choices(self) -> QHBoxLayout:
+        row = QHBoxLayout()
+        row.setSpacing(8)
+        self.estimator = QComboBox()
+        self.estimator.addItem(self.tr("Efficient estimator"), "efficient")
+        self.estimator.addItem(self.tr("The paper's estimator"), "paper")
+        self.rate = QComboBox()
+        for rate in _RATES:
+            text = self.tr("Kernel stamps") if rate is None else self.tr("Held at {hz:.0f} Hz").format(hz=rate)
+            self.rate.addItem(text, rate)
+        self.form = QComboBox()
+        self.form.addItem(self.tr("Best form"), "best")
+        for name in FORMS:
+            self.form.addItem(words.form_name(name), name)
+        for box, tip in (
+            (self.estimator, self.tr("How the latency of a run is estimated")),
+            (self.rate, self.tr("Which touch events: as stamped, or as a loop of that rate sees them")),
+            (self.form, self.tr("Shape of the curve")),
+        ):
+            box.setToolTip(tip)
+            box.setAccessibleName(tip)
+            box.activated.connect(self._options_chosen)
+            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+            row.addWidget(box)
+        self.tie = QCheckBox(self.tr("Asymptote from taps"))
+        self.tie.clicked.connect(self._options_chosen)
+        row.addWidget(self.tie)
+        self.show_rivals = QCheckBox(self.tr("Rivals"))
+        self.show_rivals.clicked.connect(self._fit_rivals)
+        row.addWidget(self.show_rivals)
+        row.addStretch(1)
+        self.leave_out = button(self.tr("Leave out…"))
+        self.leave_out.clicked.connect(self._toggle_chosen)
+        self.keep = button(self.tr("Keep results"), tip=self.tr("Store them in the session's file"))
+        self.keep.clicked.connect(self._space.keep_analysis)
+        row.addWidget(self.leave_out)
+        row.addWidget(self.keep)
+        return row
+
+    # --- the session ----------------------------------------------------------------------------------------
+
+    def _session_changed(self) -> None:
+        self._chosen, self._rivals = "", []
+        self.table.clear_runs()
+        for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps):
+            plot.clear_all()
+        self.validation.show_items(())
+        session = self._space.session
+        if session is not None:
+            for run in session.runs:
+                self.table.add_run(run, run.outcome)
+        self._say()
+
+    def _analysis_changed(self) -> None:
+        analysis = self._space.analysis
+        if analysis is None:
+            return
+        self._rivals = []
+        self.table.show_estimates(analysis.runs, analysis.options.exclude)
+        self._draw_curve()
+        self.taps.show_taps(analysis.taps)
+        self.width_plot.show_runs(analysis.runs, self._space.session)
+        self.validation.show_items(analysis.validation)
+        self._say()
+        if not self._chosen and analysis.runs:
+            self.table.select(analysis.runs[0].id)
+        self._show_run()
+        if self.show_rivals.isChecked():
+            self._fit_rivals()
+
+    def _say(self) -> None:
+        session, analysis = self._space.session, self._space.analysis
+        for widget in (self.leave_out, self.keep, self.estimator, self.rate, self.form, self.tie, self.show_rivals):
+            widget.setEnabled(analysis is not None)
+        if session is None:
+            self.summary.setText(self.tr("No session yet. Measure one (F5), or open one (Ctrl+O)."))
+        elif analysis is None:
+            self.summary.setText(self.tr("Analysing {name} …").format(name=session.name))
+        else:
+            self.summary.setText(self._summary(analysis))
+
+    def _summary(self, analysis: Analysis) -> str:
+        curve = analysis.curve
+        if curve is None:
+            return self.tr("{name}: no curve. ").format(name=analysis.session) + " ".join(analysis.problems)
+        low, high = curve.speed_range_mm_s
+        text = self.tr(
+            "{form}, {n} runs from {low:.0f} to {high:.0f} mm/s. The curve misses them by {rms:.2f} ms RMS; "
+            "left-out runs are predicted to {held:.2f} ms."
+        ).format(
+            form=words.form_name(curve.form).capitalize(), n=curve.n_points, low=low, high=high,
+            rms=1e3 * curve.rms_s, held=1e3 * curve.held_out_rms_s,
+        )  # fmt: skip
+        return text + ("  ▲ " + " ".join(analysis.problems) if analysis.problems else "")
+
+    def _draw_curve(self) -> None:
+        analysis = self._space.analysis
+        if analysis is not None:
+            self.curve.draw(
+                analysis.runs, analysis.curve, analysis.options.exclude, self._rivals, clicked=self.table.select
+            )
+
+    # --- choices --------------------------------------------------------------------------------------------
+
+    def _options_chosen(self) -> None:
+        self._space.set_options(
+            replace(
+                self._space.options,
+                estimator=str(self.estimator.currentData()),
+                update_rate_hz=self.rate.currentData(),
+                form=str(self.form.currentData()),
+                tie_asymptote=self.tie.isChecked(),
+            )
+        )
+
+    def _fit_rivals(self) -> None:
+        analysis = self._space.analysis
+        if analysis is None or analysis.curve is None or not self.show_rivals.isChecked():
+            self._rivals = []
+            self._draw_curve()
+            return
+        points, present = analysis.curve.points, analysis.curve.form
+
+        def work(progress: Progress) -> list[CurveFit]:
+            made = []
+            for name in FORMS:
+                progress(0.0, name)
+                try:
+                    if points is not None and name != present:
+                        made.append(fit_form(points, name))
+                except EstimateError:
+                    continue
+            return made
+
+        def done(rivals: list[CurveFit]) -> None:
+            self._rivals = rivals
+            self._draw_curve()
+
+        self._space.tasks.start(self.tr("Fitting rivals"), work, done, lambda text: None)
+
+    def _toggle_chosen(self) -> None:
+        if not self._chosen:
+            return
+        if self._chosen in self._space.options.exclude:
+            self._space.exclude(self._chosen, "")
+            return
+        asked = self.tr("Why is {run} left out of the curve?").format(run=self._chosen)
+        reason, sure = QInputDialog.getText(self, self.tr("Leave out"), asked)
+        if sure:
+            self._space.exclude(self._chosen, reason.strip() or self.tr("no reason given"))
+
+    # --- the chosen run -------------------------------------------------------------------------------------
+
+    def choose(self, run_id: str) -> None:
+        """Show what is behind a run."""
+        self._chosen = run_id
+        out = run_id in self._space.options.exclude
+        self.leave_out.setText(self.tr("Take in again") if out else self.tr("Leave out…"))
+        self._show_run()
+
+    def _show_run(self) -> None:
+        analysis, session = self._space.analysis, self._space.session
+        if analysis is None or session is None or not self._chosen:
+            return
+        shown = self.tabs.currentWidget()
+        estimate = next((e for e in analysis.runs if e.id == self._chosen), None)
+        checked = next((v for v in analysis.validation if v.run == self._chosen), None)
+        if shown is self.alignment:
+            self.alignment.show_run(estimate, checked)
+        elif shown is self.cost and estimate is not None:
+            self.cost.show_run(session.run(self._chosen), estimate, session.stylus.diameter_mm, self._space.tasks)
+
+    def restyle_plots(self) -> None:
+        """Draw in the present theme."""
+        for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps, self.validation.plot):
+            plot.restyle()
+        self._analysis_changed()

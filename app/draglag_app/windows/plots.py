@@ -1,0 +1,248 @@
+"""One kind of plot for all pages: labelled, readable in both themes, with hover values, copy and export."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from pyqtgraph.exporters import ImageExporter, SVGExporter
+from PySide6.QtCore import QCoreApplication, QPoint, Qt
+from PySide6.QtGui import QColor, QGuiApplication
+from PySide6.QtWidgets import QFileDialog, QMenu, QWidget
+
+from draglag_app.windows.theme import theme
+
+Column = np.ndarray[Any, Any]
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("Plot", text)
+
+
+class Plot(pg.PlotWidget):
+    """A plot with titled axes in units.
+
+    What is drawn goes through ``line``, ``dots``, ``band`` … under a name, so that drawing again replaces it, and
+    so that "Save numbers" knows it.
+    """
+
+    def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.file_name = file_name
+        self._labels = (title, x, y)
+        self._items: dict[str, list[Any]] = {}
+        self._numbers: dict[str, tuple[Column, ...]] = {}
+        self._hover: dict[str, tuple[Column, Column, Sequence[str]]] = {}
+        self._clicked: dict[str, Callable[[int], None]] = {}
+        self.setMenuEnabled(False)
+        self.hideButtons()
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        self.customContextMenuRequested.connect(self._menu)
+        self._tip = pg.TextItem("", anchor=(0, 1))
+        self._tip.setZValue(50)
+        self.getPlotItem().vb.addItem(self._tip, ignoreBounds=True)
+        self._tip.hide()
+        self.scene().sigMouseMoved.connect(self._hovered)
+        self.legend: Any = None
+        self.restyle()
+
+    def add_legend(self, offset: tuple[int, int] = (-10, 8)) -> None:
+        """Names of what is drawn, in a corner."""
+        self.legend = self.addLegend(offset=offset, labelTextSize="9pt")
+        self.restyle()
+
+    def restyle(self) -> None:
+        """Take the present theme's colours."""
+        colours = theme()
+        self.setBackground(colours.panel)
+        title, x, y = self._labels
+        plot = self.getPlotItem()
+        if title:
+            plot.setTitle(title, color=colours.text, size="10pt")
+        for side, text in (("bottom", x), ("left", y)):
+            axis = plot.getAxis(side)
+            axis.setLabel(text, **{"color": colours.text, "font-size": "10pt"})
+            axis.setPen(pg.mkPen(colours.muted))
+            axis.setTextPen(pg.mkPen(colours.text))
+            axis.enableAutoSIPrefix(False)
+        plot.showGrid(x=True, y=True, alpha=0.12)
+        self._tip.setColor(QColor(colours.text))
+        self._tip.fill = pg.mkBrush(colours.raised)
+        self._tip.border = pg.mkPen(colours.line)
+        if self.legend is not None:
+            self.legend.setLabelTextColor(colours.text)
+            self.legend.setBrush(pg.mkBrush(QColor(colours.panel)))
+            self.legend.setPen(pg.mkPen(colours.line))
+
+    # --- drawing --------------------------------------------------------------------------------------------
+
+    def clear_all(self) -> None:
+        """Take everything away."""
+        for name in list(self._items):
+            self.remove(name)
+
+    def remove(self, name: str) -> None:
+        for item in self._items.pop(name, []):
+            self.removeItem(item)
+        self._numbers.pop(name, None)
+        self._hover.pop(name, None)
+
+    def line(
+        self, name: str, x: Column, y: Column, colour: str, width: float = 2, dash: bool = False, legend: bool = True
+    ) -> None:
+        """A line through points; NaN breaks it."""
+        style = Qt.PenStyle.DashLine if dash else Qt.PenStyle.SolidLine
+        pen = pg.mkPen(colour, width=width, style=style)
+        held = self._items.get(name)
+        if held and isinstance(held[0], pg.PlotDataItem):
+            held[0].setData(x, y, connect="finite")
+            held[0].setPen(pen)
+        else:
+            named = name if legend and self.legend is not None else None
+            self._keep(name, self.plot(x, y, pen=pen, name=named, connect="finite"))
+        self._numbers[name] = (np.asarray(x), np.asarray(y))
+
+    def dots(
+        self,
+        name: str,
+        x: Column,
+        y: Column,
+        colour: str,
+        symbol: str = "o",
+        size: float = 9,
+        hollow: bool = False,
+        error: Column | None = None,
+        words: Sequence[str] = (),
+        clicked: Callable[[int], None] | None = None,
+        legend: bool = True,
+    ) -> None:
+        """Points with a shape, an error bar (half its length) and words to show when the mouse is near."""
+        self.remove(name)
+        x, y = np.asarray(x, float), np.asarray(y, float)
+        if error is not None and len(x):
+            bars = pg.ErrorBarItem(x=x, y=y, height=2 * np.asarray(error), beam=0, pen=pg.mkPen(colour, width=1.5))
+            self.addItem(bars)
+            self._keep(name, bars)
+        brush = pg.mkBrush(None) if hollow else pg.mkBrush(colour)
+        named = name if legend and self.legend is not None else None
+        item = pg.ScatterPlotItem(
+            x=x, y=y, symbol=symbol, size=size, brush=brush, pen=pg.mkPen(colour, width=1.6), name=named
+        )
+        if clicked is not None:
+            item.sigClicked.connect(lambda scatter, points, event: clicked(int(points[0].index())))
+        self.addItem(item)
+        self._keep(name, item)
+        self._numbers[name] = (x, y) if error is None else (x, y, np.asarray(error))
+        if words:
+            self._hover[name] = (x, y, words)
+
+    def band(self, name: str, x: Column, low: Column, high: Column, colour: str) -> None:
+        """A shaded stretch between two curves."""
+        self.remove(name)
+        shade = QColor(colour)
+        shade.setAlpha(50)
+        edges = [pg.PlotDataItem(x, y, pen=None) for y in (low, high)]
+        fill = pg.FillBetweenItem(*edges, brush=pg.mkBrush(shade))
+        fill.setZValue(-10)
+        for item in (*edges, fill):
+            self.addItem(item)
+            self._keep(name, item)
+        self._numbers[name] = (np.asarray(x), np.asarray(low), np.asarray(high))
+
+    def bars(self, name: str, centre: Column, height: Column, width: float, colour: str) -> None:
+        """A histogram."""
+        self.remove(name)
+        shade = QColor(colour)
+        shade.setAlpha(150)
+        item = pg.BarGraphItem(x=centre, height=height, width=width, brush=pg.mkBrush(shade), pen=pg.mkPen(colour))
+        self.addItem(item)
+        self._keep(name, item)
+        self._numbers[name] = (np.asarray(centre), np.asarray(height))
+
+    def upright(self, name: str, at: float, colour: str, text: str = "") -> None:
+        """A vertical mark."""
+        self.remove(name)
+        item = pg.InfiniteLine(
+            at, pen=pg.mkPen(colour, width=1.6, style=Qt.PenStyle.DashLine), label=text or None,
+            labelOpts={"position": 0.92, "color": colour, "fill": pg.mkBrush(theme().panel)},
+        )  # fmt: skip
+        self.addItem(item)
+        self._keep(name, item)
+        self._numbers[name] = (np.array([at]),)
+
+    def _keep(self, name: str, item: Any) -> None:
+        self._items.setdefault(name, []).append(item)
+
+    # --- hover, copy, export --------------------------------------------------------------------------------
+
+    def _hovered(self, at: Any) -> None:
+        box = self.getPlotItem().vb
+        best, best_px = "", 14.0
+        where = None
+        for x, y, words in self._hover.values():
+            if not len(x):
+                continue
+            pixels = [box.mapViewToScene(pg.Point(a, b)) for a, b in zip(x, y, strict=True)]
+            apart = [float(np.hypot(p.x() - at.x(), p.y() - at.y())) for p in pixels]
+            k = int(np.argmin(apart))
+            if apart[k] < best_px:
+                best, best_px, where = words[k], apart[k], (float(x[k]), float(y[k]))
+        if where is None:
+            self._tip.hide()
+            return
+        (x0, x1), _ = box.viewRange()
+        self._tip.setAnchor((1, 1) if where[0] > (x0 + x1) / 2 else (0, 1))
+        self._tip.setText(best)
+        self._tip.setPos(*where)
+        self._tip.show()
+
+    def _menu(self, at: QPoint) -> None:
+        menu = QMenu(self)
+        for text, action in (
+            (tr("Show all"), self.autoRange),
+            (tr("Copy picture"), lambda: QGuiApplication.clipboard().setPixmap(self.grab())),
+            (tr("Copy numbers"), lambda: QGuiApplication.clipboard().setText(self.csv())),
+            (tr("Save picture (PNG)…"), lambda: self._save_as("png")),
+            (tr("Save drawing (SVG)…"), lambda: self._save_as("svg")),
+            (tr("Save numbers (CSV)…"), lambda: self._save_as("csv")),
+        ):
+            menu.addAction(text).triggered.connect(action)
+        menu.popup(self.mapToGlobal(at))
+
+    def _save_as(self, suffix: str) -> None:
+        name, _ = QFileDialog.getSaveFileName(self, tr("Save"), f"{self.file_name}.{suffix}", f"*.{suffix}")
+        if name:
+            self.save(Path(name))
+
+    def save(self, path: Path) -> None:
+        """Write a PNG, an SVG or a CSV, by the name's ending. Raises OSError."""
+        if path.suffix == ".csv":
+            path.write_text(self.csv(), "utf-8")
+        elif path.suffix == ".svg":
+            SVGExporter(self.getPlotItem()).export(str(path))
+        else:
+            exporter = ImageExporter(self.getPlotItem())
+            exporter.parameters()["width"] = max(1600, 2 * self.width())
+            exporter.export(str(path))
+
+    def csv(self) -> str:
+        """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
+        rows = [f"series,{_plain(self._labels[1])},{_plain(self._labels[2])},more"]
+        for name, columns in self._numbers.items():
+            rows += [
+                ",".join([_plain(name), *(f"{value:.9g}" for value in row)]) for row in zip(*columns, strict=False)
+            ]
+        return "\n".join(rows) + "\n"
+
+    @property
+    def drawn(self) -> Mapping[str, tuple[Column, ...]]:
+        """Name → columns of what is drawn."""
+        return self._numbers
+
+
+def _plain(text: str) -> str:
+    return text.replace(",", ";")

@@ -1,0 +1,125 @@
+"""The operator's settings: TOML in the user's config folder, checked, and never in the way of starting."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tomli_w
+from platformdirs import user_config_path, user_documents_path
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from draglag.errors import DataError, DraglagError
+from draglag.presets import load_screen_file
+from draglag.recording import Beam, Screen, Stylus
+from draglag_devices.addresses import ROLES
+
+Positive = Annotated[float, Field(gt=0, lt=1e5, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class RigSettings(_Table):
+    """Addresses of the devices; an empty one is not used."""
+
+    touch: str = ""
+    laser: str = ""
+    walt: str = ""
+    fast: bool = False  # simulated and replayed sources as fast as the computer allows
+    display: str = "window"  # "window" | "offscreen" | "screen N"
+
+    def addresses(self) -> dict[str, str]:
+        """Role → address of the devices in use."""
+        return {role: getattr(self, role) for role in ROLES if getattr(self, role)}
+
+    @property
+    def simulated(self) -> bool:
+        """Whether every device in use is simulated or replayed."""
+        used = self.addresses().values()
+        return bool(used) and all(address.startswith(("sim:", "replay:", "csv:")) for address in used)
+
+
+class PanelSettings(_Table):
+    """The screen under test, as measured. Without sizes of its own the preset's are used."""
+
+    preset: str = "screen-1"
+    width_mm: Positive | None = None
+    height_mm: Positive | None = None
+    width_px: Annotated[int, Field(gt=0)] | None = None
+    height_px: Annotated[int, Field(gt=0)] | None = None
+    stylus_mm: Positive = 7.0
+    beam_slope: Finite = 0.0
+    beam_intercept_mm: Finite | None = None
+
+    def screen(self) -> Screen:
+        """The panel. Raises DataError where the preset is gone."""
+        preset = load_screen_file(self.preset)
+        known = preset.screen
+        return Screen(
+            preset.name,
+            self.width_mm or known.width_mm,
+            self.height_mm or known.height_mm,
+            self.width_px or known.width_px,
+            self.height_px or known.height_px,
+        )
+
+    def stylus(self) -> Stylus:
+        return Stylus(self.stylus_mm)
+
+    def beam(self) -> Beam | None:
+        """The beam as the operator measured it; None leaves it to the middle of the screen."""
+        return None if self.beam_intercept_mm is None else Beam(self.beam_slope, self.beam_intercept_mm)
+
+
+class Settings(_Table):
+    """All settings. ``first_start`` is True until the operator has chosen a rig."""
+
+    first_start: bool = True
+    theme: Literal["dark", "light", "system"] = "dark"
+    language: Literal["system", "en", "nl"] = "system"
+    text_scale: Annotated[float, Field(ge=0.8, le=2.0)] = 1.0
+    operator: str = ""
+    folder: str = Field(default_factory=lambda: str(user_documents_path() / "draglag"))
+    protocol: str = "latency-sweep"
+    begin_by_hand: bool = False
+    rig: RigSettings = RigSettings()
+    panel: PanelSettings = PanelSettings()
+
+
+def settings_path() -> Path:
+    """Where the settings are kept; ``DRAGLAG_SETTINGS`` names another file."""
+    given = os.environ.get("DRAGLAG_SETTINGS")
+    return Path(given) if given else user_config_path("draglag") / "settings.toml"
+
+
+def load_settings(path: Path) -> tuple[Settings, str]:
+    """Settings and a sentence for the operator, empty when all is well. Never raises: defaults take over."""
+    try:
+        settings = Settings.model_validate(tomllib.loads(path.read_text("utf-8")))
+        settings.panel.screen()
+    except FileNotFoundError:
+        return Settings(), ""
+    except ValidationError as error:
+        where = ".".join(str(part) for part in error.errors()[0]["loc"])
+        return Settings(), f"{path}: {where} cannot be used, so the settings start from the defaults."
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        return Settings(), f"{path} cannot be read ({error}), so the settings start from the defaults."
+    except DraglagError as error:
+        return settings.model_copy(update={"panel": PanelSettings()}), str(error)
+    return settings, ""
+
+
+def save_settings(settings: Settings, path: Path) -> None:
+    """Write the settings in one step. Raises DataError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(path.name + ".new")
+        temporary.write_text(tomli_w.dumps(settings.model_dump(exclude_none=True)), "utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        raise DataError(f"{path}: the settings cannot be saved ({error.strerror})", "Check the folder") from None

@@ -1,0 +1,75 @@
+"""From the settings and the protocol to a recording: what stands in the way, and the order itself."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication
+
+from draglag.protocols import Protocol
+from draglag_app.session import SessionOptions
+from draglag_app.windows.session_thread import Order
+from draglag_app.windows.workspace import Workspace
+from draglag_devices.rig import make_rig
+from draglag_devices.sim.world import World
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("Start", text)
+
+
+def obstacles(space: Workspace) -> tuple[list[str], bool]:
+    """What stands in the way, a sentence each, and whether nothing can be recorded because of it."""
+    rig, protocol = space.settings.rig, space.protocol
+    problems, hopeless = [], False
+    for role, name in (("touch", tr("touchscreen")), ("laser", tr("laser sensor"))):
+        if protocol.runs and not getattr(rig, role):
+            problems.append(tr("No {device} is chosen: choose one on the Bench page.").format(device=name))
+            hopeless = True
+    if protocol.taps is not None and not rig.walt:
+        problems.append(tr("The protocol has taps, but no WALT is chosen: taps would be left out."))
+        hopeless = hopeless or not protocol.runs
+    if not rig.addresses():
+        problems.append(tr("No instruments are chosen: choose them on the Bench page."))
+        hopeless = True
+    return problems, hopeless
+
+
+def make_order(space: Workspace) -> Order:
+    """What the settings and the protocol ask for. Raises DraglagError."""
+    settings, protocol = space.settings, space.protocol
+    rig = make_rig(
+        settings.rig.addresses(), settings.panel.preset, protocol.seed, settings.rig.fast and settings.rig.simulated
+    )
+    screen, stylus, beam = settings.panel.screen(), settings.panel.stylus(), settings.panel.beam()
+    world = rig.stage.players.get("sim")
+    if isinstance(world, World):
+        # The simulated world has a panel, a beam and a stylus of its own.
+        screen, stylus, beam = world.rig.screen, world.rig.stylus, world.rig.beam
+    options = SessionOptions(screen, stylus, beam)
+    if settings.operator:
+        options = replace(options, note=tr("Operator: {name}").format(name=settings.operator))
+    return Order(
+        with_source(protocol), rig, file_name(Path(settings.folder), protocol.name, screen.name),
+        options, settings.rig.display, auto=not settings.begin_by_hand,
+    )  # fmt: skip
+
+
+def file_name(folder: Path, protocol: str, screen: str) -> Path:
+    """A name that is not taken yet: date, protocol, screen."""
+    stem = "-".join(re.sub(r"[^\w.-]+", "_", part) for part in (protocol, screen))
+    stem = f"{datetime.now():%Y-%m-%d_%H%M%S}_{stem}"
+    path, k = folder / f"{stem}.h5", 2
+    while path.exists() or path.with_name(path.name + ".partial").exists():
+        path, k = folder / f"{stem}-{k}.h5", k + 1
+    return path
+
+
+def with_source(protocol: Protocol) -> Protocol:
+    """The protocol with the TOML text that belongs to it, for the session file."""
+    from draglag_app.windows.protocol_text import to_toml
+
+    return protocol.model_copy(update={"source": to_toml(protocol)})

@@ -1,0 +1,122 @@
+"""Small parts every page is made of."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+
+from draglag_app.windows.theme import theme
+
+
+class Panel(QFrame):
+    """A box with a title; ``body`` takes what is in it."""
+
+    def __init__(self, title: str = "", parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("panel")
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(12, 10, 12, 12)
+        outer.setSpacing(8)
+        self.top = QHBoxLayout()
+        self.title = label(title, "panelTitle")
+        if title:
+            self.top.addWidget(self.title)
+            self.top.addStretch(1)
+            outer.addLayout(self.top)
+        self.body = QVBoxLayout()
+        self.body.setSpacing(8)
+        outer.addLayout(self.body, 1)
+
+
+class Light(QWidget):
+    """State of one device by colour and by shape.
+
+    ○ "off": not in use · ● "ready" · ● with a ring "live" · ▲ "warning" · ■ with a cross "fault".
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.state = "off"
+        self.setFixedSize(22, 22)
+
+    def sizeHint(self) -> QSize:
+        return QSize(22, 22)
+
+    def set_state(self, state: str) -> None:
+        self.state = state
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        colours = theme()
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        box = QRectF(3, 3, 16, 16)
+        if self.state == "off":
+            painter.setPen(QPen(QColor(colours.muted), 2))
+            painter.drawEllipse(box.adjusted(2, 2, -2, -2))
+        elif self.state in ("ready", "live"):
+            painter.setPen(Qt.PenStyle.NoPen)
+            painter.setBrush(QColor(colours.ok))
+            painter.drawEllipse(box.adjusted(3, 3, -3, -3) if self.state == "live" else box.adjusted(2, 2, -2, -2))
+            if self.state == "live":
+                painter.setBrush(Qt.BrushStyle.NoBrush)
+                painter.setPen(QPen(QColor(colours.ok), 2))
+                painter.drawEllipse(box)
+        elif self.state == "warning":
+            painter.setPen(Qt.PenStyle.NoPen)
+            painter.setBrush(QColor(colours.warning))
+            painter.drawPolygon(QPolygonF([QPointF(11, 2), QPointF(20, 19), QPointF(2, 19)]))
+        else:
+            painter.setPen(Qt.PenStyle.NoPen)
+            painter.setBrush(QColor(colours.bad))
+            painter.drawRect(box)
+            painter.setPen(QPen(QColor(colours.panel), 2.5))
+            painter.drawLine(QPointF(7, 7), QPointF(15, 15))
+            painter.drawLine(QPointF(15, 7), QPointF(7, 15))
+
+
+def label(text: str = "", name: str = "", wrap: bool = False) -> QLabel:
+    """A label whose look is named in the style sheet."""
+    made = QLabel(text)
+    if name:
+        made.setObjectName(name)
+    made.setWordWrap(wrap)
+    if wrap:
+        made.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
+    return made
+
+
+def button(text: str, role: str = "", large: bool = False, tip: str = "") -> QPushButton:
+    """A push button; ``role`` is "primary", "danger" or plain."""
+    made = QPushButton(text)
+    if role:
+        made.setProperty("role", role)
+    made.setProperty("large", "true" if large else "false")
+    made.setToolTip(tip)
+    made.setAutoDefault(False)
+    return made
+
+
+def restyle(widget: QWidget, name: str, value: str) -> None:
+    """Change a property that the style sheet looks at."""
+    widget.setProperty(name, value)
+    widget.style().unpolish(widget)
+    widget.style().polish(widget)
+
+
+class Fact(QWidget):
+    """A number with what it is above it."""
+
+    def __init__(self, title: str) -> None:
+        super().__init__()
+        box = QVBoxLayout(self)
+        box.setContentsMargins(0, 0, 0, 0)
+        box.setSpacing(0)
+        self.title = label(title, "hint")
+        self.value = label("–", "figure")
+        box.addWidget(self.title)
+        box.addWidget(self.value)
+
+    def show_text(self, text: str) -> None:
+        self.value.setText(text)

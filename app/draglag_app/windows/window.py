@@ -1,0 +1,306 @@
+"""The operator's window: header, navigation, pages, and a strip for what the operator should know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QCloseEvent
+from PySide6.QtWidgets import (
+    QApplication,
+    QButtonGroup,
+    QFrame,
+    QHBoxLayout,
+    QMainWindow,
+    QMessageBox,
+    QProgressBar,
+    QPushButton,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from draglag_app.session import events
+from draglag_app.windows import files
+from draglag_app.windows.actions import Actions
+from draglag_app.windows.header import Header
+from draglag_app.windows.pages import make_pages
+from draglag_app.windows.pages.bench import BenchPage, Checked
+from draglag_app.windows.pages.record import RecordPage
+from draglag_app.windows.settings import Settings
+from draglag_app.windows.start import make_order, obstacles
+from draglag_app.windows.tasks import Task
+from draglag_app.windows.theme import apply_theme, theme
+from draglag_app.windows.widgets import button, label, restyle
+from draglag_app.windows.workspace import Workspace
+
+
+class OperatorWindow(QMainWindow):
+    """The operator's station."""
+
+    def __init__(self, settings: Settings, settings_file: Path) -> None:
+        super().__init__()
+        self.setWindowTitle("draglag")
+        self.resize(1280, 800)
+        self.space = Workspace(settings, settings_file, self)
+        self.pages = make_pages(self.space)
+        self.actions_table = Actions(self, self._handlers())
+        self.actions_table.fill(self.menuBar())
+        self.setCentralWidget(self._frame())
+        record = self.pages["record"][1]
+        assert isinstance(record, RecordPage)
+        self.record = record
+        bench = self.pages["bench"][1]
+        assert isinstance(bench, BenchPage)
+        self.bench = bench
+        record.asks.connect(self.ask)
+        bench.checked.connect(self._checked)
+        recording, bridge = self.space.recording, self.space.bridge
+        recording.began.connect(lambda order: self._recording_changed(True))
+        recording.ended.connect(self._ended)
+        bridge.notice_raised.connect(self._notice)
+        bridge.device_fault.connect(lambda fault: self.tell("error", f"{fault.problem} {fault.remedy}"))
+        self.space.noticed.connect(self.tell)
+        self.space.tasks.changed.connect(self._tasks_changed)
+        self.space.tasks.began.connect(self._task_began)
+        self._recording_changed(False)
+        self.go("bench" if settings.first_start else "record")
+
+    # --- the frame ------------------------------------------------------------------------------------------
+
+    def _frame(self) -> QWidget:
+        middle = QWidget()
+        outer = QVBoxLayout(middle)
+        outer.setContentsMargins(0, 0, 0, 0)
+        outer.setSpacing(0)
+        self.header = Header(self.space)
+        outer.addWidget(self.header)
+        row = QHBoxLayout()
+        row.setSpacing(0)
+        row.addWidget(self._navigation())
+        self.stack = QStackedWidget()
+        for _, page in self.pages.values():
+            self.stack.addWidget(page)
+        row.addWidget(self.stack, 1)
+        outer.addLayout(row, 1)
+        outer.addWidget(self._notice_strip())
+        return middle
+
+    def _navigation(self) -> QWidget:
+        bar = QFrame()
+        bar.setObjectName("navigation")
+        bar.setFixedWidth(164)
+        box = QVBoxLayout(bar)
+        box.setContentsMargins(0, 8, 0, 8)
+        box.setSpacing(2)
+        group = QButtonGroup(self)
+        self.tabs: dict[str, QPushButton] = {}
+        for name, (title, _) in self.pages.items():
+            tab = self.tabs[name] = QPushButton()
+            tab.setText(title)
+            tab.setCheckable(True)
+            tab.setFixedWidth(164)
+            action = self.actions_table.made.get(f"go_{name}")
+            if action is not None:
+                tab.setToolTip(action.shortcut().toString())
+            tab.clicked.connect(lambda checked=False, name=name: self.go(name))
+            group.addButton(tab)
+            box.addWidget(tab)
+            if name in ("record", "compare"):
+                box.addSpacing(10)
+        box.addStretch(1)
+        return bar
+
+    def _notice_strip(self) -> QWidget:
+        self.notice = QFrame()
+        self.notice.setObjectName("notice")
+        self.notice.setMinimumHeight(46)
+        row = QHBoxLayout(self.notice)
+        row.setContentsMargins(14, 4, 10, 4)
+        self.notice_text = label("", "noticeText", wrap=True)
+        row.addWidget(self.notice_text, 1)
+        self.progress = QProgressBar()
+        self.progress.setRange(0, 1000)
+        self.progress.setTextVisible(False)
+        self.progress.setFixedWidth(180)
+        self.cancel = button(self.tr("Cancel  Ctrl+."))
+        self.cancel.clicked.connect(self.space.tasks.cancel_all)
+        self.dismiss = button(self.tr("OK"))
+        self.dismiss.clicked.connect(lambda: self.tell("", ""))
+        for widget in (self.progress, self.cancel, self.dismiss):
+            row.addWidget(widget)
+        self.notice.hide()
+        # Work that is over at once shall not flicker.
+        self._slow = QTimer(self)
+        self._slow.setSingleShot(True)
+        self._slow.setInterval(400)
+        self._slow.timeout.connect(self._show_progress)
+        self.progress.hide()
+        self.cancel.hide()
+        return self.notice
+
+    # --- asking ---------------------------------------------------------------------------------------------
+
+    def _handlers(self) -> dict[str, Callable[[], object]]:
+        space = self.space
+        handlers: dict[str, Callable[[], object]] = {
+            "open": lambda: files.open_session(self),
+            "import": lambda: files.import_folder(self),
+            "export": lambda: files.export_session(self),
+            "report": lambda: files.write_report(self),
+            "quit": self.close,
+            "undo": space.undo.undo,
+            "redo": space.undo.redo,
+            "start": self.start,
+            "proceed": lambda: self._control("proceed"),
+            "repeat": lambda: self._control("repeat_run"),
+            "abort": lambda: self._control("abort_run"),
+            "stop": lambda: self._control("stop"),
+            "note": self._note,
+            "check": self._check,
+            "analyse": space.analyse,
+            "cancel": space.tasks.cancel_all,
+            "theme": self._other_theme,
+            "fullscreen": self._full_screen,
+        }
+        for name in self.pages:
+            handlers[f"go_{name}"] = partial(self.go, name)
+        return handlers
+
+    def ask(self, action: str) -> None:
+        """Do the action of that id, as its key would."""
+        self.actions_table.made[action].trigger()
+
+    def go(self, name: str) -> None:
+        """Show a page."""
+        page = self.pages[name][1]
+        self.stack.setCurrentWidget(page)
+        self.tabs[name].setChecked(True)
+        page.setFocus()
+
+    def tell(self, level: str, text: str) -> None:
+        """One sentence in the strip below: "info", "warning" or "error"; an empty one clears it."""
+        self.notice_text.setText(text)
+        restyle(self.notice, "level", level)
+        self.dismiss.setVisible(bool(text))
+        self.notice.setVisible(bool(text) or self.progress.isVisibleTo(self.notice))
+
+    def offer_salvage(self) -> None:
+        """Recordings that a crash left behind can be saved."""
+        files.offer_salvage(self)
+
+    # --- recording ------------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin to measure. What is missing is told, and asked about with No as the default."""
+        self.go("record")
+        self.tell("", "")
+        problems, hopeless = obstacles(self.space)
+        if problems:
+            if hopeless:
+                self.tell("error", " ".join(problems))
+                return
+            question = " ".join(problems) + "\n\n" + self.tr("Start nevertheless?")
+            if QMessageBox.question(self, "draglag", question, defaultButton=QMessageBox.StandardButton.No) != (
+                QMessageBox.StandardButton.Yes
+            ):
+                return
+        self.space.recording.start(make_order(self.space))
+
+    def _control(self, request: str) -> None:
+        control = self.space.recording.control
+        if control is not None:
+            getattr(control, request)()
+
+    def _note(self) -> None:
+        self.go("record")
+        self.record.note.setFocus()
+
+    def _check(self) -> None:
+        self.go("bench")
+        self.bench.check()
+
+    def _recording_changed(self, recording: bool) -> None:
+        self.actions_table.set_recording(recording)
+        self.record.set_recording(recording)
+
+    def _ended(self, path: Path | None, problem: str) -> None:
+        self._recording_changed(False)
+        if path is not None and not problem:
+            self.tell("info", self.tr("Saved: {path}").format(path=path))
+            self.go("results")
+
+    def _notice(self, event: events.NoticeRaised) -> None:
+        if event.level in ("warning", "error"):
+            self.tell(event.level, f"{event.source}: {event.text}")
+
+    def _checked(self, results: list[Checked]) -> None:
+        for result in results:
+            self.header.set_light(result.role, result.state, result.text)
+
+    # --- long work ------------------------------------------------------------------------------------------
+
+    def _task_began(self, task: Task) -> None:
+        task.progressed.connect(self._progressed)
+
+    def _progressed(self, fraction: float, text: str) -> None:
+        self.progress.setValue(round(1000 * fraction))
+
+    def _tasks_changed(self) -> None:
+        if self.space.tasks.running:
+            self._slow.start()
+            return
+        self._slow.stop()
+        self.progress.hide()
+        self.cancel.hide()
+        self.notice.setVisible(bool(self.notice_text.text()))
+
+    def _show_progress(self) -> None:
+        if self.space.tasks.running:
+            self.progress.show()
+            self.cancel.show()
+            self.notice.show()
+
+    # --- looks and leaving ----------------------------------------------------------------------------------
+
+    def _other_theme(self) -> None:
+        self.space.change_settings(theme="light" if theme().name == "dark" else "dark")
+        self.use_theme(self.space.settings.theme)
+
+    def use_theme(self, name: str) -> None:
+        """Draw everything in that theme."""
+        application = QApplication.instance()
+        assert isinstance(application, QApplication)
+        apply_theme(application, name)
+        for _, page in self.pages.values():
+            redraw = getattr(page, "restyle_plots", None)
+            if redraw is not None:
+                redraw()
+
+    def _full_screen(self) -> None:
+        self.setWindowState(self.windowState() ^ Qt.WindowState.WindowFullScreen)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        if self.space.recording.active and not self._sure_to_stop():
+            event.ignore()
+            return
+        self.shut_down()
+        event.accept()
+
+    def _sure_to_stop(self) -> bool:
+        box = QMessageBox(self)
+        box.setWindowTitle("draglag")
+        box.setText(self.tr("A session is being recorded."))
+        stop = box.addButton(self.tr("Stop and save"), QMessageBox.ButtonRole.DestructiveRole)
+        stay = box.addButton(self.tr("Continue recording"), QMessageBox.ButtonRole.RejectRole)
+        box.setDefaultButton(stay)
+        box.setEscapeButton(stay)
+        box.exec()
+        return box.clickedButton() is stop
+
+    def shut_down(self) -> None:
+        """Stop and save what is being recorded, cancel what is being computed. Twice does no harm."""
+        self.space.recording.stop_and_wait()
+        self.space.tasks.finish()

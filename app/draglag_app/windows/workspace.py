@@ -1,0 +1,237 @@
+"""What the pages share: settings, protocol, the session at hand and its estimates. Signals tell of every change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtGui import QUndoCommand, QUndoStack
+
+from draglag.analysis import Analysis, AnalysisOptions, analyze, curve_points, has_constant_speed
+from draglag.curve import CurveFit, fit_best
+from draglag.errors import DraglagError, EstimateError
+from draglag.latency import RunEstimate, estimate_run
+from draglag.protocols import Protocol, load_protocol
+from draglag.recording import Session
+from draglag.store import add_analysis, read_session
+from draglag_app.session import events
+from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.session_thread import Order, Recording
+from draglag_app.windows.settings import Settings, save_settings
+from draglag_app.windows.tasks import Progress, Tasks
+
+
+class Edit(QUndoCommand):
+    """One undoable change: what to do and how to take it back."""
+
+    def __init__(self, text: str, do: Callable[[], None], undo: Callable[[], None]) -> None:
+        super().__init__(text)
+        self._do = do
+        self._undo = undo
+
+    def redo(self) -> None:
+        self._do()
+
+    def undo(self) -> None:
+        self._undo()
+
+
+class Workspace(QObject):
+    """One a window."""
+
+    settings_changed = Signal()
+    protocol_changed = Signal()
+    session_changed = Signal()
+    """Another session is at hand, or none."""
+    analysis_changed = Signal()
+    live_changed = Signal()
+    """Estimates of the session being recorded changed."""
+    noticed = Signal(str, str)
+    """(level, sentence) for the operator."""
+
+    def __init__(self, settings: Settings, settings_file: Path, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.settings = settings
+        self._settings_file = settings_file
+        self.undo = QUndoStack(self)
+        self.tasks = Tasks(self)
+        self.bridge = SessionBridge(self)
+        self.recording = Recording(self.bridge, self)
+        self.protocol = self._first_protocol()
+        self.session: Session | None = None
+        self.path: Path | None = None
+        self.analysis: Analysis | None = None
+        self.options = AnalysisOptions()
+        self.live: list[RunEstimate] = []
+        self.live_curve: CurveFit | None = None
+        self._fitting = False
+        self.recording.began.connect(self._began)
+        self.recording.ended.connect(self._ended)
+        self.bridge.run_finished.connect(self._run_finished)
+
+    # --- settings and protocol ------------------------------------------------------------------------------
+
+    def change_settings(self, **changes: Any) -> None:
+        """Change and save settings."""
+        self.settings = self.settings.model_copy(update=changes)
+        try:
+            save_settings(self.settings, self._settings_file)
+        except DraglagError as error:
+            self.noticed.emit("warning", str(error))
+        self.settings_changed.emit()
+
+    def change_protocol(self, protocol: Protocol, what: str) -> None:
+        """An edit that can be undone."""
+        before = self.protocol
+        if protocol != before:
+            self.undo.push(Edit(what, lambda: self.set_protocol(protocol), lambda: self.set_protocol(before)))
+
+    def set_protocol(self, protocol: Protocol) -> None:
+        self.protocol = protocol
+        self.protocol_changed.emit()
+
+    def _first_protocol(self) -> Protocol:
+        try:
+            return load_protocol(self.settings.protocol)
+        except DraglagError:
+            return load_protocol("latency-sweep")
+
+    # --- the session at hand --------------------------------------------------------------------------------
+
+    def open(self, path: Path) -> None:
+        """Read a session file in a worker, then analyse it."""
+
+        def work(progress: Progress) -> tuple[Session, Path]:
+            progress(0.1, path.name)
+            return read_session(path), path
+
+        self.tasks.start(self.tr("Reading"), work, lambda got: self.take(*got), self._fault)
+
+    def take(self, session: Session, path: Path | None) -> None:
+        """Put a session at hand and analyse it."""
+        self.session, self.path, self.analysis = session, path, None
+        self.options = replace(self.options, exclude={})
+        self.undo.clear()
+        self.session_changed.emit()
+        self.analyse()
+
+    def analyse(self) -> None:
+        """Estimate everything anew with the present options."""
+        session, options = self.session, self.options
+        if session is None:
+            return
+        self.tasks.start(
+            self.tr("Analysing"), lambda progress: analyze(session, options, progress), self._analysed, self._fault
+        )
+
+    def set_options(self, options: AnalysisOptions) -> None:
+        self.options = options
+        self.analyse()
+
+    def exclude(self, run_id: str, reason: str) -> None:
+        """Leave a run out of the curve, or with an empty reason take it in again. Can be undone."""
+        before = dict(self.options.exclude)
+        after = {key: why for key, why in before.items() if key != run_id}
+        if reason:
+            after[run_id] = reason
+        if after == before:
+            return
+        what = self.tr("leave out {run}") if reason else self.tr("take {run} in again")
+        self.undo.push(
+            Edit(
+                what.format(run=run_id),
+                lambda: self.set_options(replace(self.options, exclude=after)),
+                lambda: self.set_options(replace(self.options, exclude=before)),
+            )
+        )
+
+    def keep_analysis(self) -> None:
+        """Store the present analysis in the session's file."""
+        path, analysis = self.path, self.analysis
+        if path is None or analysis is None:
+            return
+        options = {
+            "estimator": analysis.options.estimator,
+            "update_rate_hz": analysis.options.update_rate_hz,
+            "form": analysis.options.form,
+        }
+        made = datetime.now(UTC).isoformat(timespec="seconds")
+
+        def work(progress: Progress) -> int:
+            return add_analysis(path, analysis.to_dict(), options, made)
+
+        def done(number: int) -> None:
+            text = self.tr("The results are kept in {file} as analysis {number}.")
+            self.noticed.emit("info", text.format(file=path.name, number=number))
+
+        self.tasks.start(self.tr("Keeping results"), work, done, self._fault)
+
+    def _analysed(self, analysis: Analysis) -> None:
+        if self.session is None or analysis.session != self.session.name:
+            return
+        self.analysis = analysis
+        self.analysis_changed.emit()
+
+    def _fault(self, text: str) -> None:
+        self.noticed.emit("error", text)
+
+    # --- recording ------------------------------------------------------------------------------------------
+
+    def _began(self, order: Order) -> None:
+        self.live, self.live_curve = [], None
+        self.live_changed.emit()
+
+    def _run_finished(self, event: events.RunFinished) -> None:
+        """Estimate the run that just ended, and the curve with it, without waiting for the file."""
+        order = self.recording.order
+        if order is None or event.outcome != "complete" or not has_constant_speed(event.run):
+            return
+        run, stylus_mm, options = event.run, order.options.stylus.diameter_mm, self.options
+
+        def work(progress: Progress) -> RunEstimate:
+            return estimate_run(run, stylus_mm, options.estimator, options.update_rate_hz, options.window_s)
+
+        self.tasks.start(self.tr("Estimating"), work, self._estimated, self._fault)
+
+    def _estimated(self, estimate: RunEstimate) -> None:
+        self.live.append(estimate)
+        self.live_changed.emit()
+        if not self._fitting:
+            self._fit_live()
+
+    def _fit_live(self) -> None:
+        known, options = [*self.live], self.options
+        self._fitting = True
+
+        def done(curve: CurveFit | None) -> None:
+            self._fitting = False
+            self.live_curve = curve
+            self.live_changed.emit()
+            if len(self.live) > len(known):
+                self._fit_live()
+
+        def failed(text: str) -> None:
+            self._fitting = False
+
+        self.tasks.start(self.tr("Fitting"), lambda progress: live_curve(known, options), done, failed)
+
+    def _ended(self, path: Path | None, problem: str) -> None:
+        if problem:
+            self.noticed.emit("warning" if path else "error", problem)
+        if path is not None:
+            self.open(path)
+
+
+def live_curve(known: list[RunEstimate], options: AnalysisOptions) -> CurveFit | None:
+    """The best curve through the runs so far; None while there are too few."""
+    points = curve_points(known, options)
+    if len(points.speed_mm_s) < 4:
+        return None
+    try:
+        return fit_best(points)
+    except EstimateError:
+        return None
