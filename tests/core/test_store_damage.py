@@ -228,7 +228,7 @@ def test_a_truncated_file_is_called_so(tmp_path: Path, kept: float) -> None:
     write_session(full_session(), path)
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * kept)])
-    with pytest.raises(DataError, match="truncated"):
+    with pytest.raises(DataError, match="is truncated: the end"):
         read_session(path)
 
 
@@ -265,3 +265,20 @@ def test_names_that_are_no_file_are_called_so(tmp_path: Path) -> None:
         read_session(tmp_path / "none.h5")
     with pytest.raises(DataError, match="is not a file"):
         read_session(tmp_path)
+
+
+def test_a_file_that_is_being_recorded_is_called_so(tmp_path: Path) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", RECORDER, str(tmp_path / "s.h5")],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout is not None
+    assert child.stdout.readline() == "flushed\n"
+    try:
+        with pytest.raises(DataError, match="another program is writing it"):
+            salvage(tmp_path / "s.h5.partial")
+    finally:
+        child.kill()
+        child.communicate()

@@ -59,6 +59,8 @@ def analyze(
     """
     if save and not session.is_file():
         raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
+    if report is not None and (report / "report.html").exists():
+        raise DataError(f"{report / 'report.html'}: exists already and is not overwritten", "Choose another folder")
     data = load_session(session)
     options = AnalysisOptions(
         estimator=estimator, update_rate_hz=update_rate_hz, form=form, tie_asymptote=tie_asymptote

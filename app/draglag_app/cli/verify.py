@@ -71,5 +71,5 @@ def _folder(folder: Path) -> list[Finding]:
     try:
         session = read_exchange(folder)
     except DataError as error:
-        return [Finding("error", str(folder), str(error))]
+        return [Finding("error", str(folder), str(error).removeprefix(f"{folder}: "))]
     return [Finding("warning", "import", note.text) for note in session.notes] + check_session(session)

@@ -49,7 +49,8 @@ def latency_figure(analysis: Analysis) -> Any:
         colour, marker, dashes = _TAP_LOOK[name]
         axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)
         label = f"tap, {name}: median {1e3 * taps.median_s:.1f} ms"
-        right = analysis.curve.speed_range_mm_s[1] if analysis.curve is not None else 1000.0
+        # Beyond the fastest run: a tap stands for an infinitely fast drag, and must not cover a run.
+        right = 1.05 * max((run.speed_mm_s or 0.0 for run in runs), default=1000.0)
         axes.plot([right], [1e3 * taps.median_s], marker, color=colour, linestyle=dashes, label=label, zorder=4)
     axes.set(xlabel="drag speed, mm/s", ylabel="latency, ms")
     axes.set_ylim(bottom=0)

@@ -89,7 +89,7 @@ def _validation_figures(session: Session, analysis: Analysis, folder: Path) -> I
         caption = "Speeds at which the validation runs cross the beam, on the curve that corrects them."
         yield _keep(figures.speeds_figure(analysis), folder, "validation-speeds", caption)
     for item in analysis.validation:
-        title = f"{item.run}, {item.protocol}: {item.delta_j_percent:.1f} % of the misalignment removed"
+        title = f"{item.run}, {item.protocol}: {item.delta_j_percent:.2f} % of the misalignment removed"
         drawn = figures.alignment_figure(session.run(item.run), item.alignment, title, session)
         yield _keep(drawn, folder, f"alignment-{slug(item.run)}", title, png=True)
 

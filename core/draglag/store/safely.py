@@ -70,7 +70,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 
 def _cannot_open(path: Path, error: BaseException) -> DataError:
     text = str(error)
-    if "lock" in text:
+    if "unable to lock" in text:
         return DataError(f"{path}: another program is writing it", "Wait until the recording has ended")
     if isinstance(error, PermissionError) or "Permission denied" in text:
         return DataError(f"{path}: may not be read", "Ask for the right to read it")

@@ -41,7 +41,7 @@ def verify(path: Path | str) -> list[Finding]:
                 findings += _checksums(file)
                 findings += check_session(read_v1(file))
     except DataError as error:
-        findings.append(Finding("error", str(path), str(error)))
+        findings.append(Finding("error", str(path), str(error).removeprefix(f"{path}: ")))
     except BROKEN as error:
         findings.append(Finding("error", str(path), f"is damaged ({short(error)})"))
     return findings

@@ -1,0 +1,99 @@
+"""The report holds what was estimated, needs nothing beside itself and overwrites nothing."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from core.store_sessions import bare_session
+from draglag.analysis import Analysis, AnalysisOptions, analyze
+from draglag.errors import DataError
+from draglag.exchange import read_exchange
+from draglag.recording import LogEntry, Run, Session, empty_laser, empty_touch
+from draglag.report import write_report
+
+SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
+
+
+@pytest.fixture(scope="module")
+def measured() -> tuple[Session, Analysis]:
+    """Three circles and the chirp of a sample."""
+    whole = read_exchange(SAMPLE)
+    kept = tuple(whole.run(run_id) for run_id in ("run-03", "run-04", "run-10", "run-14"))
+    session = replace(whole, name="A <b>&", runs=kept, notes=(LogEntry(0.0, "note", "operator", "wiped & dried"),))
+    return session, analyze(session, AnalysisOptions(form="constant"))
+
+
+class Page(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.text: list[str] = []
+        self.sources: list[str] = []
+        self.opened: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "img", "br"):
+            self.opened.append(tag)
+        self.sources += [value or "" for key, value in attrs if key in ("src", "href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.opened.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def read_page(path: Path) -> Page:
+    page = Page()
+    page.feed(path.read_text("utf-8"))
+    assert page.opened == []
+    return page
+
+
+def test_the_page_shows_every_estimate_and_is_whole_in_one_file(
+    tmp_path: Path, measured: tuple[Session, Analysis]
+) -> None:
+    session, analysis = measured
+    page = read_page(write_report(session, analysis, tmp_path / "out"))
+    text = " ".join(page.text)
+    for run in analysis.runs:
+        assert run.id in text
+        assert f"{run.latency_ms:.2f}" in text
+    assert f"{analysis.validation[0].delta_j_percent:.2f}" in text
+    assert "A <b>&" in text
+    assert "wiped & dried" in text
+    # latency, width, taps, speeds, three runs, one chirp
+    assert len(page.sources) == 8
+    assert all(source.startswith("data:image/") for source in page.sources)
+
+
+def test_every_figure_stands_beside_the_page_as_svg_and_png(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
+    write_report(*measured, tmp_path)
+    for name in ("latency", "stylus-width", "taps", "validation-speeds", "alignment-run-03", "alignment-run-14"):
+        assert ET.parse(tmp_path / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
+        assert (tmp_path / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_same_data_give_the_same_page(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
+    pages = [write_report(*measured, tmp_path / name).read_text("utf-8") for name in ("one", "two")]
+    assert re.sub(r"data:image/[^\"]*", "", pages[0]) == re.sub(r"data:image/[^\"]*", "", pages[1])
+
+
+def test_a_report_that_exists_is_left_alone(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
+    (tmp_path / "report.html").write_text("precious")
+    with pytest.raises(DataError, match="not overwritten"):
+        write_report(*measured, tmp_path)
+    assert (tmp_path / "report.html").read_text() == "precious"
+
+
+def test_a_session_that_gave_nothing_still_has_a_report_that_says_so(tmp_path: Path) -> None:
+    session = bare_session(Run("run-01", "circle", 0.0, 1.0, empty_touch(), empty_laser()))
+    page = read_page(write_report(session, analyze(session), tmp_path))
+    text = " ".join(page.text)
+    assert "No run gave a latency." in text
+    assert "run-01: no latency" in text
