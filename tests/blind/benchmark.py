@@ -1,4 +1,4 @@
-"""The benchmark from tasks to files: python -m blind.benchmark (tests/ on the path), or `draglag blind`."""
+"""The benchmark from tasks to figures and files; `draglag blind` runs it."""
 
 import json
 from collections.abc import Callable
@@ -10,10 +10,10 @@ from . import workflow
 from .conditions import quick_tasks, tasks
 from .figure import draw
 from .judge import Outcome
-from .pool import NoScheduler, package_on_path, run_all
+from .pool import Unavailable, package_on_path, run_all
 from .score import failures, score, table
 
-__all__ = ["NoScheduler", "run_benchmark", "table"]
+__all__ = ["Unavailable", "run_benchmark", "table"]
 
 
 def run_benchmark(
@@ -28,13 +28,15 @@ def run_benchmark(
 ) -> dict[str, Any]:
     """Run the benchmark and return its figures; with `out`, write blind.json and blind.png there.
 
-    Raises NoScheduler when a cluster is asked for and there is none, RuntimeError when there is no workflow to judge.
+    Raises Unavailable when there is no cluster where one is asked for, no workflow to judge, or nothing to do.
     """
     why = workflow.missing()
     if why:
-        raise RuntimeError(why)
+        raise Unavailable(f"There is no workflow to judge: {why}", "Install the draglag of this checkout")
     package_on_path()
     chosen = quick_tasks(seed) if quick else tasks(sessions, seed, only)
+    if not chosen:
+        raise Unavailable(f"Nothing is called {' or '.join(only)}", "Name a kind (none, single, pair) or an effect")
     outcomes: list[Outcome] = []
     for outcome in run_all(chosen, jobs, scheduler):
         outcomes.append(outcome)

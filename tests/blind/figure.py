@@ -34,17 +34,20 @@ def _power(ax: Any, power: list[dict[str, Any]]) -> None:
 
 def _gaps(ax: Any, outcomes: list[Outcome]) -> None:
     ax.set(title="Held-out gap against the floor", xlabel="gap of the twin without the effect, mm", ylabel="gap, mm")
+    found = False
     for what, marker in (("gap_first_mm", "x"), ("gap_last_mm", "o")):
         points = [(o.floor_mm, getattr(o, what)) for o in outcomes if o.hidden and o.floor_mm and getattr(o, what)]
         if points:
+            found = True
             label = "before" if what == "gap_first_mm" else "after"
             ax.loglog(*zip(*points, strict=True), marker, ms=4, alpha=0.6, label=label)
+    if found:
+        ax.legend()
     floors = [o.floor_mm for o in outcomes if o.floor_mm]
     if floors:
         ends = np.array([min(floors), max(floors)])
         ax.plot(ends, ends, color="0.4", lw=0.8)
         ax.plot(ends, 1.1 * ends, color="0.4", lw=0.8, ls="--")
-        ax.legend()
 
 
 def _recall(ax: Any, rows: list[dict[str, Any]]) -> None:

@@ -16,8 +16,12 @@ from .judge import Outcome, run_task
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-class NoScheduler(Exception):
-    """No cluster to be had; the message is one sentence for people."""
+class Unavailable(Exception):
+    """Something the benchmark needs is not there: one sentence for people, and what to do."""
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(problem)
+        self.remedy = remedy
 
 
 def run_all(tasks: list[Task], jobs: int, scheduler: str | None = None) -> Iterator[Outcome]:
@@ -35,13 +39,15 @@ def run_all(tasks: list[Task], jobs: int, scheduler: str | None = None) -> Itera
 
 def _on_cluster(tasks: list[Task], address: str) -> Iterator[Outcome]:
     if importlib.util.find_spec("distributed") is None:
-        raise NoScheduler("--scheduler needs Dask: pip install distributed")
+        raise Unavailable("Running on a cluster needs Dask, which is not installed", "Run: pip install distributed")
     import distributed
 
     try:
         client = distributed.Client(address, timeout=10)
     except (OSError, ValueError) as error:
-        raise NoScheduler(f"No Dask scheduler answers at {address} ({error})") from error
+        raise Unavailable(
+            f"No Dask scheduler answers at {address}", "Start one with `dask scheduler`, or leave --scheduler out"
+        ) from error
     with client, tempfile.TemporaryDirectory() as folder:
         package = Path(__file__).parent
         archive = Path(folder) / "blind.zip"

@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "import": (f"{_HERE}.files:import_", "Make a session file from an exchange folder."),
     "export": (f"{_HERE}.files:export", "Write a session as exchange folder, CSV, netCDF or MATLAB file."),
     "analyze": (f"{_HERE}.analyze:analyze", "Latency of every run, the curve, taps and validation."),
+    "blind": (f"{_HERE}.blind:blind", "The hidden-effect benchmark (in a checkout)."),
     "verify": (f"{_HERE}.verify:verify", "Check a session file; save what an unfinished one holds."),
 }
 

@@ -44,19 +44,17 @@ def move(rig: Rig, run: RunPlan, rng: np.random.Generator) -> Motion:
     x, y = _target(rig, run, since, rng)
     omega = 2 * np.pi * hand["natural_hz"]
     b, a = bilinear([omega**2], [1, 1.6 * omega, omega**2], STEP_HZ)
-    moved = []
-    for axis in (x, y):
-        followed = axis[0] + lfilter(b, a, axis - axis[0])
-        followed += hand["wander_mm"] * _coloured(rng, n, hand["wander_hz"])
-        followed += hand["tremor_mm"] * _tremor(rng, n, hand["tremor_hz"])
-        moved.append(followed)
-    x, y = moved
-    vx, vy = np.gradient(x, dt), np.gradient(y, dt)
-    # The drag speed that a digitiser's tracker sees: the tip's, less what is faster than its window.
+    # The drag speed that a digitiser's tracker sees: the tip's, with the tremor smoothed by the tracker's window.
     window = rig.speed_window_s * STEP_HZ
-    sx, sy = gaussian_filter1d(vx, window, truncate=3.0), gaussian_filter1d(vy, window, truncate=3.0)
-    speed = np.hypot(sx, sy)
-    return Motion(since + run.start_s, x, y, sx, sy, speed, np.gradient(speed, dt))
+    tip, drag = [], []
+    for axis in (x, y):
+        intended = axis[0] + lfilter(b, a, axis - axis[0])
+        intended += hand["wander_mm"] * _coloured(rng, n, hand["wander_hz"])
+        tremor = hand["tremor_mm"] * _tremor(rng, n, hand["tremor_hz"])
+        tip.append(intended + tremor)
+        drag.append(np.gradient(intended + gaussian_filter1d(tremor, window, truncate=3.0), dt))
+    speed = np.hypot(*drag)
+    return Motion(since + run.start_s, *tip, *drag, speed, np.gradient(speed, dt))
 
 
 def _target(rig: Rig, run: RunPlan, since: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

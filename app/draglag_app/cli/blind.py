@@ -1,0 +1,83 @@
+"""``draglag blind``: the hidden-effect benchmark, which lives in tests/blind of a checkout."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from draglag.errors import DataError
+from draglag_app.cli.common import json_option, print_json, progress
+
+
+@click.command("blind")
+@click.option("--sessions", type=click.IntRange(min=1), default=5, show_default=True, help="Sessions of each row.")
+@click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on a cluster: its Dask scheduler, as tcp://host:8786.")
+@click.option("--quick", is_flag=True, help="About forty sessions of every kind, in a few minutes.")
+@click.option("--only", multiple=True, metavar="NAME", help="A kind (none, single, pair …) or an effect; repeatable.")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of everything drawn.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write blind.json and blind.png.")
+@json_option
+def blind(
+    sessions: int,
+    jobs: int | None,
+    scheduler: str | None,
+    quick: bool,
+    only: tuple[str, ...],
+    seed: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Hide effects in sessions made by independent physics, let `gap` find them, and count: recall, false alarms,
+    power against size, parameter error, the last gap over the floor, and which effect is taken for which.
+
+    \b
+    Examples:
+        draglag blind --quick
+        draglag blind --sessions 50 --jobs 8 --out blind
+        draglag blind --only low_speed_plateau --only none
+    """
+    benchmark = _benchmark()
+    if scheduler is None and jobs is None:
+        jobs = os.cpu_count() or 1
+    with progress("sessions") as tell:
+
+        def count(done: int, of: int) -> None:
+            if tell:
+                tell(done / of, f"{done} of {of}")
+
+        try:
+            summary: dict[str, Any] = benchmark.run_benchmark(
+                sessions=sessions, jobs=jobs or 1, scheduler=scheduler, quick=quick, seed=seed, only=only, out=out,
+                progress=count,
+            )  # fmt: skip
+        except benchmark.Unavailable as error:
+            raise DataError(str(error), error.remedy) from error
+    if as_json:
+        print_json(summary)
+    else:
+        click.echo(benchmark.table(summary))
+        for failure in summary["failures"]:
+            click.echo(f"Below the promise: {failure}", err=True)
+    if summary["failures"]:
+        raise click.exceptions.Exit(1)
+
+
+def _benchmark() -> Any:
+    """The benchmark, from tests/ of the checkout this program belongs to or stands in. Raises DataError."""
+    places = [Path(__file__).resolve().parents[3], Path.cwd()]
+    for place in places:
+        if (place / "tests" / "blind" / "benchmark.py").is_file():
+            tests = str(place / "tests")
+            if tests not in sys.path:
+                sys.path.insert(0, tests)
+            return importlib.import_module("blind.benchmark")
+    raise DataError(
+        "The benchmark needs a checkout of draglag; it is not part of the installed program",
+        "Run it in a checkout, as ./run draglag blind --quick",
+    )
