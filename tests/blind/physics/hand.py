@@ -44,16 +44,15 @@ def move(rig: Rig, run: RunPlan, rng: np.random.Generator) -> Motion:
     x, y = _target(rig, run, since, rng)
     omega = 2 * np.pi * hand["natural_hz"]
     b, a = bilinear([omega**2], [1, 1.6 * omega, omega**2], STEP_HZ)
-    # The drag speed that a digitiser's tracker sees: the tip's, with the tremor smoothed by the tracker's window.
-    window = rig.speed_window_s * STEP_HZ
     tip, drag = [], []
     for axis in (x, y):
         intended = axis[0] + lfilter(b, a, axis - axis[0])
         intended += hand["wander_mm"] * _coloured(rng, n, hand["wander_hz"])
-        tremor = hand["tremor_mm"] * _tremor(rng, n, hand["tremor_hz"])
-        tip.append(intended + tremor)
-        drag.append(np.gradient(intended + gaussian_filter1d(tremor, window, truncate=3.0), dt))
-    speed = np.hypot(*drag)
+        tip.append(intended + hand["tremor_mm"] * _tremor(rng, n, hand["tremor_hz"]))
+        drag.append(np.gradient(intended, dt))
+    # What a digitiser's tracker takes for the speed of the drag: of the movement without the tremor, over its window.
+    # (Smoothing the speed, not the velocity: on a small fast circle that would read low.)
+    speed = gaussian_filter1d(np.hypot(*drag), rig.speed_window_s * STEP_HZ, truncate=3.0)
     return Motion(since + run.start_s, *tip, *drag, speed, np.gradient(speed, dt))
 
 

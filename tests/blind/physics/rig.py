@@ -95,7 +95,7 @@ def draw_rig(seed: int, profile: Profile) -> Rig:
         law = {"a1": rng.uniform(0.02, 0.1), "a2": rng.uniform(0.003, 0.005), "a4": rng.uniform(0.11, 0.2)}
         law |= {"a5": rng.uniform(0.019, 0.03), "a7": rng.uniform(0.025, 0.035)}
     else:  # like Screen 2: one steep part, a small slow one
-        law = {"a1": rng.uniform(0.008, 0.03), "a2": rng.uniform(0.0028, 0.005), "a4": rng.uniform(0.2, 0.4)}
+        law = {"a1": rng.uniform(0.008, 0.03), "a2": rng.uniform(0.0028, 0.005), "a4": rng.uniform(0.2, 0.3)}
         law |= {"a5": rng.uniform(0.017, 0.024), "a7": rng.uniform(0.022, 0.032)}
     between = profile.between_runs if profile.between_runs is not None else rng.random() < 0.65
     correlated = rng.random() < 0.5
@@ -124,8 +124,8 @@ def draw_rig(seed: int, profile: Profile) -> Rig:
         noise_mm=rng.uniform(0.1, 0.3) * profile.noise,
         noise_correlation=rng.uniform(0.2, 0.5) if correlated else 0.0,
         correlated_share=rng.uniform(0.2, 0.5) if correlated else 0.0,
-        speed_window_s=rng.uniform(0.02, 0.04),
-        catch_up=rng.uniform(0.15, 0.35),
+        speed_window_s=rng.uniform(0.045, 0.065),
+        catch_up=rng.uniform(0.01, 0.05),
         run_latency_sd_s=rng.uniform(0.0003, 0.0007) * profile.noise if between else 0.0,
         run_offset_sd_mm=rng.uniform(0.02, 0.04) * profile.noise if between else 0.0,
         loss_rate_hz=rng.uniform(0.01, 0.05) if losses else 0.0,
