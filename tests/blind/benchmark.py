@@ -30,13 +30,13 @@ def run_benchmark(
 
     Raises Unavailable when there is no cluster where one is asked for, no workflow to judge, or nothing to do.
     """
+    chosen = quick_tasks(seed) if quick else tasks(sessions, seed, only)
+    if not chosen:
+        raise Unavailable(f"Nothing is called {' or '.join(only)}", "Name a kind (none, single, pair) or an effect")
     why = workflow.missing()
     if why:
         raise Unavailable(f"There is no workflow to judge: {why}", "Install the draglag of this checkout")
     package_on_path()
-    chosen = quick_tasks(seed) if quick else tasks(sessions, seed, only)
-    if not chosen:
-        raise Unavailable(f"Nothing is called {' or '.join(only)}", "Name a kind (none, single, pair) or an effect")
     outcomes: list[Outcome] = []
     for outcome in run_all(chosen, jobs, scheduler):
         outcomes.append(outcome)
