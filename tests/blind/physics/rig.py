@@ -95,8 +95,8 @@ def draw_rig(seed: int, profile: Profile) -> Rig:
         law = {"a1": rng.uniform(0.02, 0.1), "a2": rng.uniform(0.003, 0.005), "a4": rng.uniform(0.11, 0.2)}
         law |= {"a5": rng.uniform(0.019, 0.03), "a7": rng.uniform(0.025, 0.035)}
     else:  # like Screen 2: one steep part, a small slow one
-        law = {"a1": rng.uniform(0.008, 0.03), "a2": rng.uniform(0.0028, 0.005), "a4": rng.uniform(0.2, 0.3)}
-        law |= {"a5": rng.uniform(0.017, 0.024), "a7": rng.uniform(0.022, 0.032)}
+        law = {"a1": rng.uniform(0.008, 0.03), "a2": rng.uniform(0.0028, 0.005), "a4": rng.uniform(0.19, 0.24)}
+        law |= {"a5": rng.uniform(0.017, 0.021), "a7": rng.uniform(0.022, 0.032)}
     between = profile.between_runs if profile.between_runs is not None else rng.random() < 0.65
     correlated = rng.random() < 0.5
     losses = profile.losses if profile.losses is not None else rng.random() < 0.35
