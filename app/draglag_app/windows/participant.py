@@ -6,7 +6,6 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication, QEvent, QPointF, QRect, QRectF, Qt, QTimer, Signal
@@ -15,7 +14,6 @@ from PySide6.QtWidgets import QWidget
 
 from draglag.recording import DisplayTrace, Screen
 from draglag.targets import Tap, Target
-from draglag_app.session.display import Display
 
 BACKGROUND, TARGET, PRACTICE, INK, MUTED = "#0e1116", "#56b4e9", "#e69f00", "#f2f5f8", "#9aa5b4"
 TARGET_MM = 14.0
@@ -266,10 +264,3 @@ class ParticipantWindow(QWidget):
             return
         self._timer.stop()
         event.accept()
-
-
-def record_on_screen(number: int, measure: Callable[[Display], Path]) -> Path:
-    """See ``screen_display.record_on_screen``."""
-    from draglag_app.windows.screen_display import record_on_screen as record
-
-    return record(number, measure)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -76,7 +77,13 @@ def record_on_screen(number: int, measure: Callable[[Display], Path], panel: Scr
         except Exception as error:  # handed to the caller below
             outcome["error"] = error
 
+    def abort() -> None:
+        # The command's own answer to Ctrl-C ends the session in order; a second one would be rude.
+        window.aborted.disconnect(abort)
+        signal.raise_signal(signal.SIGINT)
+
     display = ScreenDisplay(window)
+    window.aborted.connect(abort)
     window.show_on(screen)
     thread = threading.Thread(target=work, args=(display,), name="draglag-session")
     watch = QTimer()

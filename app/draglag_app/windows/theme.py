@@ -9,6 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QApplication
 
+from draglag_app.windows.icons import icon_file
 from draglag_resources import resource
 
 
@@ -73,6 +74,11 @@ def apply_theme(application: QApplication, name: str) -> Theme:
 def style_sheet(colours: Theme) -> str:
     """The style sheet with ``@name`` put in."""
     values = {key: str(value) for key, value in asdict(colours).items()}
+    values |= {
+        "arrow_down": icon_file("arrow", colours.muted),
+        "arrow_up": icon_file("up", colours.muted),
+        "check": icon_file("check", colours.on_accent),
+    }
     text = resource("theme", "style.qss").read_text("utf-8")
     return re.sub(r"@(\w+)", lambda match: values[match.group(1)], text)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer
+from PySide6.QtCore import QSize, Qt, QTimer
 from PySide6.QtGui import QCloseEvent
 from PySide6.QtWidgets import (
     QApplication,
@@ -26,8 +26,10 @@ from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
 from draglag_app.windows.header import Header
+from draglag_app.windows.icons import icon
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
+from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
@@ -57,6 +59,9 @@ class OperatorWindow(QMainWindow):
         self.bench = bench
         record.asks.connect(self.ask)
         bench.checked.connect(self._checked)
+        preferences = self.pages["preferences"][1]
+        assert isinstance(preferences, PreferencesPage)
+        preferences.theme_chosen.connect(self.use_theme)
         recording, bridge = self.space.recording, self.space.bridge
         recording.began.connect(lambda order: self._recording_changed(True))
         recording.ended.connect(self._ended)
@@ -65,6 +70,7 @@ class OperatorWindow(QMainWindow):
         self.space.noticed.connect(self.tell)
         self.space.tasks.changed.connect(self._tasks_changed)
         self.space.tasks.began.connect(self._task_began)
+        self._paint_icons()
         self._recording_changed(False)
         self.go("bench" if settings.first_start else "record")
 
@@ -101,6 +107,7 @@ class OperatorWindow(QMainWindow):
             tab = self.tabs[name] = QPushButton()
             tab.setText(title)
             tab.setCheckable(True)
+            tab.setIconSize(QSize(22, 22))
             tab.setFixedWidth(164)
             action = self.actions_table.made.get(f"go_{name}")
             if action is not None:
@@ -274,10 +281,15 @@ class OperatorWindow(QMainWindow):
         application = QApplication.instance()
         assert isinstance(application, QApplication)
         apply_theme(application, name)
+        self._paint_icons()
         for _, page in self.pages.values():
             redraw = getattr(page, "restyle_plots", None)
             if redraw is not None:
                 redraw()
+
+    def _paint_icons(self) -> None:
+        for name, tab in self.tabs.items():
+            tab.setIcon(icon(name, theme().text))
 
     def _full_screen(self) -> None:
         self.setWindowState(self.windowState() ^ Qt.WindowState.WindowFullScreen)

@@ -1,0 +1,154 @@
+"""Compare: sessions and screens beside each other, and how their curves differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QFileDialog,
+    QHBoxLayout,
+    QHeaderView,
+    QSplitter,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from draglag.analysis import Analysis, analyze
+from draglag.store import read_session
+from draglag_app.comparing import difference
+from draglag_app.windows import words
+from draglag_app.windows.curve_plot import SYMBOLS, CurvePlot
+from draglag_app.windows.plots import Plot, tr
+from draglag_app.windows.tasks import Progress
+from draglag_app.windows.theme import theme
+from draglag_app.windows.widgets import button, label
+from draglag_app.windows.workspace import Workspace
+
+SPEEDS_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)
+
+
+class ComparePage(QWidget):
+    """The first session in the list is the one the others are compared with."""
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        self._shown: list[Analysis] = []
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(12, 12, 12, 12)
+        outer.setSpacing(10)
+        row = QHBoxLayout()
+        row.addWidget(label(self.tr("Compare"), "pageTitle"))
+        row.addStretch(1)
+        for text, action, role in (
+            (self.tr("Add sessions…"), self._ask, "primary"),
+            (self.tr("Add the one at hand"), self._add_present, ""),
+            (self.tr("Remove"), self._remove, ""),
+        ):
+            made = button(text, role)
+            made.clicked.connect(action)
+            row.addWidget(made)
+        outer.addLayout(row)
+        plots = QSplitter(Qt.Orientation.Horizontal)
+        self.curves = CurvePlot(self.tr("Latency"))
+        self.apart = Plot(
+            self.tr("Difference from the first"), tr("drag speed (mm/s)"), tr("difference (ms)"), "difference"
+        )
+        self.apart.add_legend()
+        plots.addWidget(self.curves)
+        plots.addWidget(self.apart)
+        outer.addWidget(plots, 3)
+        titles = [self.tr("session"), self.tr("form"), *(f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S), self.tr("RMS")]
+        self.table = QTableWidget(0, len(titles))
+        self.table.setHorizontalHeaderLabels(titles)
+        self.table.verticalHeader().hide()
+        self.table.verticalHeader().setDefaultSectionSize(34)
+        self.table.setShowGrid(False)
+        self.table.setTabKeyNavigation(False)
+        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        outer.addWidget(self.table, 2)
+        self.empty = label(self.tr("Add two or more sessions to see how their screens differ."), "hint")
+        outer.addWidget(self.empty)
+
+    def _ask(self) -> None:
+        names, _ = QFileDialog.getOpenFileNames(
+            self, self.tr("Add sessions"), self._space.settings.folder, self.tr("Sessions (*.h5)")
+        )
+        self.add_files([Path(name) for name in names])
+
+    def add_files(self, paths: list[Path]) -> None:
+        """Read and analyse session files in a worker, then show them."""
+
+        def work(progress: Progress) -> list[Analysis]:
+            out = []
+            for k, path in enumerate(paths):
+                progress(k / len(paths), path.name)
+                out.append(analyze(read_session(path)))
+            return out
+
+        if paths:
+            self._space.tasks.start(
+                self.tr("Reading"), work, self._add, lambda text: self._space.noticed.emit("error", text)
+            )
+
+    def _add_present(self) -> None:
+        if self._space.analysis is not None:
+            self._add([self._space.analysis])
+
+    def _add(self, analyses: list[Analysis]) -> None:
+        self._shown += [analysis for analysis in analyses if analysis not in self._shown]
+        self._draw()
+
+    def _remove(self) -> None:
+        for index in sorted((i.row() for i in self.table.selectionModel().selectedRows()), reverse=True):
+            del self._shown[index]
+        self._draw()
+
+    def _draw(self) -> None:
+        self.curves.clear_all()
+        self.apart.clear_all()
+        self.table.setRowCount(0)
+        self.empty.setVisible(len(self._shown) < 2)
+        for k, analysis in enumerate(self._shown):
+            self._show_one(k, analysis)
+
+    def _show_one(self, k: int, analysis: Analysis) -> None:
+        colour, symbol = theme().series[k % len(theme().series)], SYMBOLS[k % len(SYMBOLS)]
+        name, curve = f"{k + 1}  {analysis.session}", analysis.curve
+        self.table.insertRow(k)
+        cells = [name, words.DASH, *(words.DASH for _ in SPEEDS_MM_S), words.DASH]
+        if curve is not None:
+            self.curves.draw_curve(name, curve, colour)
+            points = curve.points
+            if points is not None:
+                runs = name + tr(", runs")
+                self.curves.dots(runs, points.speed_mm_s, 1e3 * points.latency_s, colour, symbol, 8, legend=False)
+            speeds = np.array(SPEEDS_MM_S)
+            predicted = 1e3 * curve.predict_s(speeds)
+            inside = curve.inside(speeds)
+            figures = [f"{ms:.1f} ms" if ok else words.DASH for ms, ok in zip(predicted, inside, strict=True)]
+            cells = [name, words.form_name(curve.form), *figures, f"{1e3 * curve.rms_s:.2f} ms"]
+        for column, text in enumerate(cells):
+            self.table.setItem(k, column, QTableWidgetItem(text))
+        first = self._shown[0].curve
+        if k and curve is not None and first is not None:
+            found = difference(first, curve)
+            if found is not None:
+                speed = found.speed_mm_s
+                self.apart.band(name + " 95 %", speed, 1e3 * found.low_s, 1e3 * found.high_s, colour)
+                self.apart.line(name, speed, 1e3 * found.difference_s, colour, 2.5)
+
+    def restyle_plots(self) -> None:
+        """Draw in the present theme."""
+        self.curves.restyle()
+        self.apart.restyle()
+        self._draw()

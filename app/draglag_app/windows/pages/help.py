@@ -1,0 +1,52 @@
+"""Help: the operator's manual and the list of keys, made from the table of actions."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QCoreApplication
+from PySide6.QtWidgets import QHBoxLayout, QTextBrowser, QWidget
+
+from draglag_app.windows.actions import key_list
+from draglag_app.windows.workspace import Workspace
+from draglag_resources import resource
+
+
+class HelpPage(QWidget):
+    """The manual on the left, the keys on the right."""
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        row = QHBoxLayout(self)
+        row.setContentsMargins(16, 16, 16, 16)
+        row.setSpacing(12)
+        self.manual = QTextBrowser()
+        self.manual.setOpenExternalLinks(True)
+        self.manual.document().setDocumentMargin(18)
+        self.keys = QTextBrowser()
+        self.keys.setFixedWidth(340)
+        self.keys.document().setDocumentMargin(14)
+        row.addWidget(self.manual, 1)
+        row.addWidget(self.keys)
+        self.setFocusProxy(self.manual)
+        self.restyle_plots()
+
+    def restyle_plots(self) -> None:
+        """Set the text anew, in the present theme."""
+        self.manual.setMarkdown(manual_text(self._space.settings.language))
+        rows = "".join(
+            f"<tr><td style='padding:5px 14px 5px 0'><b>{keys}</b></td><td style='padding:5px 0'>{what}</td></tr>"
+            for keys, what in key_list()
+        )
+        title = self.tr("Keys")
+        esc = self.tr("on the participant's screen: abort this run")
+        rows += f"<tr><td style='padding:5px 14px 5px 0'><b>Esc</b></td><td style='padding:5px 0'>{esc}</td></tr>"
+        self.keys.setHtml(f"<h3>{title}</h3><table cellspacing='0'>{rows}</table>")
+
+
+def manual_text(language: str) -> str:
+    """The manual in that language, or in English."""
+    for name in (f"manual_{language}.md", "manual.md"):
+        file = resource("manual", name)
+        if file.is_file():
+            return file.read_text("utf-8")
+    return QCoreApplication.translate("Help", "The manual is missing from this installation.")

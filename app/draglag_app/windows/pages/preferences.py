@@ -1,0 +1,110 @@
+"""Preferences: looks, language, folder, and how a session goes on between runs."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QFileDialog,
+    QFormLayout,
+    QHBoxLayout,
+    QLineEdit,
+    QVBoxLayout,
+    QWidget,
+)
+
+from draglag_app.windows.settings import settings_path
+from draglag_app.windows.widgets import Panel, button, label
+from draglag_app.windows.workspace import Workspace
+
+
+class PreferencesPage(QWidget):
+    """Every change is saved at once."""
+
+    theme_chosen = Signal(str)
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(16, 16, 16, 16)
+        outer.setSpacing(12)
+        looks, form = _form(self.tr("Looks"))
+        self.theme = _choice(
+            (("dark", self.tr("Dark")), ("light", self.tr("Light")), ("system", self.tr("As the desktop")))
+        )
+        self.language = _choice((("system", self.tr("As the desktop")), ("en", "English"), ("nl", "Nederlands")))
+        self.scale = _choice(tuple((value, f"{value:.0%}") for value in (0.9, 1.0, 1.15, 1.3, 1.5)))
+        form.addRow(self.tr("Theme"), self.theme)
+        form.addRow(self.tr("Language (after a restart)"), self.language)
+        form.addRow(self.tr("Size of text (after a restart)"), self.scale)
+        outer.addWidget(looks)
+        work, form = _form(self.tr("Sessions"))
+        self.folder = QLineEdit()
+        choose = button(self.tr("Choose…"))
+        choose.clicked.connect(self._choose_folder)
+        row = QHBoxLayout()
+        row.addWidget(self.folder, 1)
+        row.addWidget(choose)
+        form.addRow(self.tr("Folder for sessions"), row)
+        self.operator = QLineEdit()
+        self.operator.setPlaceholderText(self.tr("your name, kept in the session's notes"))
+        form.addRow(self.tr("Operator"), self.operator)
+        self.by_hand = QCheckBox(self.tr("Wait for F6 before every run"))
+        form.addRow("", self.by_hand)
+        outer.addWidget(work)
+        where = self.tr("Settings are kept in {path}").format(path=settings_path())
+        outer.addWidget(label(where, "hint", wrap=True))
+        outer.addStretch(1)
+        change = workspace.change_settings
+        self.theme.activated.connect(lambda: self._theme_chosen())
+        self.language.activated.connect(lambda: change(language=self.language.currentData()))
+        self.scale.activated.connect(lambda: change(text_scale=self.scale.currentData()))
+        self.folder.editingFinished.connect(lambda: self._changed("folder", self.folder.text().strip()))
+        self.operator.editingFinished.connect(lambda: self._changed("operator", self.operator.text().strip()))
+        self.by_hand.clicked.connect(lambda on: change(begin_by_hand=on))
+        workspace.settings_changed.connect(self.refresh)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the settings."""
+        settings = self._space.settings
+        self.theme.setCurrentIndex(self.theme.findData(settings.theme))
+        self.language.setCurrentIndex(self.language.findData(settings.language))
+        self.scale.setCurrentIndex(max(0, self.scale.findData(settings.text_scale)))
+        self.folder.setText(settings.folder)
+        self.operator.setText(settings.operator)
+        self.by_hand.setChecked(settings.begin_by_hand)
+
+    def _theme_chosen(self) -> None:
+        name = str(self.theme.currentData())
+        self._space.change_settings(theme=name)
+        self.theme_chosen.emit(name)
+
+    def _changed(self, key: str, text: str) -> None:
+        if text != getattr(self._space.settings, key) and (text or key == "operator"):
+            self._space.change_settings(**{key: text})
+
+    def _choose_folder(self) -> None:
+        name = QFileDialog.getExistingDirectory(self, self.tr("Folder for sessions"), self.folder.text())
+        if name:
+            self._space.change_settings(folder=name)
+
+
+def _form(title: str) -> tuple[Panel, QFormLayout]:
+    panel = Panel(title)
+    form = QFormLayout()
+    form.setVerticalSpacing(10)
+    form.setHorizontalSpacing(24)
+    form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+    panel.body.addLayout(form)
+    return panel, form
+
+
+def _choice(rows: tuple[tuple[object, str], ...]) -> QComboBox:
+    box = QComboBox()
+    for value, text in rows:
+        box.addItem(text, value)
+    box.setMaximumWidth(280)
+    return box

@@ -1,0 +1,244 @@
+"""Protocol: the runs as a list, what they ask for, how long they take, and what they promise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QComboBox,
+    QFileDialog,
+    QHBoxLayout,
+    QHeaderView,
+    QMenu,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from draglag.errors import DraglagError
+from draglag.protocols import Protocol, RunPlan, load_protocol
+from draglag_app.windows import words
+from draglag_app.windows.plan_editor import PlanEditor
+from draglag_app.windows.plan_preview import PlanPreview
+from draglag_app.windows.protocol_form import ProtocolForm
+from draglag_app.windows.protocol_text import to_toml
+from draglag_app.windows.widgets import Panel, button
+from draglag_app.windows.workspace import Workspace
+from draglag_resources import presets
+
+KINDS = ("circle", "chirp", "multisine", "step")
+
+
+class ProtocolPage(QWidget):
+    """Every edit makes a new protocol, checked by the library's own model, and can be undone."""
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(12, 12, 12, 12)
+        outer.setSpacing(10)
+        outer.addLayout(self._file_row())
+        across = QHBoxLayout()
+        across.setSpacing(10)
+        left = QVBoxLayout()
+        left.setSpacing(10)
+        left.addWidget(self._list(), 3)
+        self.preview = PlanPreview(workspace)
+        left.addWidget(self.preview, 4)
+        across.addLayout(left, 3)
+        right = QVBoxLayout()
+        right.setSpacing(10)
+        self.editor = PlanEditor()
+        self.editor.changed.connect(self._plan_edited)
+        self.form = ProtocolForm(workspace)
+        right.addWidget(self.editor)
+        right.addWidget(self.form)
+        right.addStretch(1)
+        across.addLayout(right, 2)
+        outer.addLayout(across, 1)
+        workspace.protocol_changed.connect(self.refresh)
+        self.refresh()
+
+    def _file_row(self) -> QHBoxLayout:
+        row = QHBoxLayout()
+        row.setSpacing(8)
+        self.preset = QComboBox()
+        self.preset.setMinimumWidth(200)
+        self.preset.addItem(self.tr("Preset…"), "")
+        for name in presets("protocols"):
+            self.preset.addItem(name, name)
+        self.preset.activated.connect(self._preset_chosen)
+        row.addWidget(self.preset)
+        for text, action in (
+            (self.tr("Load…"), self._load),
+            (self.tr("Save…"), self._save),
+            (self.tr("Undo"), self._space.undo.undo),
+            (self.tr("Redo"), self._space.undo.redo),
+        ):
+            made = button(text)
+            made.clicked.connect(action)
+            row.addWidget(made)
+        row.addStretch(1)
+        return row
+
+    def _list(self) -> Panel:
+        panel = Panel(self.tr("Runs"))
+        add = button(self.tr("Add"))
+        menu = QMenu(add)
+        for kind in KINDS:
+            menu.addAction(words.target_name(kind)).triggered.connect(lambda checked=False, kind=kind: self._add(kind))
+        add.setMenu(menu)
+        panel.top.addWidget(add)
+        for text, action in (
+            (self.tr("Copy"), self._copy),
+            (self.tr("Remove"), self._remove),
+            ("↑", lambda: self._move(-1)),
+            ("↓", lambda: self._move(1)),
+        ):
+            made = button(text)
+            made.clicked.connect(action)
+            if text in "↑↓":
+                made.setAccessibleName(self.tr("Move up") if text == "↑" else self.tr("Move down"))
+                made.setFixedWidth(48)
+            panel.top.addWidget(made)
+        titles = [self.tr("target"), self.tr("speeds (mm/s)"), self.tr("each (s)"), self.tr("repeats"), ""]
+        self.table = QTableWidget(0, len(titles))
+        self.table.setHorizontalHeaderLabels(titles)
+        self.table.verticalHeader().hide()
+        self.table.verticalHeader().setDefaultSectionSize(34)
+        self.table.setShowGrid(False)
+        self.table.setTabKeyNavigation(False)
+        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        header = self.table.horizontalHeader()
+        header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
+        self.table.itemSelectionChanged.connect(self._selected)
+        panel.body.addWidget(self.table)
+        return panel
+
+    # --- showing --------------------------------------------------------------------------------------------
+
+    @property
+    def row(self) -> int:
+        """The chosen table of the protocol, or −1."""
+        rows = self.table.selectionModel().selectedRows()
+        return rows[0].row() if rows else -1
+
+    def refresh(self) -> None:
+        """Show the protocol."""
+        protocol, row = self._space.protocol, self.row
+        self.table.blockSignals(True)
+        self.table.setRowCount(0)
+        for k, plan in enumerate(protocol.runs):
+            self.table.insertRow(k)
+            speeds = ", ".join(f"{speed:g}" for speed in plan.all_speeds_mm_s if speed is not None)
+            for column, text in enumerate(
+                (
+                    words.target_name(plan.kind),
+                    speeds or self.tr("varies"),
+                    f"{plan.duration_s:g}" if plan.duration_s else self.tr("usual"),
+                    str(plan.repeats),
+                    self.tr("practice") if plan.practice else "",
+                )
+            ):
+                item = QTableWidgetItem(text)
+                item.setToolTip(text)
+                self.table.setItem(k, column, item)
+        self.table.blockSignals(False)
+        if protocol.runs:
+            self.table.selectRow(min(max(row, 0), len(protocol.runs) - 1))
+        self._selected()
+        self.form.refresh()
+        self.preview.refresh()
+
+    def _selected(self) -> None:
+        row = self.row
+        self.editor.show_plan(self._space.protocol.runs[row] if 0 <= row < len(self._space.protocol.runs) else None)
+
+    # --- editing --------------------------------------------------------------------------------------------
+
+    def _set_runs(self, runs: tuple[RunPlan, ...], what: str) -> None:
+        present = self._space.protocol
+        try:
+            protocol = Protocol.model_validate({**present.model_dump(), "runs": [plan.model_dump() for plan in runs]})
+        except ValueError:
+            self._space.noticed.emit("warning", self.tr("A protocol needs at least one run, taps or a clock check."))
+            return
+        self._space.change_protocol(protocol, what)
+
+    def _add(self, kind: str) -> None:
+        speed = {"speeds_mm_s": (100.0, 300.0)} if kind == "circle" else {}
+        plan = RunPlan.model_validate({"kind": kind, **speed})
+        runs, row = list(self._space.protocol.runs), self.row
+        runs.insert(row + 1, plan)
+        self._set_runs(tuple(runs), self.tr("add runs"))
+        self.table.selectRow(row + 1)
+
+    def _copy(self) -> None:
+        runs, row = list(self._space.protocol.runs), self.row
+        if row >= 0:
+            runs.insert(row + 1, runs[row])
+            self._set_runs(tuple(runs), self.tr("copy runs"))
+            self.table.selectRow(row + 1)
+
+    def _remove(self) -> None:
+        runs, row = list(self._space.protocol.runs), self.row
+        if row >= 0:
+            del runs[row]
+            self._set_runs(tuple(runs), self.tr("remove runs"))
+
+    def _move(self, step: int) -> None:
+        runs, row = list(self._space.protocol.runs), self.row
+        if row >= 0 and 0 <= row + step < len(runs):
+            runs[row], runs[row + step] = runs[row + step], runs[row]
+            self._set_runs(tuple(runs), self.tr("move runs"))
+            self.table.selectRow(row + step)
+
+    def _plan_edited(self, plan: RunPlan) -> None:
+        runs, row = list(self._space.protocol.runs), self.row
+        if 0 <= row < len(runs) and runs[row] != plan:
+            runs[row] = plan
+            self._set_runs(tuple(runs), self.tr("edit runs"))
+
+    # --- files ----------------------------------------------------------------------------------------------
+
+    def _preset_chosen(self) -> None:
+        name = str(self.preset.currentData())
+        self.preset.setCurrentIndex(0)
+        if name:
+            self._space.change_protocol(load_protocol(name), self.tr("preset {name}").format(name=name))
+            self._space.change_settings(protocol=name)
+
+    def _load(self) -> None:
+        name, _ = QFileDialog.getOpenFileName(
+            self, self.tr("Load protocol"), self._space.settings.folder, self.tr("Protocols (*.toml)")
+        )
+        if name:
+            try:
+                self._space.change_protocol(load_protocol(Path(name)), self.tr("load a protocol"))
+            except DraglagError as error:
+                self._space.noticed.emit("error", str(error))
+            else:
+                self._space.change_settings(protocol=name)
+
+    def _save(self) -> None:
+        start = str(Path(self._space.settings.folder) / f"{self._space.protocol.name}.toml")
+        name, _ = QFileDialog.getSaveFileName(self, self.tr("Save protocol"), start, self.tr("Protocols (*.toml)"))
+        if name:
+            try:
+                Path(name).write_text(to_toml(self._space.protocol), "utf-8")
+            except OSError as error:
+                self._space.noticed.emit("error", f"{name}: {error.strerror}")
+            else:
+                self._space.change_settings(protocol=name)
+
+    def restyle_plots(self) -> None:
+        """Draw in the present theme."""
+        self.preview.restyle_plots()

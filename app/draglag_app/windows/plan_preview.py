@@ -1,0 +1,76 @@
+"""How long a protocol takes on the screen under test, in which order, and what stands in its way."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+
+from draglag.errors import DraglagError
+from draglag.protocols import PlannedRun, expand
+from draglag_app.windows import words
+from draglag_app.windows.plots import Plot, tr
+from draglag_app.windows.theme import theme
+from draglag_app.windows.widgets import label, restyle
+from draglag_app.windows.workspace import Workspace
+
+
+class PlanPreview(QWidget):
+    """A line of words and a plot of speed against the session's time."""
+
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        box = QVBoxLayout(self)
+        box.setContentsMargins(0, 0, 0, 0)
+        self.words = label("", "verdict", wrap=True)
+        self.plot = Plot("", tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol")
+        self.plot.setMinimumHeight(170)
+        box.addWidget(self.words)
+        box.addWidget(self.plot, 1)
+        workspace.settings_changed.connect(self.refresh)
+
+    def refresh(self) -> None:
+        """Expand the protocol on the present screen and show it."""
+        protocol, panel = self._space.protocol, self._space.settings.panel
+        self.plot.clear_all()
+        try:
+            plan = expand(protocol, panel.screen(), beam=panel.beam())
+        except DraglagError as error:
+            self.words.setText(str(error))
+            restyle(self.words, "level", "bad")
+            return
+        restyle(self.words, "level", "")
+        total_s = self._draw(plan)
+        times = {"both": 2, "start": 1, "end": 1}
+        if protocol.taps is not None:
+            total_s += protocol.taps.count * protocol.taps.interval_s * times[protocol.taps.when]
+        if protocol.clock_check is not None:
+            total_s += 2 * protocol.clock_check.duration_s
+        text = self.tr("{n} runs, about {time} in all").format(n=len(plan), time=words.duration(total_s))
+        notes = sorted({planned.note for planned in plan if planned.note})
+        self.words.setText(text + "".join(f". {note}" for note in notes))
+
+    def _draw(self, plan: tuple[PlannedRun, ...]) -> float:
+        at_s, rest_s = 0.0, self._space.protocol.rest_s
+        for kind, colour in zip(("circle", "chirp", "multisine", "step"), theme().series, strict=False):
+            self.plot.line(words.target_name(kind), np.empty(0), np.empty(0), colour, legend=False)
+        parts: dict[str, list[np.ndarray]] = {}
+        for planned in plan:
+            t_s = np.linspace(0, planned.duration_s, 300)
+            speed = np.hypot(*planned.target.velocity_mm_s(t_s))
+            if planned.nominal_speed_mm_s is not None:
+                speed = np.full(t_s.shape, planned.nominal_speed_mm_s)
+            piece = np.column_stack([(at_s + t_s) / 60, speed])
+            parts.setdefault(planned.kind, []).append(np.vstack([piece, [np.nan, np.nan]]))
+            at_s += planned.duration_s + rest_s + 3.0
+        for k, (kind, pieces) in enumerate(parts.items()):
+            table = np.vstack(pieces)
+            width = 4 if kind == "circle" else 1.2
+            self.plot.line(words.target_name(kind), table[:, 0], table[:, 1], theme().series[k], width, legend=False)
+        self.plot.autoRange(padding=0.04)
+        return at_s
+
+    def restyle_plots(self) -> None:
+        """Draw in the present theme."""
+        self.plot.restyle()
+        self.refresh()
