@@ -1,0 +1,315 @@
+"""Device clocks on the host's clock: offset and drift from bounds, with what remains uncertain.
+
+Every exchange with a device bounds its stamp from one side or both: ``host_min ≤ host(device) ≤ host_max``. Over
+one epoch (no restart of the device clock) a quartz is a straight line, so the lines that satisfy all bounds form a
+convex polygon in the plane of offset and drift (the feasible band). Its corners give the extremes of everything
+asked later, and its centre the estimate; nothing is assumed about where within a round trip the truth lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import linprog
+
+from draglag.errors import DataError
+from draglag.recording import ClockBounds, FloatArray, IntArray, Run, concatenate
+
+# No quartz in an instrument is further off; it bounds the band while the bounds span little time.
+LARGEST_DRIFT = 300e-6
+# An uncertainty above this matters to a latency and is told to the operator.
+WARN_S = 1e-3
+# The paper's hardware comparison: below 1 ms in 60 s.
+PAPER_DRIFT = 1e-3 / 60.0
+# Rounding of double seconds since boot; bounds are never sharper.
+_ROUNDING_S = 1e-9
+
+
+@dataclass(frozen=True)
+class EpochClock:
+    """One epoch of a device clock: ``host = device + offset_s + drift · (device − reference_s)``.
+
+    Attributes:
+        reference_s: the device time at which the offset is given.
+        offset_s, drift: the centre of the feasible band (drift in s/s).
+        drift_interval: the drifts that the bounds allow.
+        corners: (k, 2) corners of the band, offset relative to ``offset_s`` and drift.
+        first_s, last_s: device times between which bounds were seen.
+        n_bounds: how many exchanges there were.
+        slack_s: how far the bounds had to be widened before any line fitted; 0 where they agree.
+        uneven_s: what that adds to every half-width: the slack and the width of an exchange.
+    """
+
+    epoch: int
+    reference_s: float
+    offset_s: float
+    drift: float
+    drift_interval: tuple[float, float]
+    corners: FloatArray
+    first_s: float
+    last_s: float
+    n_bounds: int
+    slack_s: float = 0.0
+    uneven_s: float = 0.0
+
+    @property
+    def drift_ppm(self) -> float:
+        """By how much host time runs faster than the device's, parts per million."""
+        return 1e6 * self.drift
+
+    @property
+    def drift_interval_ppm(self) -> tuple[float, float]:
+        return 1e6 * self.drift_interval[0], 1e6 * self.drift_interval[1]
+
+    def to_host(self, device_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Host times and their half-widths, (n,) → (n,), (n,) s: the truth is within if the clock is a line."""
+        span = np.asarray(device_s, np.float64) - self.reference_s
+        host = self.reference_s + self.offset_s + span * (1.0 + self.drift)
+        spread = self.corners[:, :1] + (self.corners[:, 1:] - self.drift) * span.reshape(1, -1)
+        return host, np.abs(spread).max(axis=0) + self.uneven_s + _ROUNDING_S
+
+
+@dataclass(frozen=True)
+class ClockFit:
+    """One device clock over all its epochs."""
+
+    stream: str
+    epochs: Mapping[int, EpochClock] = field(default_factory=dict)
+
+    def map_to_host(self, device_s: FloatArray, epoch: IntArray | int = 0) -> tuple[FloatArray, FloatArray]:
+        """Host times of device stamps and their uncertainty.
+
+        Args:
+            device_s: (n,) stamps of the device.
+            epoch: (n,) the epoch of each, or one for all.
+
+        Returns (n,) host times and (n,) half-widths, s. Raises DataError for an epoch without bounds.
+        """
+        device_s = np.atleast_1d(np.asarray(device_s, np.float64))
+        epochs = np.broadcast_to(np.asarray(epoch, np.int64), device_s.shape)
+        host, width = np.empty(len(device_s)), np.empty(len(device_s))
+        for number in np.unique(epochs).tolist():
+            if number not in self.epochs:
+                raise DataError(
+                    f"the {self.stream} clock was never compared with the host's in its epoch {number}",
+                    "compare the clocks before or after each run",
+                )
+            here = epochs == number
+            host[here], width[here] = self.epochs[number].to_host(device_s[here])
+        return host, width
+
+
+def fit_clock(bounds: ClockBounds | Sequence[ClockBounds]) -> ClockFit:
+    """Fit the bounds of one stream, epoch by epoch. One-sided rows have an infinite other side.
+
+    An epoch that is not bounded from both sides is left out. Raises DataError on bounds of several streams,
+    without rows, or with stamps that are not numbers.
+    """
+    parts = [bounds] if isinstance(bounds, ClockBounds) else list(bounds)
+    if not parts:
+        raise DataError("there are no clock comparisons to fit")
+    if len({part.stream for part in parts}) > 1:
+        raise DataError(f"clock comparisons of several devices: {', '.join(sorted({p.stream for p in parts}))}")
+    whole = concatenate([_with_epochs(part) for part in parts])
+    if not np.isfinite(whole.device_s).all() or np.isnan(whole.host_min_s).any() or np.isnan(whole.host_max_s).any():
+        raise DataError(f"the clock comparisons of the {whole.stream} hold stamps that are not numbers")
+    fitted: dict[int, EpochClock] = {}
+    for epoch in np.unique(whole.epoch).tolist():
+        here = whole.epoch == epoch
+        device, low, high = whole.device_s[here], whole.host_min_s[here], whole.host_max_s[here]
+        if np.isfinite(low).any() and np.isfinite(high).any():
+            fitted[epoch] = _fit_epoch(epoch, device, low, high)
+    return ClockFit(whole.stream, fitted)
+
+
+def fit_clocks(bounds: Iterable[ClockBounds]) -> dict[str, ClockFit]:
+    """Every stream of a collection of bounds, by its name."""
+    streams: dict[str, list[ClockBounds]] = {}
+    for part in bounds:
+        if len(part.device_s):
+            streams.setdefault(part.stream, []).append(part)
+    return {stream: fit_clock(parts) for stream, parts in streams.items()}
+
+
+def clock_warnings(fit: ClockFit) -> list[str]:
+    """Plain sentences about what the operator should know of a clock; empty where all is well."""
+    said = []
+    for clock in fit.epochs.values():
+        where = f"The {fit.stream} clock" + (f" (epoch {clock.epoch})" if len(fit.epochs) > 1 else "")
+        _, width = clock.to_host(np.linspace(clock.first_s, clock.last_s, 33))
+        worst = float(width.max())
+        if worst > WARN_S:
+            said.append(f"{where} is known to ±{1e3 * worst:.2f} ms only; above {1e3 * WARN_S:.0f} ms it matters.")
+        if clock.slack_s > 1e-4:
+            said.append(f"{where} does not run evenly: its comparisons contradict each other by "
+                        f"{1e3 * clock.slack_s:.2f} ms.")  # fmt: skip
+        low, high = clock.drift_interval
+        if low > PAPER_DRIFT or high < -PAPER_DRIFT:
+            said.append(f"{where} drifts by {clock.drift_ppm:+.1f} ppm ({0.06 * clock.drift_ppm:+.2f} ms in 60 s); "
+                        "it is corrected, but more than the paper's 1 ms in 60 s.")  # fmt: skip
+    return said
+
+
+def laser_clock(run: Run, also: Sequence[ClockBounds] = ()) -> ClockFit | None:
+    """The clock of a run's laser edges from the run's own comparisons and others of the session, or None."""
+    parts = [part for part in (*run.sync, *also) if part.stream == "laser" and len(part.device_s)]
+    return fit_clock(parts) if parts else None
+
+
+def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float | None:
+    """By how much the clocks may shift every latency of a run, a half-width in s.
+
+    0.0 where the edges carry no device stamps (they were stamped on the host's clock); None where they do but no
+    comparison covers them. ``also``: comparisons from outside the run (``Session.clocks``). It is a bound on a
+    shift common to all edges, so it adds to the ends of an interval and does not shrink with more edges.
+    """
+    device_s = run.laser.device_t_s
+    if not len(device_s):
+        return 0.0
+    fit = laser_clock(run, also)
+    if fit is None:
+        return None
+    try:
+        _, width = fit.map_to_host(device_s, run.laser.epoch if len(run.laser.epoch) else 0)
+    except DataError:
+        return None
+    return float(width.max())
+
+
+def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
+    """The run with its edges mapped again with all comparisons at hand, rather than those known while recording.
+
+    Returned unchanged where there is nothing to map with. Edges stay in the order they were in.
+    """
+    device_s = run.laser.device_t_s
+    fit = laser_clock(run, also) if len(device_s) else None
+    if fit is None:
+        return run
+    try:
+        host_s, _ = fit.map_to_host(device_s, run.laser.epoch if len(run.laser.epoch) else 0)
+    except DataError:
+        return run
+    return replace(run, laser=replace(run.laser, t_s=host_s))
+
+
+def _with_epochs(part: ClockBounds) -> ClockBounds:
+    n = len(part.device_s)
+    if len(part.host_min_s) != n or len(part.host_max_s) != n or len(part.epoch) not in (0, n):
+        raise DataError(f"the clock comparisons of the {part.stream} have columns of different lengths")
+    return part if len(part.epoch) == n else replace(part, epoch=np.zeros(n, np.int64))
+
+
+def _fit_epoch(epoch: int, device: FloatArray, low: FloatArray, high: FloatArray) -> EpochClock:
+    reference = float((device.min() + device.max()) / 2)
+    span = device - reference
+    base = float(np.median((low - device)[np.isfinite(low)]))
+    # Lines must pass above the floor and below the ceiling; only the hulls of both can touch them.
+    floor = _hull(span, low - device - base, upper=True)
+    ceiling = _hull(span, high - device - base, upper=False)
+    slack, uneven = _least_slack(floor, ceiling), 0.0
+    if slack > 0:
+        slack = 1.01 * slack + _ROUNDING_S
+        trips = (high - low)[np.isfinite(high - low)]
+        uneven = slack + (float(np.median(trips)) if trips.size else 0.0)
+    polygon = _feasible(floor, ceiling, slack)
+    offset, drift = _centre(polygon)
+    corners = polygon - np.array([offset, 0.0])
+    return EpochClock(
+        epoch,
+        reference,
+        base + offset,
+        drift,
+        (float(polygon[:, 1].min()), float(polygon[:, 1].max())),
+        corners,
+        float(device.min()),
+        float(device.max()),
+        len(device),
+        slack,
+        uneven,
+    )
+
+
+def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
+    """Corners of the upper or lower convex hull of points, (k, 2), by x (Andrew's monotone chain)."""
+    sign = -1.0 if upper else 1.0
+    good = np.isfinite(y)
+    x, y = x[good], sign * y[good]
+    order = np.lexsort((y, x))
+    chain: list[tuple[float, float]] = []
+    for px, py in zip(x[order].tolist(), y[order].tolist(), strict=True):
+        if chain and chain[-1][0] == px:
+            continue  # of points above each other only the outermost, which came first, counts
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2], chain[-1]
+            if (by - ay) * (px - ax) < (py - ay) * (bx - ax):
+                break
+            chain.pop()
+        chain.append((px, py))
+    hull = np.array(chain)
+    hull[:, 1] *= sign
+    return hull
+
+
+def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
+    """The smallest widening with which a line fits (a linear programme); 0 where one fits as it is."""
+    scale = 1e6  # microseconds and ppm keep the solver's tolerances meaningful
+    rows = [[-1.0, -x, -1.0] for x, _ in floor] + [[1.0, x, -1.0] for x, _ in ceiling]
+    sides = [-scale * y for _, y in floor] + [scale * y for _, y in ceiling]
+    limit = scale * LARGEST_DRIFT
+    found = linprog([0.0, 0.0, 1.0], A_ub=rows, b_ub=sides, bounds=[(None, None), (-limit, limit), (0.0, None)])
+    if not found.success:
+        raise DataError("the clock comparisons cannot be fitted", "compare the clocks again")
+    slack = float(found.x[2]) / scale
+    return slack if slack > 1e-10 else 0.0
+
+
+def _feasible(floor: FloatArray, ceiling: FloatArray, slack: float) -> FloatArray:
+    """Corners (offset, drift) of the lines between floor and ceiling: a box, cut by one half-plane a bound."""
+    reach = 1.0 + float(np.abs(np.concatenate([floor[:, 1], ceiling[:, 1]])).max())
+    reach += LARGEST_DRIFT * float(np.abs(np.concatenate([floor[:, 0], ceiling[:, 0]])).max())
+    b = LARGEST_DRIFT
+    polygon = np.array([[-reach, -b], [reach, -b], [reach, b], [-reach, b]])
+    widen = slack + _ROUNDING_S
+    for x, y in floor:
+        polygon = _cut(polygon, np.array([-1.0, -x]), -(y - widen))
+    for x, y in ceiling:
+        polygon = _cut(polygon, np.array([1.0, x]), y + widen)
+    if not len(polygon):
+        raise DataError("the clock comparisons cannot be fitted", "compare the clocks again")
+    return polygon
+
+
+def _cut(polygon: FloatArray, normal: FloatArray, limit: float) -> FloatArray:
+    """The part of a convex polygon where normal · p ≤ limit."""
+    if not len(polygon):
+        return polygon
+    excess = polygon @ normal - limit
+    if (excess <= 0).all():
+        return polygon
+    kept: list[FloatArray] = []
+    for k in range(len(polygon)):
+        here, there = excess[k - 1], excess[k]
+        if (here > 0) != (there > 0):
+            share = here / (here - there)
+            kept.append(polygon[k - 1] + share * (polygon[k] - polygon[k - 1]))
+        if there <= 0:
+            kept.append(polygon[k])
+    return np.array(kept).reshape(-1, 2)
+
+
+def _centre(polygon: FloatArray) -> tuple[float, float]:
+    """Centre of area of a convex polygon; the mean of its corners where it has none."""
+    middle = polygon.mean(axis=0)
+    scale = np.ptp(polygon, axis=0)
+    if (scale <= 0).any():
+        return float(middle[0]), float(middle[1])
+    p = (polygon - middle) / scale
+    q = np.roll(p, -1, axis=0)
+    cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
+    area = cross.sum()
+    if abs(area) < 1e-9:
+        return float(middle[0]), float(middle[1])
+    centre = ((p + q) * cross[:, None]).sum(axis=0) / (3.0 * area) * scale + middle
+    return float(centre[0]), float(centre[1])
