@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import os
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,10 +13,9 @@ from draglag.errors import DataError
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
+from draglag_app.cli.main import OPERATOR_WINDOW, load
 from draglag_app.cli.record import record_with, session_options
 from draglag_devices.rig import make_rig
-
-_WINDOW = "draglag_app.windows.operator"
 
 
 @click.command("demo")
@@ -95,7 +92,5 @@ def _report(session: Session, analysis: Analysis, out: Path) -> list[tuple[str, 
 
 
 def _open_window(path: Path) -> None:
-    """Only where there is a screen, and a version that has windows."""
-    if importlib.util.find_spec("draglag_app.windows") is None or importlib.util.find_spec(_WINDOW) is None:
-        return
-    importlib.import_module(_WINDOW).open_window(path)
+    """The operator window on the session. Qt is imported here and not before."""
+    load(OPERATOR_WINDOW)(path)
