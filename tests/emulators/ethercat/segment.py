@@ -1,0 +1,171 @@
+"""The segment as a lab would see it: slaves in a row, and what can go wrong with them."""
+
+from __future__ import annotations
+
+import heapq
+import random
+from collections import Counter
+from typing import Any
+
+from .esc import ERROR, SAFE_OP, Esc
+from .frames import answer
+from .terminals import EK1101, EL1252, ek1101, el1252
+
+Order = dict[str, Any]
+
+
+class Line:
+    """EK1101 and EL1252 on a line, with faults on demand. All times are ns of the host's CLOCK_MONOTONIC."""
+
+    def __init__(self, t_ns: int, drifts: tuple[float, float] = (12e-6, -20e-6), seed: int = 1) -> None:
+        self._seed = seed
+        self._drifts = drifts
+        self.build(t_ns, EK1101, EL1252)
+
+    def build(self, t_ns: int, coupler: int, terminal: int) -> None:
+        """New slaves, with these product codes; faults are forgotten."""
+        self.coupler = ek1101(self._drifts[0], coupler)
+        self.terminal, self.inputs = el1252(self._drifts[1], terminal)
+        self.slaves: list[Esc] = [self.coupler, self.terminal]
+        self.present = 2
+        self.loss = 0.0
+        self.drop_next = self.late_next = self.cheat_next = 0
+        self.delay_ns = self.late_ns = 0
+        self.counts: Counter[str] = Counter()
+        self._random = random.Random(self._seed)
+        self._held: list[tuple[int, int, bytes]] = []
+        self._order = 0
+        for slave in self.slaves:
+            slave.power_on(t_ns)
+        self._plug(2)
+
+    # --- frames -----------------------------------------------------------------------------------------------
+
+    def take(self, frame: bytes, t_ns: int) -> bytes | None:
+        """The answer to send now, or None: it is lost, or held back."""
+        self.inputs.advance(t_ns)
+        if self.present == 0:
+            self.counts["unheard"] += 1
+            return None
+        cheat = -1 if self.cheat_next > 0 else 0
+        self.cheat_next -= cheat == -1
+        reply = answer(frame, self.slaves[: self.present], t_ns, cheat)
+        if reply is None:
+            return None
+        self.counts["frames"] += 1
+        if self.drop_next > 0 or self._random.random() < self.loss:
+            self.drop_next = max(0, self.drop_next - 1)
+            self.counts["lost"] += 1
+            return None
+        wait_ns = self.delay_ns
+        if self.late_next > 0:
+            self.late_next -= 1
+            self.counts["late"] += 1
+            wait_ns += self.late_ns
+        if wait_ns:
+            self._order += 1
+            heapq.heappush(self._held, (t_ns + wait_ns, self._order, reply))
+            return None
+        return reply
+
+    def due(self, t_ns: int) -> list[bytes]:
+        """Answers whose delay is over."""
+        found = []
+        while self._held and self._held[0][0] <= t_ns:
+            found.append(heapq.heappop(self._held)[2])
+        return found
+
+    def next_due_ns(self) -> int | None:
+        return self._held[0][0] if self._held else None
+
+    # --- orders -----------------------------------------------------------------------------------------------
+
+    def obey(self, order: Order, t_ns: int) -> Order:
+        """One order of the control socket; raises KeyError, TypeError or ValueError on nonsense."""
+        action = getattr(self, f"_do_{order['do']}", None)
+        if action is None:
+            raise ValueError(f"unknown order {order['do']}")
+        result: Order | None = action(order, t_ns)
+        return result or {}
+
+    def _do_loss(self, order: Order, t_ns: int) -> None:
+        """Lose a share of all answers, or the next ones."""
+        self.loss = float(order.get("share", 0.0))
+        self.drop_next = int(order.get("next", 0))
+
+    def _do_delay(self, order: Order, t_ns: int) -> None:
+        """Every answer comes later."""
+        self.delay_ns = int(order["ns"])
+
+    def _do_late(self, order: Order, t_ns: int) -> None:
+        """The next answers come late, all others in time."""
+        self.late_next, self.late_ns = int(order["next"]), int(order["ns"])
+
+    def _do_cheat(self, order: Order, t_ns: int) -> None:
+        """Working counters one short for the next frames."""
+        self.cheat_next = int(order["next"])
+
+    def _do_unplug(self, order: Order, t_ns: int) -> None:
+        """Only the first ``slaves`` of the line answer any more (default: the EL1252 is gone)."""
+        self._plug(int(order.get("slaves", 1)))
+
+    def _do_plug(self, order: Order, t_ns: int) -> None:
+        self._plug(2)
+
+    def _plug(self, present: int) -> None:
+        self.present = present
+        self.coupler.ports = 0x03 if present > 1 else 0x01
+        self.coupler.show_ports()
+        self.terminal.ports = 0x01
+        self.terminal.show_ports()
+
+    def _do_power(self, order: Order, t_ns: int) -> None:
+        """Power-cycle: "terminal" (default), "coupler" or "all"."""
+        self.inputs.advance(t_ns)
+        which = order.get("which", "terminal")
+        if which not in ("terminal", "coupler", "all"):
+            raise ValueError(f"nothing is called {which}")
+        for name, slave in (("coupler", self.coupler), ("terminal", self.terminal)):
+            if which in (name, "all"):
+                slave.power_on(t_ns)
+
+    def _do_state(self, order: Order, t_ns: int) -> None:
+        """Put the EL1252 into a state, e.g. 1 = INIT."""
+        self.terminal.set_state(int(order["state"]))
+
+    def _do_al_error(self, order: Order, t_ns: int) -> None:
+        """SAFE-OP with the error flag (default code: synchronisation error)."""
+        self.terminal.set_state(SAFE_OP | ERROR, int(order.get("code", 0x001A)))
+
+    def _do_identity(self, order: Order, t_ns: int) -> None:
+        """Other slaves than expected: product codes of the first and the second."""
+        self.build(t_ns, int(order.get("coupler", EK1101)), int(order.get("terminal", EL1252)))
+
+    def _do_register(self, order: Order, t_ns: int) -> Order:
+        """Read the EL1252's memory, or write it if ``value`` (hex) is given."""
+        address = int(order["address"])
+        if "value" in order:
+            self.terminal.write(address, bytes.fromhex(order["value"]), t_ns)
+            return {}
+        found = self.terminal.read(address, int(order["length"]), t_ns)
+        return {"value": (found or b"").hex()}
+
+    def _do_edges(self, order: Order, t_ns: int) -> Order:
+        """Edges to come: [[host ns, channel, level], …], or with ``relative`` ns from now on."""
+        base = t_ns if order.get("relative") else 0
+        edges = [(base + int(at), int(channel), int(level)) for at, channel, level in order["edges"]]
+        if any(channel not in (1, 2) or level not in (0, 1) for _, channel, level in edges):
+            raise ValueError("channels are 1 and 2, levels 0 and 1")
+        self.inputs.add(edges)
+        return {"t_ns": base}
+
+    def _do_log(self, order: Order, t_ns: int) -> Order:
+        """What happened so far: edges with the stamps given, counts, and how many edges are still to come."""
+        self.inputs.advance(t_ns)
+        edges = [[e.t_ns, e.channel, e.level, e.stamp_ns] for e in self.inputs.done]
+        return {"t_ns": t_ns, "edges": edges, "coming": len(self.inputs.coming), "counts": dict(self.counts)}
+
+    def _do_heal(self, order: Order, t_ns: int) -> None:
+        """All faults end; slaves keep the state that they are in."""
+        self.loss, self.drop_next, self.late_next, self.cheat_next, self.delay_ns = 0.0, 0, 0, 0, 0
+        self._plug(2)
