@@ -25,6 +25,8 @@ from draglag.recording import FloatArray
 
 SPEED_SLOPE_SD_S = 0.08  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
+SCATTER_LASTS_S = 0.04
+WIDER = (1.0, 1.3, 1.7, 2.2, 2.8, 3.6)  # bandwidths tried beyond the one that predicts events best
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
 
 
@@ -45,11 +47,12 @@ class Solution:
     tau_mm: float
     noise_mm: float
     n_outside: int
+    narrow_s: float = 0.0
 
 
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """The latency of a run by joint maximum likelihood, with its interval and verdict."""
-    coarse = scan(ready.touch, ready.edges, window_s, 6 * ready.dt_s)
+    coarse = scan(ready.touch, ready.edges, window_s, 6 * ready.dt_s, stylus_diameter_mm=ready.stylus_diameter_mm)
     minima = coarse.minima()
     if not minima:
         return replace(blank, flags=("unidentifiable",))
@@ -57,6 +60,9 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     half_s, noise_mm = best_half_width_s(ready.touch.t_s, ready.xy_mm[:, 1:], ready.edges.t_s + guess_s)
     if not np.isfinite(noise_mm):
         return replace(blank, flags=("unidentifiable",))
+    narrow_s = half_s
+    if (rough := solve(ready, guess_s, half_s, noise_mm)) is not None:
+        half_s = _bandwidth_for_edges(ready, rough, half_s)
     solutions = [
         solution
         for k in _worth_refining(coarse, minima)
@@ -65,7 +71,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     if not solutions:
         return replace(blank, flags=("unidentifiable",))
     solutions.sort(key=lambda s: -s.log_likelihood / max(s.edges.t_s.size, 1))
-    best = solutions[0]
+    best = replace(solutions[0], narrow_s=narrow_s)
     extra = []
     if any(
         best.log_likelihood - rival.log_likelihood < ALIAS_LOG_LIKELIHOOD
@@ -86,6 +92,28 @@ def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
     return [k for k in minima if coarse.cost_mm2[k] <= 6 * best + 0.05]
 
 
+def _bandwidth_for_edges(ready: Prepared, rough: Solution, half_s: float) -> float:
+    """The bandwidth that puts the edges nearest to their lines, from ``half_s`` upwards.
+
+    Predicting left-out events favours narrow windows where the events' noise is correlated: it predicts the noise too.
+    The laser does not share that noise, so the scatter of the edges about their lines is the honest judge.
+    """
+    best_s, least = half_s, np.inf
+    for factor in WIDER:
+        fit = local_fit(ready.touch.t_s, ready.xy_mm, rough.edges.t_s + rough.latency_s, factor * half_s)
+        if np.count_nonzero(fit.ok) < rough.edges.t_s.size:
+            break
+        across = fit.v_mm_s[:, 1] - rough.parameters[1] * fit.v_mm_s[:, 0]
+        design, response = _linearise(fit, rough.side, across)
+        _, residuals, *_ = np.linalg.lstsq(design, response, rcond=None)
+        scatter = float(residuals[0]) if residuals.size else np.inf
+        if scatter < least:
+            best_s, least = factor * half_s, scatter
+        elif scatter > 1.5 * least:
+            break
+    return best_s
+
+
 def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> Solution | None:
     """Gauss–Newton from a starting latency; None where too few edges can be placed or it wanders off."""
     touch = ready.touch
@@ -94,7 +122,6 @@ def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> 
     edges = Edges(ready.edges.t_s[placed], ready.edges.falling[placed], ready.edges.n_rejected)
     n_outside = int(np.count_nonzero(~placed))
     start_s, slope = latency_s, 0.0
-    weights = np.ones(edges.t_s.size)
     state: tuple[FloatArray, FloatArray, FloatArray, float] | None = None
     for step in range(8):
         fit = local_fit(touch.t_s, ready.xy_mm, edges.t_s + latency_s, half_s)
@@ -104,7 +131,6 @@ def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> 
             # An edge that cannot be placed is dropped; one that no stylus made is rejected further down.
             n_outside += int(np.count_nonzero(~keep))
             edges = Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected)
-            weights = weights[keep]
             if edges.t_s.size < FEWEST_EDGES:
                 return None
             continue
@@ -112,17 +138,17 @@ def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> 
             return None
         side = sides(edges.falling, across)
         design, response = _linearise(fit, side, across)
-        covariance = noise_mm**2 * _overlap(fit, touch.t_s.size)
-        estimate, spread, residual, tau = _weighted_fit(design, response, covariance, weights)
+        covariance = noise_mm**2 * _overlap(fit)
+        extra = _extra_scatter(edges.t_s)
+        estimate, spread, residual, tau = _weighted_fit(design, response, covariance, extra)
         slope = float(estimate[1])
         state = (estimate, spread, residual, tau)
         latency_s += float(np.clip(estimate[0], -0.03, 0.03))
         if abs(latency_s - start_s) > 0.06:
             return None
-        outlier = _outliers(residual, covariance, tau)
+        outlier = _outliers(residual, covariance)
         if step >= 1 and outlier.any() and edges.t_s.size - np.count_nonzero(outlier) >= FEWEST_EDGES:
             edges = edges.take(~outlier)
-            weights = weights[~outlier]
             continue
         if abs(estimate[0]) < 1e-6 and step >= 2:
             break
@@ -130,7 +156,7 @@ def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> 
         return None
     estimate, spread, residual, tau = state
     n = residual.size
-    total = covariance + tau**2 * np.eye(n)
+    total = covariance + tau**2 * _extra_scatter(edges.t_s) + 1e-9 * np.eye(n)
     factor = cho_factor(total)
     log_likelihood = -0.5 * float(residual @ cho_solve(factor, residual)) - float(np.sum(np.log(np.diag(factor[0]))))
     parameters = estimate.copy()
@@ -161,7 +187,7 @@ def _linearise(fit: LocalFit, side: FloatArray, across: FloatArray) -> tuple[Flo
     return np.column_stack([-across, x, np.ones_like(x), side, -across * relative]), y
 
 
-def _overlap(fit: LocalFit, n_events: int) -> FloatArray:
+def _overlap(fit: LocalFit) -> FloatArray:
     """Covariance of fitted positions in units of one event's variance, (m, m): windows that share events."""
     m, w = fit.weights.shape
     shift = fit.first[None, :] - fit.first[:, None]
@@ -178,8 +204,17 @@ def _overlap(fit: LocalFit, n_events: int) -> FloatArray:
     return out
 
 
+def _extra_scatter(edge_t_s: FloatArray) -> FloatArray:
+    """Correlation of what scatters edges beyond white touch noise, (m, m).
+
+    Noise that the digitiser's own filter left correlated, tremor that a window averages away: both last tens of
+    milliseconds, so the two edges of a fast crossing share them.
+    """
+    return np.asarray(np.exp(-np.abs(edge_t_s[:, None] - edge_t_s[None, :]) / SCATTER_LASTS_S))
+
+
 def _weighted_fit(
-    design: FloatArray, response: FloatArray, covariance: FloatArray, weights: FloatArray
+    design: FloatArray, response: FloatArray, covariance: FloatArray, extra: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Generalised least squares with the extra scatter τ that makes χ² equal its expectation (Paule–Mandel)."""
     n = response.size
@@ -190,7 +225,7 @@ def _weighted_fit(
     jitter = 1e-9 * float(np.trace(covariance)) / n + 1e-12
 
     def fitted(tau2: float) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-        factor = cho_factor(covariance + (tau2 + jitter) * identity)
+        factor = cho_factor(covariance + tau2 * extra + jitter * identity)
         whitened = cho_solve(factor, design)
         spread = np.linalg.inv(design.T @ whitened + np.diag(prior))
         estimate = spread @ (whitened.T @ response)
@@ -208,7 +243,7 @@ def _weighted_fit(
     return estimate, spread, residual, float(np.sqrt(tau2))
 
 
-def _outliers(residual: FloatArray, covariance: FloatArray, tau_mm: float) -> np.ndarray:
+def _outliers(residual: FloatArray, covariance: FloatArray) -> np.ndarray:
     """Edges that no stylus made: beyond 5 robust standard deviations of the rest, at most a fifth at a time."""
     scale = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     expected = np.sqrt(np.diag(covariance))
@@ -221,10 +256,19 @@ def _outliers(residual: FloatArray, covariance: FloatArray, tau_mm: float) -> np
     return out
 
 
-def _mean_speed(best: Solution) -> float:
-    """Mean speed at the edges, less what noise across the motion adds to a speed (half its variance over the speed)."""
-    speed = best.fit.speed_mm_s
-    return float(np.mean(speed - best.noise_mm**2 * best.fit.v_gain / (2 * np.maximum(speed, 1.0))))
+def _mean_speed(ready: Prepared, best: Solution) -> tuple[float, float]:
+    """Mean speed at the edges and its standard error.
+
+    From the bandwidth that predicts events best: a wider one, good for positions, cuts a fast circle short. Noise
+    across the motion adds half its variance over the speed, which is taken off again.
+    """
+    fit = local_fit(ready.touch.t_s, ready.xy_mm, best.edges.t_s + best.latency_s, best.narrow_s)
+    fit = fit if fit.ok.all() else best.fit
+    speed = fit.speed_mm_s
+    noise2 = best.noise_mm**2 * fit.v_gain
+    mean = float(np.mean(speed - noise2 / (2 * np.maximum(speed, 1.0))))
+    # Edges of one crossing share their windows: half as many independent speeds as edges.
+    return mean, float(np.sqrt(2 * np.mean(noise2) / speed.size))
 
 
 def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimate:
@@ -249,11 +293,13 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
     )
     reach = float(student.ppf(0.975, max(best.dof, 1))) * best.se_s
     x_mm = alignment.x_mm
+    speed, speed_se = _mean_speed(ready, best)
     return replace(
         blank,
         n_edges=n,
         n_rejected=best.edges.n_rejected,
-        speed_mm_s=_mean_speed(best),
+        speed_mm_s=speed,
+        speed_se_mm_s=speed_se,
         latency_s=latency_s,
         latency_se_s=best.se_s,
         latency_ci95_s=(latency_s - reach, latency_s + reach),

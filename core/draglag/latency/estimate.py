@@ -68,6 +68,7 @@ class RunEstimate:
     n_rejected: int = 0
     speed_mm_s: float | None = None
     speed_filtered_mm_s: float | None = None
+    speed_se_mm_s: float | None = None
     latency_s: float | None = None
     latency_se_s: float | None = None
     latency_ci95_s: tuple[float, float] | None = None
@@ -117,6 +118,7 @@ class Prepared:
     edges: Edges
     stamps: str
     dt_s: float
+    stylus_diameter_mm: float
 
     @property
     def xy_mm(self) -> FloatArray:
@@ -139,7 +141,8 @@ def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = 
         fastest = float(np.percentile(moved / (touch.t_s[step:] - touch.t_s[:-step]), 95))
     else:
         fastest = 1000.0
-    return Prepared(run, touch, clean_edges(run.laser, stylus_diameter_mm, fastest), stamps, dt_s)
+    edges = clean_edges(run.laser, stylus_diameter_mm, fastest)
+    return Prepared(run, touch, edges, stamps, dt_s, stylus_diameter_mm)
 
 
 def estimate_run(

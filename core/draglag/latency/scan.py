@@ -29,11 +29,18 @@ class Scan:
 
 
 def scan(
-    touch: TouchTrace, edges: Edges, window_s: tuple[float, float], half_width_s: float, step_s: float = 0.004
+    touch: TouchTrace,
+    edges: Edges,
+    window_s: tuple[float, float],
+    half_width_s: float,
+    step_s: float = 0.004,
+    stylus_diameter_mm: float | None = None,
 ) -> Scan:
     """Cost of Eq. 2 with one slope for both lines and sides from the direction of travel at t + L, over a grid.
 
-    Two re-weighting passes keep spurious edges from choosing the minimum.
+    Two re-weighting passes keep spurious edges from choosing the minimum. Where the stylus' diameter is known, shifts
+    that set the two lines absurdly far apart are out: a quarter of a circle's period away all edges lie at the
+    circle's top and bottom, perfectly aligned.
     """
     latency_s = np.arange(window_s[0], window_s[1] + step_s / 2, step_s)
     dt_s = sample_interval_s(touch.t_s)
@@ -52,22 +59,30 @@ def scan(
     f = position - k
     x, y, v = ((1 - f) * a[k] + f * a[k + 1] for a in (x_mm, y_mm, vy))
     side = sides(edges.falling[None, :], v)
-    cost = _cost(x, y, side, placed)
+    cost, apart_mm = _cost(x, y, side, placed)
+    if stylus_diameter_mm is not None:
+        least, most = 0.1 * stylus_diameter_mm, 2.5 * stylus_diameter_mm + 2.0
+        cost = np.where((apart_mm > least) & (apart_mm < most), cost, np.inf)
     enough = np.count_nonzero(placed, axis=1) >= max(4, 0.6 * np.max(np.count_nonzero(placed, axis=1), initial=0))
     return Scan(latency_s, np.where(enough, cost, np.inf))
 
 
-def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) -> FloatArray:
-    """Robust mean squared residual about two parallel lines, for every row."""
+def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Robust mean squared residual about two parallel lines, and how far the lower one is below, for every row."""
     weight = placed.astype(float)
+    means: list[tuple[FloatArray, FloatArray]] = []
     for _ in range(3):
         top, bottom = weight * (side < 0), weight * (side > 0)
         xc, yc = x.copy(), y.copy()
+        means = []
         for part in (top, bottom):
             total = np.maximum(part.sum(1, keepdims=True), 1e-12)
             inside = part > 0
-            xc -= np.where(inside, (part * x).sum(1, keepdims=True) / total, 0.0)
-            yc -= np.where(inside, (part * y).sum(1, keepdims=True) / total, 0.0)
+            x_mean = (part * x).sum(1, keepdims=True) / total
+            y_mean = (part * y).sum(1, keepdims=True) / total
+            xc -= np.where(inside, x_mean, 0.0)
+            yc -= np.where(inside, y_mean, 0.0)
+            means.append((x_mean[:, 0], y_mean[:, 0]))
         sxx = np.maximum((weight * xc * xc).sum(1), 1e-12)
         slope = np.clip((weight * xc * yc).sum(1) / sxx, -0.2, 0.2)  # ±11°: a beam, not a fit to the circle
         squared = (yc - slope[:, None] * xc) ** 2
@@ -79,4 +94,5 @@ def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) ->
         weight = placed * np.minimum(1.0, np.sqrt(limit / np.maximum(squared, 1e-12)))
     one_sided = (np.count_nonzero(placed & (side < 0), 1) < 2) | (np.count_nonzero(placed & (side > 0), 1) < 2)
     robust = (placed * np.minimum(squared, limit)).sum(1) / np.maximum(placed.sum(1), 1)
-    return np.where(one_sided, np.inf, robust)
+    (x_top, y_top), (x_bottom, y_bottom) = means
+    return np.where(one_sided, np.inf, robust), y_bottom - y_top - slope * (x_bottom - x_top)
