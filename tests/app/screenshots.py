@@ -49,16 +49,22 @@ def shoot(widget: QWidget, path: Path) -> None:
     widget.grab().save(str(path))
 
 
+SHOWN = {"results-dark-small", "results-light-small", "protocol-dark-small", "bench-light-small"}
+"""What is kept of the pages when not all are asked for."""
+
+
 def pages(application: QApplication, window: OperatorWindow, out: Path, sizes: list[str]) -> None:
-    """Every page, both themes."""
+    """Every page, both themes; only those in SHOWN unless both sizes are asked for."""
     for theme in ("dark", "light"):
+        window.space.change_settings(theme=theme)
         window.use_theme(theme)
         for size in sizes:
             window.resize(*SIZES[size])
             for name in window.pages:
                 window.go(name)
                 wait(application, lambda: not window.space.tasks.running)
-                shoot(window, out / f"{name}-{theme}-{size}.png")
+                if len(sizes) > 1 or f"{name}-{theme}-{size}" in SHOWN:
+                    shoot(window, out / f"{name}-{theme}-{size}.png")
 
 
 def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
@@ -66,13 +72,15 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     rig = SIMULATED.model_copy(update={"fast": False, "display": "window"})
     settings = Settings(first_start=False, folder=str(folder), protocol="demo", rig=rig)
     window = OperatorWindow(settings, folder / "settings.toml")
+    window.use_theme("dark")
     demo = load_protocol("demo")
-    fast = demo.runs[1].model_copy(update={"speeds_mm_s": (425.0,), "duration_s": 12.0})
-    window.space.set_protocol(demo.model_copy(update={"runs": (fast,), "taps": None, "clock_check": None}))
+    fast = demo.runs[1].model_copy(update={"speeds_mm_s": (425.0, 760.0), "duration_s": 9.0})
+    short = {"runs": (fast,), "taps": None, "clock_check": None, "rest_s": 1.0}
+    window.space.set_protocol(demo.model_copy(update=short))
     window.show()
     window.start()
-    wait(application, lambda: window.record.facts["edges"].value.text() not in ("–", "0", "1", "2"), 30)
-    end_s = time.monotonic() + 4
+    wait(application, lambda: len(window.space.live) == 1, 40)
+    end_s = time.monotonic() + 10
     wait(application, lambda: time.monotonic() > end_s)
     shoot(window, out / "record-live-dark-small.png")
     participant = window.space.recording.window

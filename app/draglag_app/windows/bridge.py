@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal
 
 from draglag_app.session import events
+
+
+@dataclass(frozen=True)
+class Prompted:
+    """What the participant is told or shown now; ``kind`` of the target, empty where there is none."""
+
+    text: str
+    kind: str = ""
 
 
 class SessionBridge(QObject):
@@ -27,6 +36,7 @@ class SessionBridge(QObject):
     notice_raised = Signal(object)
     disk_status = Signal(object)
     session_finished = Signal(object)
+    prompted = Signal(object)
     crashed = Signal(object)
     """The session's thread ended with this exception; no file was closed."""
     _wake = Signal()
@@ -38,7 +48,7 @@ class SessionBridge(QObject):
         self._woken = False
         self._wake.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
 
-    def listener(self, event: events.Event) -> None:
+    def listener(self, event: events.Event | Prompted) -> None:
         """Take an event, from any thread."""
         self._post(event)
 
@@ -76,6 +86,7 @@ class SessionBridge(QObject):
             events.NoticeRaised: self.notice_raised,
             events.DiskStatus: self.disk_status,
             events.SessionFinished: self.session_finished,
+            Prompted: self.prompted,
         }
         emit: Callable[[Any], None] = emitters.get(type(item), self.crashed).emit
         return emit

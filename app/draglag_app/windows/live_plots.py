@@ -16,10 +16,20 @@ class TracePlot(Plot):
     """The screen under test: target's path, touch trace, beam and the touch positions at its edges."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(tr("On the screen"), tr("x (mm)"), tr("y (mm)"), "trace", parent)
+        super().__init__("", tr("x (mm)"), tr("y (mm)"), "trace", parent)
         self.setAspectLocked(True)
         self.getPlotItem().vb.invertY(True)
-        self.add_legend((8, 8))
+        self.restyle()
+
+    def restyle(self) -> None:
+        super().restyle()
+        marks = (
+            ("▽", theme().orange, tr("goes dark")),
+            ("□", theme().purple, tr("light returns")),
+            ("╌", theme().bad, tr("beam")),
+        )
+        words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
+        self.setTitle(f"{tr('On the screen')} &nbsp; {words}", color=theme().text, size="10pt")
 
     def begin(self, order: Order | None, planned: PlannedRun | None) -> None:
         """An empty screen with beam and the path the target will take."""
@@ -66,5 +76,7 @@ class SpeedPlot(Plot):
         if live.planned is None or not len(speed):
             return
         t_s = np.linspace(0, live.planned.duration_s, 800)
-        self.line(tr("target"), t_s, live.target_speed_mm_s(t_s), theme().muted, 2, dash=True)
+        target = live.target_speed_mm_s(t_s)
+        self.line(tr("target"), t_s, target, theme().muted, 2, dash=True)
         self.line(tr("stylus"), speed[:, 0], speed[:, 1], theme().blue, 1.5)
+        self.setYRange(0, 1.25 * float(target.max()), padding=0)

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QWidget
 from draglag.recording import DisplayTrace, Screen
 from draglag.targets import Tap, Target
 
-BACKGROUND, TARGET, PRACTICE, INK, MUTED = "#0e1116", "#56b4e9", "#e69f00", "#f2f5f8", "#9aa5b4"
+BACKGROUND, TARGET, PRACTICE, INK = "#0e1116", "#56b4e9", "#e69f00", "#f2f5f8"
 TARGET_MM = 14.0
 # A contact that has been gone for longer than this is lost, not lifted by a bump.
 LOST_AFTER_S = 0.35
@@ -157,8 +157,6 @@ class ParticipantWindow(QWidget):
         if self._target is None or t_s < self._start_s or t_s > self._start_s + self._target.duration_s:
             return
         slot = math.floor((t_s - self._start_s) * self._rate_hz)
-        if slot == self._slot:
-            return
         missed = max(0, slot - self._slot - 1) if self._slot >= 0 else 0
         self._slot = slot
         self.frames.add(t_s, x_mm, y_mm, missed)
@@ -216,13 +214,12 @@ class ParticipantWindow(QWidget):
         big, _, small = self._words.partition("\n")
         height = self.height()
         painter.setPen(QColor(PRACTICE if self._practice else INK))
-        for text, share, top in ((big, 0.055, 0.06), (small, 0.032, 0.15)):
+        for text, share, top in ((big, 0.055, 0.05), (small, 0.1, 0.13)):
             font = QFont(self.font())
             font.setPixelSize(max(14, round(share * height)))
             painter.setFont(font)
-            area = QRectF(0, top * height, self.width(), 0.09 * height)
+            area = QRectF(0, top * height, self.width(), 1.4 * share * height)
             painter.drawText(area, Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop, text)
-            painter.setPen(QColor(MUTED))
 
     def _present_words(self) -> str:
         """Prompt above, explanation below; both change seldom, so that the target can be repainted alone."""

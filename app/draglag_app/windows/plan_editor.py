@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QFormLayout, QLineEdit, QSpinBox, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QLineEdit, QSpinBox, QWidget
 
 from draglag.protocols import RunPlan
 from draglag_app.windows import words
-from draglag_app.windows.widgets import Panel, label, restyle
+from draglag_app.windows.widgets import Form, Panel, label, restyle
 
 _USUAL_S = {"chirp": 80.0, "multisine": 45.0}
 
@@ -24,10 +24,8 @@ class PlanEditor(Panel):
         super().__init__(" ", parent)
         self._plan: RunPlan | None = None
         self._filling = False
-        form = QFormLayout()
+        form = Form()
         self._form = form
-        form.setVerticalSpacing(8)
-        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.speeds = QLineEdit()
         self.speeds.setPlaceholderText("44, 100, 300")
         self.radius = _number(1, 50, 1, " %")
@@ -49,8 +47,7 @@ class PlanEditor(Panel):
             ("", self.practice, ("circle", "chirp", "multisine", "step")),
         )
         for text, field, _ in self._rows:
-            field.setAccessibleName(text)
-            form.addRow(text, field)
+            form.row(text, field)
         self.body.addLayout(form)
         self.fault = label("", "verdict", wrap=True)
         restyle(self.fault, "level", "bad")

@@ -10,8 +10,8 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.exporters import ImageExporter, SVGExporter
 from PySide6.QtCore import QCoreApplication, QPoint, Qt
-from PySide6.QtGui import QColor, QGuiApplication
-from PySide6.QtWidgets import QFileDialog, QMenu, QWidget
+from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
+from PySide6.QtWidgets import QFileDialog, QLabel, QMenu, QSizePolicy, QWidget
 
 from draglag_app.windows.theme import theme
 
@@ -30,14 +30,19 @@ class Plot(pg.PlotWidget):
     """
 
     def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__(parent, enableMenu=False)
+        # Its menu is not shown, but holds the switches of the grid, and belongs to nobody.
+        menu = self.getPlotItem().ctrlMenu
+        menu.setParent(self, menu.windowFlags())
         self.file_name = file_name
         self._labels = (title, x, y)
         self._items: dict[str, list[Any]] = {}
         self._numbers: dict[str, tuple[Column, ...]] = {}
         self._hover: dict[str, tuple[Column, Column, Sequence[str]]] = {}
         self._clicked: dict[str, Callable[[int], None]] = {}
-        self.setMenuEnabled(False)
+        # Plots take what room there is instead of asking for the much that a graphics view would like.
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Ignored)
+        self.setMinimumSize(160, 110)
         self.hideButtons()
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
@@ -48,7 +53,12 @@ class Plot(pg.PlotWidget):
         self._tip.hide()
         self.scene().sigMouseMoved.connect(self._hovered)
         self.legend: Any = None
+        self._nothing = QLabel(tr("nothing yet"), self)
+        self._nothing.setObjectName("hint")
+        self._nothing.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._nothing.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.restyle()
+        self._show_emptiness()
 
     def add_legend(self, offset: tuple[int, int] = (-10, 8)) -> None:
         """Names of what is drawn, in a corner."""
@@ -85,9 +95,26 @@ class Plot(pg.PlotWidget):
         for name in list(self._items):
             self.remove(name)
 
+    def _show_emptiness(self) -> None:
+        """An empty plot says so, instead of showing axes without meaning."""
+        empty = not self._items
+        self._nothing.setVisible(empty)
+        for side in ("bottom", "left"):
+            self.getPlotItem().getAxis(side).setStyle(showValues=not empty)
+        if self.legend is not None:
+            self.legend.setVisible(not empty and bool(self.legend.items))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        nothing = getattr(self, "_nothing", None)
+        if nothing is not None:  # the base class resizes itself while it is made
+            nothing.setGeometry(self.rect())
+
     def remove(self, name: str) -> None:
         for item in self._items.pop(name, []):
             self.removeItem(item)
+        if not self._items:
+            self._show_emptiness()
         self._numbers.pop(name, None)
         self._hover.pop(name, None)
 
@@ -175,7 +202,10 @@ class Plot(pg.PlotWidget):
         self._numbers[name] = (np.array([at]),)
 
     def _keep(self, name: str, item: Any) -> None:
+        first = not self._items
         self._items.setdefault(name, []).append(item)
+        if first or self.legend is not None:
+            self._show_emptiness()
 
     # --- hover, copy, export --------------------------------------------------------------------------------
 

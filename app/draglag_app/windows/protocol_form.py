@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QDoubleSpinBox,
-    QFormLayout,
     QHBoxLayout,
     QLineEdit,
     QSpinBox,
@@ -17,7 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from draglag.protocols import Protocol
-from draglag_app.windows.widgets import Panel
+from draglag_app.windows.widgets import Form, Panel
 from draglag_app.windows.workspace import Workspace
 
 
@@ -28,9 +26,7 @@ class ProtocolForm(Panel):
         super().__init__("", parent)
         self._space = workspace
         self._filling = False
-        form = QFormLayout()
-        form.setVerticalSpacing(8)
-        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        form = Form()
         self.name = QLineEdit()
         self.shuffle = QCheckBox(self.tr("shuffle, seed"))
         self.seed = QSpinBox()
@@ -54,11 +50,11 @@ class ProtocolForm(Panel):
         self.check.setDecimals(0)
         self.check.setSuffix(" s")
         self.check.setSpecialValueText(self.tr("none"))
-        form.addRow(self.tr("Name"), self.name)
-        form.addRow(self.tr("Order"), _beside(self.shuffle, self.seed))
-        form.addRow(self.tr("Rest between runs"), self.rest)
-        form.addRow(self.tr("Taps"), _beside(self.taps, self.when))
-        form.addRow(self.tr("Clock check"), self.check)
+        form.row(self.tr("Name"), self.name)
+        form.row(self.tr("Order"), _beside(self.shuffle, self.seed))
+        form.row(self.tr("Rest between runs"), self.rest)
+        form.row(self.tr("Taps"), _beside(self.taps, self.when))
+        form.row(self.tr("Clock check"), self.check)
         self.body.addLayout(form)
         self.name.editingFinished.connect(self._edited)
         self.shuffle.clicked.connect(self._edited)

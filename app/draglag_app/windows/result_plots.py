@@ -28,7 +28,6 @@ class AlignmentPlot(Plot):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(tr("Edges on the screen"), tr("x (mm)"), tr("y (mm)"), "alignment", parent)
         self.getPlotItem().vb.invertY(True)
-        self.add_legend()
 
     def show_run(self, estimate: RunEstimate | None, checked: Validation | None) -> None:
         """Draw the alignment of an estimate or a validation."""
@@ -40,7 +39,13 @@ class AlignmentPlot(Plot):
             name = estimate.id if estimate is not None else ""
             self.setTitle(tr("No alignment for {run}").format(run=name), color=theme().text, size="10pt")
             return
-        self.setTitle(_title(estimate, checked), color=theme().text, size="10pt")
+        marks = (
+            ("✕", theme().muted, tr("as they came")),
+            ("▼", theme().blue, tr("top, shifted")),
+            ("■", theme().orange, tr("bottom, shifted")),
+        )
+        names = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
+        self.setTitle(f"{_title(estimate, checked)}<br>{names}", color=theme().text, size="10pt")
         self._draw(found)
 
     def _draw(self, found: Alignment) -> None:

@@ -17,6 +17,7 @@ from draglag.errors import DataError
 from draglag.recording import DisplayTrace, Screen
 from draglag.targets import Target
 from draglag_app.session.display import Display
+from draglag_app.windows.bridge import Prompted
 from draglag_app.windows.participant import ParticipantWindow
 
 
@@ -47,6 +48,30 @@ class ScreenDisplay(QObject):
 
     def hide(self) -> None:
         self._hide.emit()
+
+
+class WatchedDisplay:
+    """Passes everything on to a display, and tells somebody what the participant is told."""
+
+    def __init__(self, display: Display, tell: Callable[[Prompted], None]) -> None:
+        self._display = display
+        self._tell = tell
+        self._text = ""
+
+    def show(self, target: Target, start_s: float) -> None:
+        self._display.show(target, start_s)
+        self._tell(Prompted(self._text, target.kind))
+
+    def prompt(self, text: str) -> None:
+        self._text = text
+        self._display.prompt(text)
+        self._tell(Prompted(text))
+
+    def frames(self, until_s: float) -> DisplayTrace:
+        return self._display.frames(until_s)
+
+    def hide(self) -> None:
+        self._display.hide()
 
 
 def numbered_screen(number: int) -> QScreen:

@@ -15,7 +15,7 @@ from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.participant import LOST_AFTER_S, ParticipantWindow
-from draglag_app.windows.screen_display import ScreenDisplay, numbered_screen
+from draglag_app.windows.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
 from draglag_devices.rig import Rig
 
 
@@ -70,6 +70,7 @@ class Recording(QObject):
         display: Display = OffscreenDisplay()
         if order.display != "offscreen" and order.rig.stage.time_base.realtime:
             display = self._participant(order)
+        display = WatchedDisplay(display, self._bridge.listener)
         self.order = order
         self.control = Control(order.auto)
         control = self.control

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
-from PySide6.QtCore import QObject, QRunnable, Qt, QThreadPool, Signal
+from PySide6.QtCore import QObject, Qt, QThreadPool, Signal
 
 from draglag.errors import DraglagError
 
@@ -17,75 +18,32 @@ class Cancelled(Exception):
     """Raised out of a progress call when the operator cancelled."""
 
 
-class Task(QObject):
-    """One piece of work. ``work`` gets a progress function and returns the result."""
+@dataclass(eq=False)
+class Task:
+    """One piece of work under way. No QObject: nothing of it may die while a worker uses it."""
 
-    progressed = Signal(float, str)
-    ended = Signal()
-    _reported = Signal(object, str)
-
-    def __init__(
-        self,
-        label: str,
-        work: Callable[[Progress], Any],
-        done: Callable[[Any], None],
-        failed: Callable[[str], None],
-    ) -> None:
-        super().__init__()
-        self.label = label
-        self._work = work
-        self._done = done
-        self._failed = failed
-        self._cancel = threading.Event()
-        self._reported.connect(self._report, Qt.ConnectionType.QueuedConnection)
+    label: str
+    work: Callable[[Progress], Any]
+    done: Callable[[Any], None]
+    failed: Callable[[str], None]
+    _cancelled: threading.Event = field(default_factory=threading.Event)
 
     def cancel(self) -> None:
         """Ask the work to end at its next step; nothing is reported any more."""
-        self._cancel.set()
+        self._cancelled.set()
 
-    def run(self) -> None:
-        """In the worker's thread."""
-        result, fault = None, ""
-        try:
-            result = self._work(self._progress)
-        except Cancelled:
-            self._cancel.set()
-        except DraglagError as error:
-            fault = str(error)
-        except Exception as error:  # whatever goes wrong is told, the window stays
-            fault = f"{self.label}: {error or type(error).__name__}"
-        self._reported.emit(result, fault)
-
-    def _report(self, result: Any, fault: str) -> None:
-        """In the window's thread."""
-        self.ended.emit()
-        if self._cancel.is_set():
-            return
-        if fault:
-            self._failed(fault)
-        else:
-            self._done(result)
-
-    def _progress(self, fraction: float, text: str) -> None:
-        if self._cancel.is_set():
-            raise Cancelled
-        self.progressed.emit(fraction, text)
-
-
-class _Runnable(QRunnable):
-    def __init__(self, task: Task) -> None:
-        super().__init__()
-        self._task = task
-
-    def run(self) -> None:
-        self._task.run()
+    @property
+    def cancelled(self) -> bool:
+        return self._cancelled.is_set()
 
 
 class Tasks(QObject):
-    """Starts tasks and knows which are under way."""
+    """Starts tasks and knows which are under way. Everything it tells, it tells in the thread it lives in."""
 
-    began = Signal(object)
+    progressed = Signal(float, str)
     changed = Signal()
+    """A task began or ended."""
+    _ended = Signal(object, object, str)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -93,6 +51,7 @@ class Tasks(QObject):
         # One of the two cores stays with the window and the recording.
         self._pool.setMaxThreadCount(1)
         self.running: list[Task] = []
+        self._ended.connect(self._report, Qt.ConnectionType.QueuedConnection)
 
     def start(
         self,
@@ -103,11 +62,8 @@ class Tasks(QObject):
     ) -> Task:
         """Do ``work(progress)`` in a worker; ``done(result)`` or ``failed(sentence)`` is called in this thread."""
         task = Task(label, work, done, failed)
-        task.setParent(self)
-        task.ended.connect(lambda: self._forget(task))
         self.running.append(task)
-        self._pool.start(_Runnable(task))
-        self.began.emit(task)
+        self._pool.start(lambda: self._run(task))
         self.changed.emit()
         return task
 
@@ -118,10 +74,36 @@ class Tasks(QObject):
     def finish(self) -> None:
         """Cancel everything and wait for the workers to end."""
         self.cancel_all()
-        self._pool.waitForDone(10_000)
+        self._pool.waitForDone()
 
-    def _forget(self, task: Task) -> None:
+    def _run(self, task: Task) -> None:
+        """In the worker's thread."""
+
+        def progress(fraction: float, text: str) -> None:
+            if task.cancelled:
+                raise Cancelled
+            self.progressed.emit(fraction, text)
+
+        result, fault = None, ""
+        try:
+            if not task.cancelled:
+                result = task.work(progress)
+        except Cancelled:
+            task.cancel()
+        except DraglagError as error:
+            fault = str(error)
+        except Exception as error:  # whatever goes wrong is told, the window stays
+            fault = f"{task.label}: {error or type(error).__name__}"
+        self._ended.emit(task, result, fault)
+
+    def _report(self, task: Task, result: Any, fault: str) -> None:
+        """In the window's thread."""
         if task in self.running:
             self.running.remove(task)
-            task.deleteLater()
-            self.changed.emit()
+        self.changed.emit()
+        if task.cancelled:
+            return
+        if fault:
+            task.failed(fault)
+        else:
+            task.done(result)

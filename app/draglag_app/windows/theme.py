@@ -51,6 +51,7 @@ LIGHT = Theme(
 )  # fmt: skip
 THEMES = {theme.name: theme for theme in (DARK, LIGHT)}
 _present = DARK
+_scale = 1.0
 
 
 def theme() -> Theme:
@@ -58,21 +59,22 @@ def theme() -> Theme:
     return _present
 
 
-def apply_theme(application: QApplication, name: str) -> Theme:
+def apply_theme(application: QApplication, name: str, scale: float | None = None) -> Theme:
     """Draw everything in the theme of that name; "system" follows the desktop."""
-    global _present
+    global _present, _scale
+    _scale = scale or _scale
     if name not in THEMES:
         name = "dark" if application.palette().color(QPalette.ColorRole.Window).lightness() < 128 else "light"
     _present = THEMES[name]
     application.setStyle("Fusion")
     application.setPalette(_palette(_present))
-    application.setStyleSheet(style_sheet(_present))
+    application.setStyleSheet(style_sheet(_present, _scale))
     pg.setConfigOptions(background=_present.panel, foreground=_present.muted, antialias=True)
     return _present
 
 
-def style_sheet(colours: Theme) -> str:
-    """The style sheet with ``@name`` put in."""
+def style_sheet(colours: Theme, scale: float = 1.0) -> str:
+    """The style sheet with ``@name`` put in and text ``scale`` times its size."""
     values = {key: str(value) for key, value in asdict(colours).items()}
     values |= {
         "arrow_down": icon_file("arrow", colours.muted),
@@ -80,7 +82,8 @@ def style_sheet(colours: Theme) -> str:
         "check": icon_file("check", colours.on_accent),
     }
     text = resource("theme", "style.qss").read_text("utf-8")
-    return re.sub(r"@(\w+)", lambda match: values[match.group(1)], text)
+    text = re.sub(r"@(\w+)", lambda match: values[match.group(1)], text)
+    return re.sub(r"font-size: (\d+)px", lambda match: f"font-size: {round(scale * int(match.group(1)))}px", text)
 
 
 def _palette(colours: Theme) -> QPalette:

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QFormLayout,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLayout,
+    QPushButton,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
 
 from draglag_app.windows.theme import theme
 
@@ -20,6 +30,8 @@ class Panel(QFrame):
         outer.setSpacing(8)
         self.top = QHBoxLayout()
         self.title = label(title, "panelTitle")
+        self.title.setParent(self)
+        self.title.setVisible(bool(title))
         if title:
             self.top.addWidget(self.title)
             self.top.addStretch(1)
@@ -27,6 +39,25 @@ class Panel(QFrame):
         self.body = QVBoxLayout()
         self.body.setSpacing(8)
         outer.addLayout(self.body, 1)
+
+
+class Form(QFormLayout):
+    """Rows of a label and a field, the label at the field's height."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setVerticalSpacing(8)
+        self.setHorizontalSpacing(16)
+        self.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+
+    def row(self, text: str, field: QWidget | QLayout) -> None:
+        """Add a row."""
+        name = label(text)
+        name.setMinimumHeight(38)
+        if isinstance(field, QWidget):
+            name.setBuddy(field)
+            field.setAccessibleName(text)
+        self.addRow(name, field)
 
 
 class Light(QWidget):

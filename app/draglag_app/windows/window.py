@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag.errors import DraglagError
 from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
@@ -33,7 +34,6 @@ from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
-from draglag_app.windows.tasks import Task
 from draglag_app.windows.theme import apply_theme, theme
 from draglag_app.windows.widgets import button, label, restyle
 from draglag_app.windows.workspace import Workspace
@@ -69,7 +69,7 @@ class OperatorWindow(QMainWindow):
         bridge.device_fault.connect(lambda fault: self.tell("error", f"{fault.problem} {fault.remedy}"))
         self.space.noticed.connect(self.tell)
         self.space.tasks.changed.connect(self._tasks_changed)
-        self.space.tasks.began.connect(self._task_began)
+        self.space.tasks.progressed.connect(self._progressed)
         self._paint_icons()
         self._recording_changed(False)
         self.go("bench" if settings.first_start else "record")
@@ -214,7 +214,10 @@ class OperatorWindow(QMainWindow):
                 QMessageBox.StandardButton.Yes
             ):
                 return
-        self.space.recording.start(make_order(self.space))
+        try:
+            self.space.recording.start(make_order(self.space))
+        except DraglagError as error:
+            self.tell("error", str(error))
 
     def _control(self, request: str) -> None:
         control = self.space.recording.control
@@ -248,9 +251,6 @@ class OperatorWindow(QMainWindow):
             self.header.set_light(result.role, result.state, result.text)
 
     # --- long work ------------------------------------------------------------------------------------------
-
-    def _task_began(self, task: Task) -> None:
-        task.progressed.connect(self._progressed)
 
     def _progressed(self, fraction: float, text: str) -> None:
         self.progress.setValue(round(1000 * fraction))

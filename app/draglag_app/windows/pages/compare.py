@@ -73,6 +73,7 @@ class ComparePage(QWidget):
         self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         header = self.table.horizontalHeader()
+        header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         outer.addWidget(self.table, 2)
@@ -105,7 +106,7 @@ class ComparePage(QWidget):
             self._add([self._space.analysis])
 
     def _add(self, analyses: list[Analysis]) -> None:
-        self._shown += [analysis for analysis in analyses if analysis not in self._shown]
+        self._shown += [new for new in analyses if all(new is not old for old in self._shown)]
         self._draw()
 
     def _remove(self) -> None:

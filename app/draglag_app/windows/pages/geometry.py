@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication, QScreen
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QHBoxLayout, QSpinBox, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QSpinBox, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
 from draglag.presets import load_screen_file
@@ -14,7 +13,7 @@ from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.ruler import BAR_MM, RulerWindow
 from draglag_app.windows.settings import PanelSettings
 from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import Panel, button, label, restyle
+from draglag_app.windows.widgets import Form, Panel, button, label, restyle
 from draglag_app.windows.workspace import Edit, Workspace
 from draglag_resources import presets
 
@@ -46,14 +45,12 @@ class GeometryPage(QWidget):
 
     def _numbers(self) -> Panel:
         panel = Panel(self.tr("Screen under test"))
-        form = QFormLayout()
-        form.setVerticalSpacing(8)
-        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        form = Form()
         self.preset = QComboBox()
         for name in presets("screens"):
             self.preset.addItem(f"{name}  ({load_screen_file(name).description})", name)
         self.preset.activated.connect(self._preset_chosen)
-        form.addRow(self.tr("Preset"), self.preset)
+        form.row(self.tr("Preset"), self.preset)
         self.fields: dict[str, QDoubleSpinBox | QSpinBox] = {}
         for key, title, low, high, digits, unit in (
             ("width_mm", self.tr("Width"), 10.0, 5000.0, 1, " mm"),
@@ -76,11 +73,10 @@ class GeometryPage(QWidget):
                 whole.setRange(int(low), int(high))
                 field = whole
             field.setSuffix(unit)
-            field.setAccessibleName(title)
             field.setKeyboardTracking(False)
             field.editingFinished.connect(self._numbers_edited)
             self.fields[key] = field
-            form.addRow(title, field)
+            form.row(title, field)
         panel.body.addLayout(form)
         self.simulated = label("", "hint", wrap=True)
         panel.body.addWidget(self.simulated)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QCoreApplication
+from PySide6.QtGui import QTextBlockFormat, QTextCursor, QTextDocument
 from PySide6.QtWidgets import QHBoxLayout, QTextBrowser, QWidget
 
 from draglag_app.windows.actions import key_list
@@ -33,6 +34,7 @@ class HelpPage(QWidget):
     def restyle_plots(self) -> None:
         """Set the text anew, in the present theme."""
         self.manual.setMarkdown(manual_text(self._space.settings.language))
+        _give_air(self.manual.document())
         rows = "".join(
             f"<tr><td style='padding:5px 14px 5px 0'><b>{keys}</b></td><td style='padding:5px 0'>{what}</td></tr>"
             for keys, what in key_list()
@@ -41,6 +43,19 @@ class HelpPage(QWidget):
         esc = self.tr("on the participant's screen: abort this run")
         rows += f"<tr><td style='padding:5px 14px 5px 0'><b>Esc</b></td><td style='padding:5px 0'>{esc}</td></tr>"
         self.keys.setHtml(f"<h3>{title}</h3><table cellspacing='0'>{rows}</table>")
+
+
+def _give_air(document: QTextDocument) -> None:
+    """Room between paragraphs: Markdown comes without."""
+    cursor, block = QTextCursor(document), document.begin()
+    while block.isValid():
+        shape = block.blockFormat()
+        shape.setLineHeight(135, QTextBlockFormat.LineHeightTypes.ProportionalHeight.value)
+        shape.setTopMargin(22 if shape.headingLevel() else 2)
+        shape.setBottomMargin(8)
+        cursor.setPosition(block.position())
+        cursor.setBlockFormat(shape)
+        block = block.next()
 
 
 def manual_text(language: str) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QFileDialog,
-    QFormLayout,
     QHBoxLayout,
     QLineEdit,
     QVBoxLayout,
@@ -15,7 +14,7 @@ from PySide6.QtWidgets import (
 )
 
 from draglag_app.windows.settings import settings_path
-from draglag_app.windows.widgets import Panel, button, label
+from draglag_app.windows.widgets import Form, Panel, button, label
 from draglag_app.windows.workspace import Workspace
 
 
@@ -36,9 +35,9 @@ class PreferencesPage(QWidget):
         )
         self.language = _choice((("system", self.tr("As the desktop")), ("en", "English"), ("nl", "Nederlands")))
         self.scale = _choice(tuple((value, f"{value:.0%}") for value in (0.9, 1.0, 1.15, 1.3, 1.5)))
-        form.addRow(self.tr("Theme"), self.theme)
-        form.addRow(self.tr("Language (after a restart)"), self.language)
-        form.addRow(self.tr("Size of text (after a restart)"), self.scale)
+        form.row(self.tr("Theme"), self.theme)
+        form.row(self.tr("Language (after a restart)"), self.language)
+        form.row(self.tr("Size of text (after a restart)"), self.scale)
         outer.addWidget(looks)
         work, form = _form(self.tr("Sessions"))
         self.folder = QLineEdit()
@@ -47,12 +46,12 @@ class PreferencesPage(QWidget):
         row = QHBoxLayout()
         row.addWidget(self.folder, 1)
         row.addWidget(choose)
-        form.addRow(self.tr("Folder for sessions"), row)
+        form.row(self.tr("Folder for sessions"), row)
         self.operator = QLineEdit()
         self.operator.setPlaceholderText(self.tr("your name, kept in the session's notes"))
-        form.addRow(self.tr("Operator"), self.operator)
+        form.row(self.tr("Operator"), self.operator)
         self.by_hand = QCheckBox(self.tr("Wait for F6 before every run"))
-        form.addRow("", self.by_hand)
+        form.row("", self.by_hand)
         outer.addWidget(work)
         where = self.tr("Settings are kept in {path}").format(path=settings_path())
         outer.addWidget(label(where, "hint", wrap=True))
@@ -92,12 +91,9 @@ class PreferencesPage(QWidget):
             self._space.change_settings(folder=name)
 
 
-def _form(title: str) -> tuple[Panel, QFormLayout]:
+def _form(title: str) -> tuple[Panel, Form]:
     panel = Panel(title)
-    form = QFormLayout()
-    form.setVerticalSpacing(10)
-    form.setHorizontalSpacing(24)
-    form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+    form = Form()
     panel.body.addLayout(form)
     return panel, form
 

@@ -48,7 +48,7 @@ class ProtocolPage(QWidget):
         left.setSpacing(10)
         left.addWidget(self._list(), 3)
         self.preview = PlanPreview(workspace)
-        left.addWidget(self.preview, 4)
+        left.addWidget(self.preview, 3)
         across.addLayout(left, 3)
         right = QVBoxLayout()
         right.setSpacing(10)
@@ -120,6 +120,7 @@ class ProtocolPage(QWidget):
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
         self.table.itemSelectionChanged.connect(self._selected)
+        self.table.setMinimumHeight(140)
         panel.body.addWidget(self.table)
         return panel
 

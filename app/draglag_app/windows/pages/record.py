@@ -11,6 +11,7 @@ from draglag_app.live import LiveRun
 from draglag_app.session import events
 from draglag_app.session.machine import Phase
 from draglag_app.windows import words
+from draglag_app.windows.bridge import Prompted
 from draglag_app.windows.curve_plot import CurvePlot
 from draglag_app.windows.live_plots import SpeedPlot, TracePlot
 from draglag_app.windows.run_table import RunTable
@@ -121,6 +122,7 @@ class RecordPage(QWidget):
     def _listen(self) -> None:
         bridge = self._space.bridge
         bridge.state_changed.connect(self._state_changed)
+        bridge.prompted.connect(self._prompted)
         bridge.run_started.connect(self._run_started)
         bridge.run_finished.connect(self._run_finished)
         bridge.samples_arrived.connect(self._samples_arrived)
@@ -142,6 +144,7 @@ class RecordPage(QWidget):
             self._losses: dict[str, int] = {}
             for fact in self.facts.values():
                 fact.show_text(words.DASH)
+            self._enable(resting=False, running=False)
             self._say(self.tr("Opening the instruments"), "")
             self._redraw.start()
         else:
@@ -172,10 +175,25 @@ class RecordPage(QWidget):
             self._live = LiveRun(event.run_id, planned, 0.0)
             self.trace.begin(self._space.recording.order, planned)
             self.speed.clear_all()
-        if event.phase is Phase.FINISHED:
-            self._say(self.tr("Rest"), self.tr("after {run}: F6 begins the next one now").format(run=self._what))
-        else:
-            self._show_state()
+        running = event.phase in (Phase.PREPARING, Phase.COUNTDOWN, Phase.RECORDING)
+        self._enable(resting=not running, running=running)
+        self._show_state()
+
+    def _enable(self, resting: bool, running: bool) -> None:
+        self.buttons["proceed"].setEnabled(resting)
+        self.buttons["abort"].setEnabled(running)
+
+    def _prompted(self, event: Prompted) -> None:
+        """Between runs the operator reads what the participant reads."""
+        if self._phase not in (None, Phase.FINISHED):
+            return
+        if event.kind == "tap":
+            self._say(self.tr("Taps"), event.text)
+        elif event.text == "Rest":
+            self._say(self.tr("Rest"), self.tr("F6 begins the next run now, F7 repeats the last one"))
+        elif event.text:
+            self._say(self.tr("Wait"), event.text)
+        self._enable(resting=event.text == "Rest", running=event.kind == "tap")
 
     def _show_state(self) -> None:
         left_s = self._due_s - time.monotonic()

@@ -98,9 +98,10 @@ class ResultsPage(QWidget):
             box.setAccessibleName(tip)
             box.activated.connect(self._options_chosen)
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-            box.setMinimumContentsLength(14)
+            box.setMinimumContentsLength(11)
             row.addWidget(box)
-        self.tie = QCheckBox(self.tr("Asymptote from taps"))
+        self.tie = QCheckBox(self.tr("Tie to taps"))
+        self.tie.setToolTip(self.tr("Hold the curve's end at the median release tap"))
         self.tie.clicked.connect(self._options_chosen)
         row.addWidget(self.tie)
         self.show_rivals = QCheckBox(self.tr("Rivals"))
@@ -163,8 +164,7 @@ class ResultsPage(QWidget):
             return self.tr("{name}: no curve. ").format(name=analysis.session) + " ".join(analysis.problems)
         low, high = curve.speed_range_mm_s
         text = self.tr(
-            "{form}, {n} runs from {low:.0f} to {high:.0f} mm/s. The curve misses them by {rms:.2f} ms RMS; "
-            "left-out runs are predicted to {held:.2f} ms."
+            "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; runs it was not fitted to: {held:.2f} ms."
         ).format(
             form=words.form_name(curve.form).capitalize(), n=curve.n_points, low=low, high=high,
             rms=1e3 * curve.rms_s, held=1e3 * curve.held_out_rms_s,

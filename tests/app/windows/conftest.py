@@ -1,0 +1,140 @@
+"""Windows for tests, and fixtures that fail on what a test leaves behind."""
+
+from __future__ import annotations
+
+import gc
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import shiboken6
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, QThread, QTimer
+from PySide6.QtWidgets import QApplication
+
+from draglag.protocols import Protocol, load_protocol
+from draglag_app.cli.record import session_options
+from draglag_app.session import OffscreenDisplay, run_session
+from draglag_app.windows.application import make_application
+from draglag_app.windows.settings import RigSettings, Settings
+from draglag_app.windows.window import OperatorWindow
+from draglag_devices.rig import make_rig
+
+SIMULATED = RigSettings(touch="sim:", laser="sim:", walt="sim:", fast=True, display="offscreen")
+
+
+def short_protocol() -> Protocol:
+    """Six circles, a chirp and some taps: enough for a curve and a validation."""
+    demo = load_protocol("demo")
+    slow = demo.runs[0].model_copy(update={"speeds_mm_s": (44.0, 102.0, 240.0), "duration_s": 30.0})
+    quick = demo.runs[1].model_copy(update={"speeds_mm_s": (425.0, 750.0, 1000.0), "duration_s": 20.0})
+    taps = demo.taps.model_copy(update={"count": 10}) if demo.taps else None
+    return demo.model_copy(update={"runs": (slow, quick, demo.runs[2]), "taps": taps, "clock_check": None})
+
+
+def settle(qapp: QApplication) -> None:
+    """Deliver what is queued and delete what is to be deleted."""
+    for _ in range(5):
+        qapp.processEvents()
+        QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+
+
+def wait_until(qapp: QApplication, so: Callable[[], bool], limit_s: float = 60.0) -> None:
+    """Run the event loop until something is so."""
+    end_s = time.monotonic() + limit_s
+    while not so():
+        qapp.processEvents()
+        assert time.monotonic() < end_s, "it never came about"
+
+
+def _timers() -> set[QObject]:
+    gc.collect()
+    alive = (item for item in gc.get_objects() if isinstance(item, QTimer))
+    return {timer for timer in alive if shiboken6.isValid(timer) and timer.isActive()}
+
+
+def _threads() -> set[object]:
+    running = {t for t in threading.enumerate() if t.name.startswith("draglag")}
+    return running | {
+        item
+        for item in gc.get_objects()
+        if isinstance(item, QThread) and shiboken6.isValid(item) and item.isRunning() and not item.isMainThread()
+    }
+
+
+@pytest.fixture(autouse=True)
+def nothing_left_behind(qapp: QApplication) -> Iterator[None]:
+    """Fail on top-level widgets, running timers and threads that a test leaves behind."""
+    before = set(qapp.topLevelWidgets()), _timers(), _threads()
+    yield
+    settle(qapp)
+    gc.collect()
+    settle(qapp)
+    names = ("top-level widgets", "timers", "threads")
+    now = set(qapp.topLevelWidgets()), _timers(), _threads()
+    for name, old, new in zip(names, before, now, strict=True):
+        left = new - old
+        assert not left, f"{name} left behind: {left}"
+
+
+@pytest.fixture
+def open_window(qapp: QApplication, tmp_path: Path) -> Iterator[Callable[..., OperatorWindow]]:
+    """Make an operator's window on a simulated rig; it is closed afterwards."""
+    made: list[OperatorWindow] = []
+
+    def make(**changes: object) -> OperatorWindow:
+        known = {"first_start": False, "folder": str(tmp_path / "sessions"), "protocol": "demo", "rig": SIMULATED}
+        settings = Settings.model_validate({**known, **changes})
+        make_application([], settings)
+        window = OperatorWindow(settings, tmp_path / "settings.toml")
+        window.space.set_protocol(short_protocol())
+        window.show()
+        made.append(window)
+        return window
+
+    yield make
+    for window in made:
+        window.shut_down()
+        wait_until(qapp, lambda window=window: not window.space.recording.active)
+        settle(qapp)
+        window.space.tasks.finish()
+        window.close()
+        window.deleteLater()
+    settle(qapp)
+
+
+@pytest.fixture
+def recorded(open_window: Callable[..., OperatorWindow], qapp: QApplication) -> OperatorWindow:
+    """A window in which a whole simulated session has just been recorded and analysed."""
+    window = open_window()
+    window.ask("start")
+    wait_until(qapp, lambda: window.space.analysis is not None and not window.space.tasks.running)
+    return window
+
+
+@pytest.fixture(scope="session")
+def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recorded session, made without windows."""
+    protocol, out = short_protocol(), tmp_path_factory.mktemp("recorded") / "session.h5"
+    rig = make_rig(SIMULATED.addresses(), "screen-1", protocol.seed, fast=True)
+    return run_session(protocol, rig, OffscreenDisplay(), out, session_options(rig, "screen-1", None))
+
+
+@pytest.fixture
+def opened(
+    open_window: Callable[..., OperatorWindow], qapp: QApplication, session_file: Path, tmp_path: Path
+) -> OperatorWindow:
+    """A window with a recorded session at hand, analysed."""
+    window = open_window()
+    path = Path(shutil.copy(session_file, tmp_path / "session.h5"))
+    window.space.open(path)
+    wait_until(qapp, lambda: window.space.analysis is not None and not window.space.tasks.running)
+    return window
+
+
+@pytest.fixture
+def until(qapp: QApplication) -> Callable[[Callable[[], bool]], None]:
+    """Run the event loop until something is so."""
+    return lambda so: wait_until(qapp, so)
