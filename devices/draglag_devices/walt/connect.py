@@ -1,0 +1,57 @@
+"""Making sure that what answers at a port is a WALT this program knows, and setting it to a known state."""
+
+from __future__ import annotations
+
+from draglag_devices.source import DeviceError
+from draglag_devices.walt.link import Link, NoAnswer
+from draglag_devices.walt.port import PortGone
+from draglag_devices.walt.protocol import KNOWN_VERSION, LASER_OFF, RESET, SCREEN_OFF, VERSION, parse_version
+
+_ATTEMPTS = 3
+
+
+def greet(link: Link, address: str, any_firmware: bool = False) -> str:
+    """The firmware's version; autosending is switched off and triggers are reset.
+
+    Raises DeviceError: nothing answers, something else answers, or the firmware is another than version 6.
+    """
+    version = _version(link, address)
+    if version != KNOWN_VERSION and not any_firmware:
+        raise DeviceError(
+            address,
+            f"the WALT runs firmware {version}, and only version {KNOWN_VERSION} is known to be understood",
+            f"flash firmware {KNOWN_VERSION}, or try it as it is with ?firmware=any",
+        )
+    try:
+        for command in (LASER_OFF, SCREEN_OFF, RESET):
+            link.acknowledged(command)
+    except NoAnswer:
+        raise DeviceError(
+            address,
+            "it names a version but does not take commands as a WALT does",
+            f"check that it is a WALT with firmware {KNOWN_VERSION}",
+        ) from None
+    except PortGone as gone:
+        raise DeviceError(address, f"the WALT was unplugged ({gone})", "plug it in again") from None
+    link.take_triggers()
+    return version
+
+
+def _version(link: Link, address: str) -> str:
+    try:
+        link.forget()
+        unread = link.unread
+        for _ in range(_ATTEMPTS):
+            try:
+                return link.ask(VERSION, parse_version).value
+            except NoAnswer:
+                continue
+    except PortGone as gone:
+        raise DeviceError(address, f"the WALT was unplugged ({gone})", "plug it in again") from None
+    if link.unread > unread:
+        raise DeviceError(
+            address, "what answers at this port is not a WALT", "choose another port: draglag devices lists them"
+        )
+    raise DeviceError(
+        address, "nothing answers at this port", "check that it is the WALT's port, unplug it and plug it in again"
+    )

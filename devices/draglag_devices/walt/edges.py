@@ -1,0 +1,60 @@
+"""From the WALT's laser lines to edges, with what was lost counted and marked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.recording import LaserTrace
+
+
+@dataclass
+class EdgeCounter:
+    """Remembers the last edge of one connection.
+
+    A line with ``count`` n stands for n edges of which the last is stamped. Two lines of the same value mean that
+    a line between them was lost; both are counted and the time between the lines is marked.
+    """
+
+    last_value: int | None = None
+    last_s: float | None = None
+
+    def take(
+        self,
+        lines: Sequence[tuple[float, int, int]],
+        host_s: Callable[[float], float],
+        plausible_s: tuple[float, float],
+        epoch: int,
+    ) -> LaserTrace:
+        """Edges of lines (device seconds, value, count).
+
+        Args:
+            host_s: device seconds → host seconds.
+            plausible_s: host times between which an edge can lie; a line outside was damaged on the wire.
+        """
+        edges: list[tuple[float, int, float]] = []
+        gaps: list[tuple[float, float]] = []
+        missed = 0
+        for device_s, value, count in lines:
+            at_s = host_s(device_s)
+            if not plausible_s[0] <= at_s <= plausible_s[1] or value not in (0, 1) or count < 1:
+                continue  # the next line has the same value and tells
+            lost = count - 1
+            if self.last_value is not None and (count + value - self.last_value) % 2:
+                lost += 1
+            if lost:
+                missed += lost
+                gaps.append((at_s if self.last_s is None else self.last_s, at_s))
+            edges.append((at_s, value, device_s))
+            self.last_value, self.last_s = value, at_s
+        table = np.array(edges).reshape(-1, 3)
+        return LaserTrace(
+            table[:, 0],
+            table[:, 1].astype(np.int64),
+            table[:, 2],
+            np.full(len(table), epoch, np.int64),
+            np.array(gaps).reshape(-1, 2),
+            missed,
+        )

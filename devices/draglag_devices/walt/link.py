@@ -1,0 +1,134 @@
+"""Talking to a WALT: commands out, answers and unasked lines in, each stamped on the host's clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from draglag_devices.walt.port import Port
+from draglag_devices.walt.protocol import PING, Trigger, acknowledgement, parse_trigger
+
+_T = TypeVar("_T")
+
+ANSWER_S = 0.3
+SETTLE_S = 1.0
+# No line of the WALT is longer; a stream without line ends is not one.
+_LONGEST_LINE = 200
+_STALE_READS = 256
+
+
+class NoAnswer(Exception):
+    """The device does not answer."""
+
+
+@dataclass(frozen=True)
+class Answer(Generic[_T]):
+    """An answer with the host's clock just before the question left and just after the answer came, s."""
+
+    value: _T
+    sent_s: float
+    arrived_s: float
+
+
+class Link:
+    """One conversation. Trigger lines may come at any time; they are set aside in ``take_triggers``.
+
+    ``unread`` counts lines that were not understood (noise on the wire); ``now`` and ``pause`` are the clock.
+    """
+
+    def __init__(
+        self, port: Port, now: Callable[[], float] = time.monotonic, pause: Callable[[float], None] = time.sleep
+    ) -> None:
+        self._port = port
+        self.now = now
+        self.pause = pause
+        self.unread = 0
+        self._pending = b""
+        self._lines: list[tuple[str, float]] = []
+        self._triggers: list[Trigger] = []
+
+    def send(self, command: str) -> float:
+        """Send one command byte; returns the host's clock just before. Raises PortGone."""
+        sent_s = self.now()
+        self._port.write(command.encode("ascii"))
+        return sent_s
+
+    def ask(self, command: str, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S) -> Answer[_T]:
+        """Send a command and wait for a line that ``accept`` takes. Raises PortGone, and NoAnswer.
+
+        After a missing answer the conversation is brought back in step, so that a late one is not taken for the
+        answer to the next question.
+        """
+        sent_s = self.send(command)
+        try:
+            value, arrived_s = self.expect(accept, timeout_s)
+        except NoAnswer:
+            self.settle()
+            raise
+        return Answer(value, sent_s, arrived_s)
+
+    def acknowledged(self, command: str, timeout_s: float = ANSWER_S) -> Answer[str]:
+        """Send a command whose answer is its letter with the case flipped."""
+        wanted = acknowledgement(command)
+        return self.ask(command, lambda text: text if text == wanted else None, timeout_s)
+
+    def expect(self, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S) -> tuple[_T, float]:
+        """The next line that ``accept`` takes, and when it came; others count as unread. Raises NoAnswer."""
+        deadline_s = self.now() + timeout_s
+        while True:
+            while self._lines:
+                text, arrived_s = self._lines.pop(0)
+                value = accept(text)
+                if value is not None:
+                    return value, arrived_s
+                self.unread += 1
+            left_s = deadline_s - self.now()
+            if left_s <= 0:
+                raise NoAnswer
+            self._receive(left_s)
+
+    def settle(self) -> None:
+        """Wait until everything asked before has been answered: the device answers in order. Raises NoAnswer."""
+        wanted = acknowledgement(PING)
+        self.send(PING)
+        self.expect(lambda text: text if text == wanted else None, SETTLE_S)
+
+    def listen(self, timeout_s: float) -> None:
+        """Wait at most ``timeout_s`` for unasked lines."""
+        self._receive(timeout_s)
+        self.unread += len(self._lines)
+        self._lines.clear()
+
+    def take_triggers(self) -> list[Trigger]:
+        """Trigger lines that have come since the last call, in order."""
+        taken, self._triggers = self._triggers, []
+        return taken
+
+    def forget(self) -> None:
+        """Drop all that has come so far: what a fresh port still holds belongs to an earlier conversation."""
+        for _ in range(_STALE_READS):
+            if not self._port.read(0.0):
+                break
+        self._pending = b""
+        self._lines.clear()
+        self._triggers.clear()
+
+    def close(self) -> None:
+        self._port.close()
+
+    def _receive(self, timeout_s: float) -> None:
+        data = self._port.read(timeout_s)
+        arrived_s = self.now()
+        *whole, self._pending = (self._pending + data).split(b"\n")
+        if len(self._pending) > _LONGEST_LINE:
+            self._pending = b""
+            self.unread += 1
+        for raw in whole:
+            text = raw.rstrip(b"\r").decode("ascii", errors="replace")
+            trigger = parse_trigger(text)
+            if trigger is not None:
+                self._triggers.append(trigger)
+            elif text:
+                self._lines.append((text, arrived_s))

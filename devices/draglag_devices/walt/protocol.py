@@ -1,0 +1,108 @@
+"""The WALT's words (firmware 6): one command byte out, text lines back. Pure functions.
+
+Source: the fact sheet on the WALT, its protocol table.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+KNOWN_VERSION = "6"
+BAUD = 115200
+USB_VENDOR = 0x16C0
+
+ZERO, TIME, PING, PING_LATER, RESET, VERSION = "Z", "T", "P", "D", "F", "V"
+SEND_DIGITS, READ_DIGIT = "I", "R"
+LASER_ON, LASER_OFF, LASER_LAST = "L", "l", "J"
+SCREEN_ON, SCREEN_OFF, SCREEN_LAST = "C", "c", "E"
+SHOCK, BRIGHTNESS, ACCELEROMETER, RAW_ADC = "G", "U", "O", "Q"
+
+LASER_TAG, SCREEN_TAG = "L", "S"
+DIGITS = "123456789"
+WRAP_US = 1 << 32
+
+_TRIGGER = re.compile(r"G ([A-Z]) (-?\d{1,10}) (-?\d{1,6}) (-?\d{1,6})")
+_TIME = re.compile(r"t (-?\d{1,10})")
+_SYNC = re.compile(r"(\d{1,2}):(-?\d{1,10})")
+_SHOCK = re.compile(r"-?\d{1,10}")
+_SAMPLE = re.compile(r"(-?\d{1,10}) (\d{1,4})")
+_VERSION = re.compile(r"v (\S+)")
+_ADC = re.compile(r"(\w+):(\d+)")
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """One change the WALT saw: laser ("L", value 1 = light) or screen ("S"). ``count`` changes since the last line."""
+
+    tag: str
+    us: int
+    value: int
+    count: int
+
+
+def acknowledgement(command: str) -> str:
+    """What the WALT answers to a command that has no answer of its own: the letter with its case flipped."""
+    return command.swapcase()
+
+
+def parse_trigger(text: str) -> Trigger | None:
+    """``G <tag> <us> <val> <count>``, or None."""
+    words = _TRIGGER.fullmatch(text)
+    return Trigger(words[1], int(words[2]), int(words[3]), int(words[4])) if words else None
+
+
+def parse_time(text: str) -> int | None:
+    """``t <us>``, or None."""
+    words = _TIME.fullmatch(text)
+    return int(words[1]) if words else None
+
+
+def parse_sync(text: str) -> tuple[int, int] | None:
+    """``<n>:<us>`` of the readout of digits; n = 10 says that there are no more. None for anything else."""
+    words = _SYNC.fullmatch(text)
+    return (int(words[1]), int(words[2])) if words else None
+
+
+def parse_shock(text: str) -> int | None:
+    """The bare microseconds of the last shock, 0 = none; None for anything else."""
+    return int(text) if _SHOCK.fullmatch(text) else None
+
+
+def parse_sample(text: str) -> tuple[int, int] | None:
+    """``<us> <adc>`` of a curve, or None."""
+    words = _SAMPLE.fullmatch(text)
+    return (int(words[1]), int(words[2])) if words else None
+
+
+def parse_version(text: str) -> str | None:
+    """``v <version>``, or None."""
+    words = _VERSION.fullmatch(text)
+    return words[1] if words else None
+
+
+def parse_adc(text: str) -> dict[str, int] | None:
+    """``q G:480 PD_screen:3 PD_laser:910`` as name → value, or None."""
+    if not text.startswith("q "):
+        return None
+    return {name: int(value) for name, value in _ADC.findall(text[2:])} or None
+
+
+class Unwrapped:
+    """The signed 32-bit microsecond count made endless: each stamp is the one nearest to the latest seen.
+
+    Right as long as stamps come at least every 35 minutes; one that is a little older than the latest is no wrap.
+    """
+
+    def __init__(self) -> None:
+        self._latest_us = 0
+
+    def __call__(self, us: int) -> float:
+        """Seconds since the clock was zeroed."""
+        ahead = (us - self._latest_us + WRAP_US // 2) % WRAP_US - WRAP_US // 2
+        whole = self._latest_us + ahead
+        return whole * 1e-6
+
+    def advance(self, device_s: float) -> None:
+        """Take note of a stamp that is known to be good."""
+        self._latest_us = max(self._latest_us, round(device_s * 1e6))

@@ -1,0 +1,331 @@
+"""A WALT as a source: shocks of taps, or edges of its laser, on the host's clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from draglag.clocks import LARGEST_DRIFT
+from draglag.recording import LaserTrace, Taps
+from draglag_devices.addresses import Address
+from draglag_devices.clockmap import OnlineClockMap
+from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
+from draglag_devices.walt.connect import greet
+from draglag_devices.walt.edges import EdgeCounter
+from draglag_devices.walt.link import Link, NoAnswer
+from draglag_devices.walt.port import Port, PortGone, SerialPort
+from draglag_devices.walt.protocol import LASER_ON, SHOCK, Unwrapped, parse_shock
+from draglag_devices.walt.sync import Bound, as_bounds, ask_time, compare, zero
+
+# Quick comparison of clocks; it also keeps the 32-bit count unwrapped and notices a device that hangs.
+TIME_EVERY_S = 1.0
+# Full comparison when nothing has happened for a while, that is before, between and after blocks.
+FULL_EVERY_S = 10.0
+QUIET_S = 3.0
+POLL_EVERY_S = 0.02
+# A tap rings on; shocks this soon after the last one are the same one.
+RINGING_S = 0.05
+# Edges may still be on their way from the device.
+IN_FLIGHT_S = 0.02
+# A stamp this far in the future was damaged on the wire.
+FUTURE_S = 0.05
+# So was a time this far from where the clock should be; several in a row mean that the clock restarted.
+CONTRADICTION_S = 1e-3
+RESTART_AFTER = 3
+RETRY_S = 0.5
+GAP_EVERY_S = 1.0
+
+
+@dataclass
+class _Device:
+    """What belongs to one uninterrupted connection."""
+
+    link: Link
+    version: str
+    epoch: int
+    unwrapped: Unwrapped = field(default_factory=Unwrapped)
+    clock_map: OnlineClockMap = field(default_factory=OnlineClockMap)
+    edges: EdgeCounter = field(default_factory=EdgeCounter)
+    rows: list[Bound] = field(default_factory=list)  # comparisons not handed on yet
+    best_width_s: float = np.inf
+    learnt_s: float = 0.0  # host time of the last comparison
+    contradictions: int = 0
+    unread: int = 0
+
+    def learn(self, rows: list[Bound]) -> None:
+        """Take comparisons in."""
+        if not rows:
+            return
+        self.rows.extend(rows)
+        self.clock_map.add(as_bounds("", rows, self.epoch))
+        self.unwrapped.advance(rows[-1].device_s)
+        self.learnt_s = rows[-1].host_max_s
+        self.best_width_s = min(self.best_width_s, *(row.width_s for row in rows))
+
+    def host_s(self, device_s: float) -> float:
+        return float(self.clock_map.to_host(np.array([device_s]))[0])
+
+
+class WaltSource:
+    """Role "walt": shocks, polled; role "laser": edges of the WALT's own laser, sent by it.
+
+    An unplugged or hanging WALT is told and looked for until it is back; its clock then begins a new epoch.
+    """
+
+    realtime = True
+
+    def __init__(
+        self,
+        address: Address,
+        role: str,
+        open_port: Callable[[str], Port] = SerialPort,
+        now: Callable[[], float] = time.monotonic,
+        pause: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.address = address.text
+        self.role = role
+        self._path = address.target
+        self._any_firmware = address.choice("firmware", ("known", "any"), "known") == "any"
+        self._open_port, self._now, self._pause = open_port, now, pause
+        self._device: _Device | None = None
+        self._epoch = -1
+        self._notices: list[Notice] = []
+        self._until_s = 0.0
+        self._last_time_s = self._last_full_s = self._last_event_s = -np.inf
+        self._next_poll_s = 0.0
+        self._next_try_s = 0.0
+        self._last_shock_s = -np.inf
+
+    def open(self) -> SourceInfo:
+        self._device = device = self._connect()
+        self._until_s = self._now()
+        what = "its own laser" if self.role == "laser" else "taps"
+        return SourceInfo(
+            self.address,
+            self.role,
+            f"WALT, firmware {device.version}, {what}",
+            "WALT's microseconds, compared with the host's by bounds",
+            {"firmware": device.version, "clock_width_us": round(1e6 * device.best_width_s, 1)},
+        )
+
+    def read(self, timeout_s: float) -> Batch:
+        device = self._device
+        if device is None:
+            return self._while_lost(timeout_s)
+        laser: LaserTrace | None = None
+        taps: Taps | None = None
+        try:
+            self._keep_clock(device)
+            if self.role == "laser":
+                laser = self._read_laser(device, timeout_s)
+                until_s = self._now() - IN_FLIGHT_S
+            else:
+                taps, until_s = self._poll_shock(device, timeout_s)
+        except (PortGone, NoAnswer) as fault:
+            return self._lose(fault)
+        self._tell_unread(device)
+        self._until_s = max(self._until_s, until_s)
+        return self._batch(device, laser, taps)
+
+    def close(self) -> None:
+        device, self._device = self._device, None
+        if device is None:
+            return
+        try:
+            if self.role == "laser":
+                device.link.send("l")
+        except PortGone:
+            pass  # it is gone already
+        device.link.close()
+
+    @property
+    def link(self) -> Link:
+        """The open conversation, for curves and levels while setting up. Raises DeviceError when it is not open."""
+        if self._device is None:
+            raise DeviceError(self.address, "the WALT is not connected", "plug it in")
+        return self._device.link
+
+    # --- connection -------------------------------------------------------------------------------------------
+
+    def _connect(self) -> _Device:
+        link = Link(self._open_port(self._path), self._now, self._pause)
+        try:
+            version = greet(link, self.address, self._any_firmware)
+            self._epoch += 1
+            device = _Device(link, version, self._epoch)
+            self._zero(device)
+            if self.role == "laser":
+                link.acknowledged(LASER_ON)
+            else:
+                link.ask(SHOCK, parse_shock)  # arms the trigger; what it felt before is of no interest
+        except (NoAnswer, PortGone) as fault:
+            link.close()
+            raise DeviceError(
+                self.address, f"the WALT does not answer as it should{_why(fault)}", "unplug it and plug it in again"
+            ) from None
+        except DeviceError:
+            link.close()
+            raise
+        self._next_poll_s = self._now()
+        return device
+
+    def _zero(self, device: _Device) -> None:
+        first = zero(device.link)
+        device.learn([first])
+        rows = compare(device.link, device.unwrapped, first)
+        if not rows:
+            raise NoAnswer
+        device.learn(rows)
+        self._last_time_s = self._last_full_s = self._now()
+
+    def _lose(self, fault: Exception) -> Batch:
+        device, self._device = self._device, None
+        if device is not None:
+            device.link.close()
+        now_s = self._now()
+        self._next_try_s = now_s + RETRY_S
+        self._notices.append(
+            Notice(now_s, "error", f"The WALT at {self._path} is gone{_why(fault)}. Plug it in again; it goes on then.")
+        )
+        return self._batch(device, None, None, alive=False)
+
+    def _while_lost(self, timeout_s: float) -> Batch:
+        now_s = self._now()
+        if now_s < self._next_try_s:
+            self._pause(min(timeout_s, self._next_try_s - now_s))
+        if self._now() >= self._next_try_s:
+            self._next_try_s = self._now() + RETRY_S
+            try:
+                self._device = self._connect()
+            except DeviceError:
+                self._device = None  # not back yet
+        now_s, back = self._now(), self._device is not None
+        laser: LaserTrace | None = None
+        if back:
+            self._notices.append(Notice(now_s, "warning", f"The WALT at {self._path} is back; its clock began anew."))
+        if back or now_s - self._until_s >= GAP_EVERY_S:
+            if self.role == "laser":
+                laser = LaserTrace(np.empty(0), np.empty(0, np.int64), gaps_s=np.array([[self._until_s, now_s]]))
+            self._until_s = now_s
+        return self._batch(self._device, laser, None, alive=back)
+
+    # --- clock ------------------------------------------------------------------------------------------------
+
+    def _keep_clock(self, device: _Device) -> None:
+        now_s = self._now()
+        if now_s - self._last_time_s < TIME_EVERY_S:
+            return
+        self._last_time_s = now_s
+        bound = self._time(device)
+        if bound is None:
+            return
+        device.learn([bound])
+        quiet = now_s - self._last_event_s >= QUIET_S
+        if quiet and now_s - self._last_full_s >= FULL_EVERY_S:
+            self._last_full_s = now_s
+            device.learn(compare(device.link, device.unwrapped, bound))
+            if self.role == "walt":
+                device.link.ask(SHOCK, parse_shock)
+
+    def _time(self, device: _Device) -> Bound | None:
+        """A comparison that does not contradict the clock as it is known; None where the answer was spoiled."""
+        try:
+            bound = ask_time(device.link, device.unwrapped)
+        except NoAnswer:
+            # The conversation was brought back in step, or ``settle`` raised and the device is lost.
+            device.link.settle()
+            return None
+        expected_s = device.host_s(bound.device_s)
+        # After a long silence (a suspended computer) drift alone explains more.
+        slack_s = CONTRADICTION_S + LARGEST_DRIFT * (bound.host_max_s - device.learnt_s)
+        if bound.host_min_s - slack_s <= expected_s <= bound.host_max_s + slack_s:
+            device.contradictions = 0
+            return bound
+        device.contradictions += 1
+        if device.contradictions >= RESTART_AFTER:
+            self._restart_clock(device)
+        return None
+
+    def _restart_clock(self, device: _Device) -> None:
+        self._notices.append(
+            Notice(self._now(), "warning", "The WALT's clock jumped; it was set and compared anew from here on.")
+        )
+        self._epoch += 1
+        device.epoch, device.contradictions = self._epoch, 0
+        device.unwrapped, device.clock_map = Unwrapped(), OnlineClockMap()
+        self._zero(device)
+
+    # --- samples ----------------------------------------------------------------------------------------------
+
+    def _read_laser(self, device: _Device, timeout_s: float) -> LaserTrace | None:
+        device.link.listen(timeout_s)
+        triggers = [trigger for trigger in device.link.take_triggers() if trigger.tag == "L"]
+        if not triggers:
+            return None
+        now_s = self._now()
+        self._last_event_s = now_s
+        seen = device.edges.take(
+            [(device.unwrapped(trigger.us), trigger.value, trigger.count) for trigger in triggers],
+            device.host_s,
+            (self._until_s - 1.0, now_s + FUTURE_S),
+            device.epoch,
+        )
+        if seen.missed:
+            words = "edge of the laser was" if seen.missed == 1 else "edges of the laser were"
+            self._notices.append(
+                Notice(now_s, "warning", f"{seen.missed} {words} lost by the WALT; the gap is marked.")
+            )
+        return seen
+
+    def _poll_shock(self, device: _Device, timeout_s: float) -> tuple[Taps | None, float]:
+        wait_s = min(timeout_s, self._next_poll_s - self._now())
+        if wait_s > 0:
+            device.link.listen(wait_s)
+        if self._now() < self._next_poll_s:
+            return None, self._until_s
+        self._next_poll_s = self._now() + POLL_EVERY_S
+        try:
+            answer = device.link.ask(SHOCK, parse_shock)
+        except NoAnswer:
+            device.link.settle()
+            return _rejected("unreadable"), self._until_s
+        if answer.value == 0:
+            return None, answer.sent_s
+        host_s = device.host_s(device.unwrapped(answer.value))
+        if not answer.sent_s - 3600.0 < host_s < answer.arrived_s + FUTURE_S:
+            return _rejected("unreadable"), answer.sent_s
+        if host_s < self._until_s - QUIET_S:
+            return _rejected("stale"), answer.sent_s
+        self._last_event_s = answer.arrived_s
+        if host_s - self._last_shock_s < RINGING_S:
+            return _rejected("ringing"), answer.sent_s
+        self._last_shock_s = host_s
+        return Taps(np.array([host_s]), np.array([np.nan]), np.array([-1], np.int64)), answer.sent_s
+
+    # --- handing on -------------------------------------------------------------------------------------------
+
+    def _tell_unread(self, device: _Device) -> None:
+        new = device.link.unread - device.unread
+        if new:
+            device.unread = device.link.unread
+            lines = "line" if new == 1 else "lines"
+            self._notices.append(Notice(self._now(), "warning", f"{new} {lines} from the WALT could not be read."))
+
+    def _batch(self, device: _Device | None, laser: LaserTrace | None, taps: Taps | None, alive: bool = True) -> Batch:
+        notices, self._notices = tuple(self._notices), []
+        clock = None
+        if device is not None and device.rows:
+            rows, device.rows = device.rows, []
+            clock = as_bounds(self.role, rows, device.epoch)
+        return Batch(self._until_s, laser=laser, taps=taps, clock=clock, notices=notices, alive=alive)
+
+
+def _rejected(reason: str) -> Taps:
+    return Taps(np.empty(0), np.empty(0), np.empty(0, np.int64), {reason: 1})
+
+
+def _why(fault: Exception) -> str:
+    return f" ({fault})" if str(fault) else ""
