@@ -71,7 +71,7 @@ def _bars(runs: list[RunEstimate]) -> Any:
 
 def alignment_figure(run: Run, alignment: Alignment, title: str, session: Session) -> Any:
     """The touch path of one run, its edges before and after the correction, and the two lines (Fig. 4)."""
-    figure = style.new_figure(7.2, 3.9)
+    figure = style.new_figure(5.6, 4.2)  # two stand side by side on the page
     axes = figure.add_subplot()
     axes.plot(run.touch.x_mm, run.touch.y_mm, color=style.GREY, linewidth=0.5, alpha=0.7, label="touch path")
     for falling, marker, name in ((True, "v", "light→dark"), (False, "^", "dark→light")):
@@ -95,12 +95,14 @@ def alignment_figure(run: Run, alignment: Alignment, title: str, session: Sessio
     ends = np.array([alignment.x_mm.min(), alignment.x_mm.max()])
     both = ((lines.slope_top, lines.intercept_top_mm), (lines.slope_bottom, lines.intercept_bottom_mm))
     for k, (slope, intercept_mm) in enumerate(both):
-        label = "fitted top and bottom line" if k == 0 else None
+        label = "top and bottom line" if k == 0 else None
         axes.plot(ends, slope * ends + intercept_mm, color=style.BLACK, linewidth=1.2, label=label, zorder=4)
     axes.set(xlabel="x, mm", ylabel="y, mm (down the screen)", title=title)
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(
+        *axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, columnspacing=1.2, handlelength=1.5
+    )
     return figure
 
 

@@ -6,6 +6,7 @@ import base64
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +112,7 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
         loader=PackageLoader("draglag.report", "templates"), autoescape=True, undefined=StrictUndefined
     )
     environment.filters["number"] = _number
+    environment.filters["moment"] = _moment
     result = analysis.to_dict()
     excluded = [
         {"level": "warning", "text": f"{run}: left out ({why})"} for run, why in analysis.options.exclude.items()
@@ -146,3 +148,11 @@ def _verdict(analysis: Analysis) -> str:
 
 def _number(value: object, digits: int = 1) -> str:
     return "–" if not isinstance(value, int | float) or value != value else f"{value:.{digits}f}"
+
+
+def _moment(text: str) -> str:
+    """An ISO time stamp for people; whatever else stands there stays as it is."""
+    try:
+        return f"{datetime.fromisoformat(text).astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+    except ValueError:
+        return text
