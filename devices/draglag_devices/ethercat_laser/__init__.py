@@ -1,0 +1,28 @@
+"""The laser sensor on an EtherCAT terminal: ``ethercat:IFACE?channel=1``, EK1101 + EL1252 through pysoem.
+
+A small process of its own (``master``) runs the bus at 1 kHz and holds the only privileges; ``source`` starts it
+and reads it. Nothing is imported here, so that the process stays small.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from draglag_devices.addresses import Address
+    from draglag_devices.discovery import Found
+    from draglag_devices.source import Source
+
+
+def open_source(address: Address, role: str) -> Source:
+    """The laser at an address; claimed by its own ``open()``. Raises DeviceError on options that make no sense."""
+    from draglag_devices.ethercat_laser.source import ethercat_source
+
+    return ethercat_source(address, role)
+
+
+def discover() -> list[Found]:
+    """Wired interfaces on which EtherCAT devices answer, or could."""
+    from draglag_devices.ethercat_laser.look import look_for_buses
+
+    return look_for_buses()

@@ -1,0 +1,199 @@
+"""The bus itself, through pysoem: bring-up with both mapping fixes, one cycle, supervision, release."""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import pysoem
+
+from draglag_devices.ethercat_laser.clockwatch import Pair
+from draglag_devices.ethercat_laser.edges import IMAGE
+from draglag_devices.ethercat_laser.refusal import Refusal
+
+BECKHOFF = 0x2
+EK1101, EL1252 = 0x044D2C52, 0x04E43052  # revisions differ between lots and do not matter
+_FMMU0, _CYCLIC_UNIT, _LATCH_MODE = 0x0600, 0x0980, 0x09A8
+_INPUTS, _LATCHES = 0x1000, 0x09AE
+_FMMU = struct.Struct("<IHBBHBBB3x")
+_LATCH_ON = b"\x00\x01"  # 0x0980: the bus controls the unit; 0x0981: on, no SYNC signals
+_SETTLING_CYCLES = 50
+_STATE_TIMEOUT_US = 200_000
+_TRIES = 5
+_STATES = {1: "INIT", 2: "PRE-OP", 3: "BOOT", 4: "SAFE-OP", 8: "OP"}
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One exchange: working counter (−1: no answer), when, and the terminal's process image."""
+
+    wkc: int
+    pair: Pair
+    image: bytes
+
+
+class Bus:
+    """An open bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise."""
+
+    def __init__(self, interface: str) -> None:
+        """Bring the bus up. Raises Refusal; nothing is left open then."""
+        self.interface = interface
+        self._master: Any = pysoem.Master()
+        self._open = False
+        try:
+            self._bring_up()
+        except (pysoem.WkcError, pysoem.ConfigMapError, struct.error) as error:
+            self.close()
+            raise Refusal(
+                "unsteady",
+                f"the EtherCAT devices on {interface} stopped answering while being set up ({type(error).__name__})",
+                "check the cable and the supply of the coupler",
+            ) from None
+        except BaseException:
+            self.close()
+            raise
+
+    def _bring_up(self) -> None:
+        master = self._master
+        try:
+            master.open(self.interface)
+        except ConnectionError:
+            raise Refusal(
+                "no_interface",
+                f"the network interface {self.interface} cannot be opened",
+                "check that it is an Ethernet interface",
+            ) from None
+        self._open = True
+        master.manual_state_change = 1
+        if master.config_init() <= 0:
+            raise Refusal(
+                "no_slaves",
+                f"no EtherCAT device answers on {self.interface}",
+                "check that the cable is in the IN port of the EK1101 and that its 24 V supply is on",
+            )
+        self.terminal = self._identify()
+        self._enter(pysoem.PREOP_STATE)
+        master.config_map()
+        wanted = self._split_mapping()
+        master.config_dc()
+        # After config_init, which clears 0x0981; not by dc_sync, which would also switch SYNC0 on.
+        self._write(_LATCH_MODE, b"\x00\x00")
+        self._write(_CYCLIC_UNIT, _LATCH_ON)
+        for _ in range(_SETTLING_CYCLES):
+            self.cycle()
+        self._enter(pysoem.SAFEOP_STATE)
+        self.cycle()
+        self._enter(pysoem.OP_STATE)
+        self._wanted = wanted
+        self.expected_wkc = int(master.expected_wkc)
+        if not self.as_set_up():
+            raise Refusal(
+                "set_up",
+                f"the EL1252 on {self.interface} does not keep its set-up (mapping or latch unit)",
+                "switch its 24 V supply off and on; if this stays, the terminal is not a usable EL1252",
+            )
+
+    def _identify(self) -> Any:
+        slaves = self._master.slaves
+        found = [(slave.man, slave.id) for slave in slaves]
+        if (BECKHOFF, EK1101) in found and (BECKHOFF, EL1252) in found:
+            return slaves[found.index((BECKHOFF, EL1252))]
+        names = ", ".join(f"{s.name or 'unnamed'} (vendor 0x{s.man:X}, product 0x{s.id:08X})" for s in slaves)
+        raise Refusal(
+            "wrong_slaves",
+            f"the EtherCAT devices on {self.interface} are not an EK1101 with an EL1252, but: {names}",
+            "connect the EK1101 with the EL1252, or choose the interface they are on",
+        )
+
+    def _split_mapping(self) -> bytes:
+        """Two FMMUs instead of SOEM's one, which maps RAM behind the inputs in place of the stamps (SOEM #873).
+
+        Returns FMMU 0 and 1 as they must read back.
+        """
+        logical = _FMMU.unpack(self._read(_FMMU0, 16))[0]
+        rest = IMAGE.size - 1
+        inputs = _FMMU.pack(logical, 1, 0, 7, _INPUTS, 0, 1, 1)
+        latches = _FMMU.pack(logical + 1, rest, 0, 7, _LATCHES, 0, 1, 1)
+        self._write(_FMMU0, inputs)
+        self._write(_FMMU0 + 16, latches)
+        return inputs + latches
+
+    def _enter(self, state: int) -> None:
+        master = self._master
+        master.state = state
+        master.write_state()
+        if master.state_check(state, _STATE_TIMEOUT_US) != state:
+            raise Refusal(
+                "state",
+                f"the EtherCAT devices on {self.interface} do not enter {_STATES[state]}: {self.state_trouble(state)}",
+                "switch the 24 V supply of the coupler off and on",
+            )
+
+    def _read(self, address: int, size: int) -> bytes:
+        return bytes(self._retried(lambda: self.terminal._fprd(address, size)))
+
+    def _write(self, address: int, data: bytes) -> None:
+        self._retried(lambda: self.terminal._fpwr(address, data))
+
+    def _retried(self, exchange: Any) -> Any:
+        """A single frame may get lost. Raises pysoem.WkcError after several."""
+        for attempt in range(_TRIES):
+            try:
+                return exchange()
+            except pysoem.WkcError:
+                if attempt == _TRIES - 1:
+                    raise
+        return None
+
+    # --- running ----------------------------------------------------------------------------------------------
+
+    def cycle(self) -> Cycle:
+        """Send, receive, and say between which host times (CLOCK_MONOTONIC) the DC time was read."""
+        before = time.monotonic_ns()
+        self._master.send_processdata()
+        wkc = self._master.receive_processdata(2000)
+        after = time.monotonic_ns()
+        return Cycle(int(wkc), Pair(int(self._master.dc_time), before, after), self.terminal.input)
+
+    def in_operation(self) -> bool:
+        """Ask every device for its state: a device in SAFE-OP with an error keeps the working counter right."""
+        return self._master.read_state() == pysoem.OP_STATE and all(
+            slave.state == pysoem.OP_STATE for slave in self._master.slaves
+        )
+
+    def state_trouble(self, wanted: int = pysoem.OP_STATE) -> str:
+        """Which device is in which state, and why, by the last reading."""
+        self._master.read_state()
+        parts = []
+        for slave in self._master.slaves:
+            if slave.state != wanted:
+                name = _STATES.get(slave.state & 0x0F, "no state at all")
+                why = pysoem.al_status_code_to_string(slave.al_status) if slave.al_status else ""
+                parts.append(f"{slave.name} is in {name}" + (f" ({why})" if why else ""))
+        return ", ".join(parts) or "not all devices answer"
+
+    def as_set_up(self) -> bool:
+        """Whether mapping and latch unit read back as they were written. Raises pysoem.WkcError."""
+        found = self._read(_FMMU0, 32)  # the last three bytes of an FMMU mean nothing
+        return found[:13] == self._wanted[:13] and found[16:29] == self._wanted[16:29] and self.latching()
+
+    def latching(self) -> bool:
+        """Whether the latch unit is on. Raises pysoem.WkcError."""
+        return self._read(_CYCLIC_UNIT + 1, 1) == _LATCH_ON[1:]
+
+    def describe(self) -> list[dict[str, int | str]]:
+        """Name, product and revision of every device."""
+        return [{"name": s.name, "product": int(s.id), "revision": int(s.rev)} for s in self._master.slaves]
+
+    def close(self) -> None:
+        """Leave the devices in INIT if they can be reached, and release the interface. Twice does no harm."""
+        if not self._open:
+            return
+        self._open = False
+        with contextlib.suppress(Exception):  # whatever state pysoem is in, the socket must go
+            self._master.state = pysoem.INIT_STATE
+            self._master.write_state()
+        self._master.close()

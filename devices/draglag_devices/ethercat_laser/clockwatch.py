@@ -1,0 +1,53 @@
+"""The bus's clock against the host's, cycle by cycle: pairs for the mapping, and old frames found out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# Frames are at most this stale by honest means; two quartzes stay within 200 ppm of each other.
+_TOLERANCE_NS = 300_000
+_DRIFT = 2e-4
+
+
+@dataclass(frozen=True)
+class Pair:
+    """``dc_ns`` was read between two moments of the host's clock, ns."""
+
+    dc_ns: int
+    low_ns: int
+    high_ns: int
+
+    @property
+    def width_ns(self) -> int:
+        return self.high_ns - self.low_ns
+
+
+class ClockWatch:
+    """Knows between which bounds the difference of the clocks lies, and which pair was the narrowest lately."""
+
+    def __init__(self) -> None:
+        self._reference: Pair | None = None
+        self._best: Pair | None = None
+
+    def fits(self, pair: Pair) -> bool:
+        """False when the DC time was not read between the pair's moments: an old frame, or a clock that jumped."""
+        known = self._reference
+        if known is None:
+            return True
+        slack = _TOLERANCE_NS + _DRIFT * abs(pair.low_ns - known.low_ns)
+        lowest, highest = known.dc_ns - known.high_ns - slack, known.dc_ns - known.low_ns + slack
+        return pair.dc_ns - pair.high_ns <= highest and pair.dc_ns - pair.low_ns >= lowest
+
+    def add(self, pair: Pair) -> None:
+        """Take a pair that fits."""
+        if self._best is None or pair.width_ns < self._best.width_ns:
+            self._best = pair
+        known = self._reference
+        # An old reference loses worth as the clocks drift apart.
+        if known is None or pair.width_ns < known.width_ns + _DRIFT * (pair.low_ns - known.low_ns):
+            self._reference = pair
+
+    def take_best(self) -> Pair | None:
+        """The narrowest pair since the last call."""
+        best, self._best = self._best, None
+        return best

@@ -1,0 +1,35 @@
+"""Starting the process that runs the bus, with the rights it needs and nobody else has."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import IO
+
+from draglag_devices.ethercat_laser.preflight import has_rights
+
+# Installed once by packaging/ethercat/install.sh; carries the two capabilities and starts only ``master``.
+LAUNCHERS = (
+    Path("/usr/lib/draglag/draglag-ethercat-master"),
+    Path("/usr/local/lib/draglag/draglag-ethercat-master"),
+)
+_MODULE = "draglag_devices.ethercat_laser.master"
+
+
+def command(*arguments: str) -> list[str]:
+    """Our own interpreter where we hold the rights ourselves (or no launcher is installed), else the launcher."""
+    if not has_rights():
+        for launcher in LAUNCHERS:
+            if os.access(launcher, os.X_OK):
+                return [str(launcher), *arguments]
+    # -P: modules in the present directory must not end up in a privileged process.
+    return [sys.executable, "-P", "-m", _MODULE, *arguments]
+
+
+def start(*arguments: str, complaints: IO[bytes]) -> subprocess.Popen[bytes]:
+    """Start it; its standard error goes to a file. Raises OSError."""
+    return subprocess.Popen(
+        command(*arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaints, bufsize=0
+    )

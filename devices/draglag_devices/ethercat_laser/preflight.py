@@ -1,0 +1,116 @@
+"""Checks before the bus is opened: SOEM itself gives one and the same error for most of these."""
+
+from __future__ import annotations
+
+import array
+import contextlib
+import fcntl
+import socket
+import struct
+from pathlib import Path
+
+from draglag_devices.ethercat_laser.refusal import Refusal
+
+_SIOCGIFFLAGS, _SIOCETHTOOL, _ETHTOOL_GLINK = 0x8913, 0x8946, 0x0A
+_IFF_UP, _IFF_RUNNING = 0x1, 0x40
+_CAP_NET_ADMIN, _CAP_NET_RAW = 1 << 12, 1 << 13
+ETHERTYPE = 0x88A4
+
+
+def check_interface(interface: str) -> None:
+    """Raises Refusal: no such interface, switched off, no carrier."""
+    try:
+        socket.if_nametoindex(interface)
+    except OSError:
+        others = ", ".join(name for _, name in socket.if_nameindex() if name != "lo") or "none"
+        raise Refusal(
+            "no_interface",
+            f"there is no network interface called {interface}",
+            f"choose the one that the coupler is plugged into; this computer has: {others}",
+        ) from None
+    flags, carrier = link_state(interface)
+    if not flags & _IFF_UP:
+        raise Refusal(
+            "down", f"the network interface {interface} is switched off", f"run: sudo ip link set {interface} up"
+        )
+    if not carrier:
+        raise Refusal(
+            "no_carrier",
+            f"the network interface {interface} has no carrier: the cable is unplugged or the coupler has no power",
+            "plug the cable into the IN port of the EK1101 and switch on its 24 V supply",
+        )
+
+
+def link_state(interface: str) -> tuple[int, bool]:
+    """Flags and carrier. Asked through a socket: /sys may show another network namespace. Raises OSError."""
+    request = interface.encode().ljust(16, b"\0")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
+        flags = struct.unpack_from("<H", fcntl.ioctl(control, _SIOCGIFFLAGS, request + bytes(24)), 16)[0]
+        answer = array.array("I", [_ETHTOOL_GLINK, 0])
+        try:
+            fcntl.ioctl(control, _SIOCETHTOOL, request + struct.pack("P16x", answer.buffer_info()[0]))
+            carrier = bool(answer[1])
+        except OSError:  # a driver without ethtool
+            carrier = bool(flags & _IFF_RUNNING)
+    return flags, carrier
+
+
+def carrier_now(interface: str) -> bool:
+    """Whether the interface is there, on, and sees the other end."""
+    with contextlib.suppress(OSError):
+        flags, carrier = link_state(interface)
+        return bool(flags & _IFF_UP) and carrier
+    return False
+
+
+def has_rights() -> bool:
+    """Whether this process may send raw frames and switch the interface to promiscuous mode."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("CapEff:"):
+            held = int(line.split()[1], 16)
+            return bool(held & _CAP_NET_RAW) and bool(held & _CAP_NET_ADMIN)
+    return False
+
+
+def check_rights() -> None:
+    """Raises Refusal without CAP_NET_RAW and CAP_NET_ADMIN."""
+    if not has_rights():
+        raise Refusal(
+            "no_rights",
+            "this account has no right to send EtherCAT frames (CAP_NET_RAW and CAP_NET_ADMIN)",
+            "install the helper once as administrator: sudo packaging/ethercat/install.sh",
+        )
+
+
+def other_master(interface: str) -> bool:
+    """Whether any program of this machine listens for EtherCAT frames on the interface."""
+    with contextlib.suppress(OSError):
+        index = socket.if_nametoindex(interface)
+        for line in Path("/proc/self/net/packet").read_text().splitlines()[1:]:
+            columns = line.split()
+            if int(columns[3], 16) == ETHERTYPE and int(columns[4]) == index:
+                return True
+    return False
+
+
+def claim(interface: str) -> socket.socket:
+    """Hold the interface against a second master, which would read our frames as we would read its.
+
+    An abstract socket address belongs to the network namespace, as the interface does, and ends with the process.
+    Raises Refusal when it is in use.
+    """
+    busy = Refusal(
+        "in_use",
+        f"the EtherCAT bus on {interface} is in use by another program",
+        "close the other program (a second draglag, TwinCAT, a SOEM tool) and try again",
+    )
+    lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        lock.bind(f"\0draglag-ethercat-{interface}")
+    except OSError:
+        lock.close()
+        raise busy from None
+    if other_master(interface):
+        lock.close()
+        raise busy
+    return lock

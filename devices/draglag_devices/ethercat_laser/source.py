@@ -1,0 +1,270 @@
+"""The laser on an EtherCAT bus as a source: reads what the bus process tells and maps its stamps to the host."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass, field
+from typing import IO, Any
+
+import numpy as np
+
+from draglag.recording import ClockBounds, FloatArray, LaserTrace, concatenate
+from draglag_devices.addresses import Address
+from draglag_devices.clockmap import OnlineClockMap
+from draglag_devices.ethercat_laser.helper import start
+from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
+
+STREAM = "laser"
+_OPEN_PATIENCE_S = 20.0
+_CLOSE_PATIENCE_S = 3.0
+_MOST_RESPAWNS = 3
+_NS = 1e-9
+
+
+def ethercat_source(address: Address, role: str) -> EthercatLaser:
+    """``ethercat:IFACE?channel=1|2&light=high|low``; ``light=low``: the sensor's output is low while it sees light."""
+    address.only("channel", "light")
+    channel = int(address.choice("channel", ("1", "2"), "1"))
+    light_is_high = address.choice("light", ("high", "low"), "high") == "high"
+    return EthercatLaser(address.text, role, address.target, channel, light_is_high)
+
+
+@dataclass
+class _Gathered:
+    laser: list[LaserTrace] = field(default_factory=list)
+    clock: list[ClockBounds] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
+
+
+class EthercatLaser:
+    """See ``draglag_devices.source.Source``.
+
+    Device stamps are seconds since ``details["device_zero_ns"]`` (ns since 2000-01-01 of the bus's clock), so that
+    they keep every nanosecond. Each bring-up of the bus is an epoch. ``disturbed`` counts refused cycles by reason.
+    """
+
+    realtime = True
+
+    def __init__(self, address: str, role: str, interface: str, channel: int, light_is_high: bool = True) -> None:
+        self.address = address
+        self.role = role
+        self.disturbed: dict[str, int] = {}
+        self._interface = interface
+        self._channel = channel
+        self._light_is_high = light_is_high
+        self._process: subprocess.Popen[bytes] | None = None
+        self._complaints: IO[bytes] | None = None
+        self._rest = b""
+        self._map = OnlineClockMap()
+        self._zero_ns: int | None = None
+        self._epoch = 0
+        self._respawns = 0
+        self._until_s = 0.0
+        self._alive = False
+        self._died_s: float | None = None
+        self._early = _Gathered()
+
+    # --- Source -----------------------------------------------------------------------------------------------
+
+    def open(self) -> SourceInfo:
+        self.close()
+        self._zero_ns, self._epoch, self._respawns, self._died_s = None, 0, 0, None
+        self._early = _Gathered()
+        self._spawn()
+        patience_s = time.monotonic() + _OPEN_PATIENCE_S
+        try:
+            while time.monotonic() < patience_s:
+                for message in self._messages(0.5):
+                    self._take(message, self._early)
+                    if message["m"] == "ready":
+                        return self._describe(message)
+            raise DeviceError(self.address, "the EtherCAT bus did not get ready", "switch the coupler off and on")
+        except _Ended:
+            error = self._ended_error()
+            self.close()
+            raise error from None
+        except DeviceError:
+            self.close()
+            raise
+
+    def read(self, timeout_s: float) -> Batch:
+        gathered, self._early = self._early, _Gathered()
+        try:
+            if self._process is None:
+                raise DeviceError(self.address, "the laser is not open", "open it first")
+            for message in self._messages(timeout_s):
+                self._take(message, gathered)
+        except _Ended:
+            self._respawn(gathered)
+        return Batch(
+            until_s=self._until_s,
+            laser=concatenate(gathered.laser) if gathered.laser else None,
+            clock=concatenate(gathered.clock) if gathered.clock else None,
+            notices=tuple(gathered.notices),
+            alive=self._alive,
+        )
+
+    def close(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    with contextlib.suppress(OSError):
+                        pipe.close()
+            try:
+                process.wait(_CLOSE_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                with contextlib.suppress(OSError):  # a launcher with capabilities may not be ours to signal
+                    process.kill()
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(_CLOSE_PATIENCE_S)
+        if self._complaints is not None:
+            self._complaints.close()
+            self._complaints = None
+        self._rest, self._alive = b"", False
+
+    # --- the process ------------------------------------------------------------------------------------------
+
+    def _spawn(self) -> None:
+        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115  (it lives as long as the process)
+        arguments = (self._interface, "--channel", str(self._channel), "--first-epoch", str(self._epoch))
+        try:
+            self._process = start(*arguments, complaints=self._complaints)
+        except OSError as error:
+            self.close()
+            raise DeviceError(
+                self.address,
+                f"the EtherCAT process cannot be started ({error.strerror or error})",
+                "install draglag again",
+            ) from None
+
+    def _messages(self, timeout_s: float) -> list[dict[str, Any]]:
+        """Whole lines that arrive within the time, at once when some do. Raises _Ended at the end of the pipe."""
+        if self._process is None or self._process.stdout is None:
+            raise _Ended
+        pipe = self._process.stdout.fileno()
+        if not select.select([pipe], [], [], timeout_s)[0]:
+            return []
+        received = os.read(pipe, 1 << 16)
+        if not received:
+            raise _Ended
+        *lines, self._rest = (self._rest + received).split(b"\n")
+        return [json.loads(line) for line in lines]
+
+    def _respawn(self, gathered: _Gathered) -> None:
+        """The process ended unexpectedly: start another. Raises DeviceError when that has happened too often."""
+        error = self._ended_error()
+        self.close()
+        if self._died_s is None:
+            self._died_s = self._until_s
+        if self._respawns >= _MOST_RESPAWNS:
+            raise error
+        self._respawns += 1
+        self._epoch += 1
+        text = "The laser sensor is lost: its EtherCAT process ended. draglag starts it again."
+        gathered.notices.append(Notice(time.monotonic(), "error", text))
+        self._spawn()
+
+    def _ended_error(self) -> DeviceError:
+        last = ""
+        if self._complaints is not None:
+            self._complaints.seek(0)
+            lines = self._complaints.read().decode(errors="replace").strip().splitlines()
+            last = f" ({lines[-1]})" if lines else ""
+        return DeviceError(self.address, f"the EtherCAT process ended unexpectedly{last}", "open the laser again")
+
+    # --- messages ---------------------------------------------------------------------------------------------
+
+    def _take(self, message: dict[str, Any], gathered: _Gathered) -> None:
+        """One message of the bus process. Raises DeviceError on a refusal."""
+        kind = message["m"]
+        if kind == "tick":
+            # The process knows nothing of the time before a respawn; what was reported stays reported.
+            self._until_s = max(self._until_s, message["until"] * _NS)
+            self._alive = bool(message["alive"])
+        elif kind == "edges":
+            gathered.laser.append(self._edges(message))
+            self._until_s = max(self._until_s, message["until"] * _NS)
+        elif kind == "clock":
+            bounds = self._bounds(message)
+            self._map.add(bounds)
+            gathered.clock.append(bounds)
+        elif kind == "gap":
+            gathered.laser.append(_gap(message["start"] * _NS, message["end"] * _NS, message["missed"]))
+        elif kind == "notice":
+            gathered.notices.append(Notice(message["t"] * _NS, message["level"], message["text"]))
+        elif kind == "disturbed":
+            for reason, count in message.items():
+                if reason != "m":
+                    self.disturbed[reason] = self.disturbed.get(reason, 0) + count
+        elif kind == "ready":
+            self._begin_epoch(message, gathered)
+        elif kind == "refused":
+            raise DeviceError(self.address, message["problem"], message["remedy"])
+
+    def _begin_epoch(self, message: dict[str, Any], gathered: _Gathered) -> None:
+        self._epoch, self._alive = message["epoch"], True
+        if self._zero_ns is None:
+            self._zero_ns = message["dc"] // 1_000_000_000 * 1_000_000_000
+        if self._died_s is not None:
+            gathered.laser.append(_gap(self._died_s, time.monotonic(), 0))
+            gathered.notices.append(Notice(time.monotonic(), "info", "The laser sensor is back."))
+            self._died_s = None
+
+    def _device_s(self, stamps_ns: list[int]) -> FloatArray:
+        zero_ns = self._zero_ns or 0
+        # Subtracted as integers first: 64-bit floats since 2000 would keep only 0.1 us.
+        return np.array([(stamp - zero_ns) * _NS for stamp in stamps_ns], dtype=np.float64)
+
+    def _edges(self, message: dict[str, Any]) -> LaserTrace:
+        device_s = self._device_s([stamp for stamp, _ in message["edges"]])
+        level = np.array([level for _, level in message["edges"]], dtype=np.int64)
+        return LaserTrace(
+            t_s=self._map.to_host(device_s),
+            light=level if self._light_is_high else 1 - level,
+            device_t_s=device_s,
+            epoch=np.full(len(level), message["epoch"], np.int64),
+            missed=message["missed"],
+        )
+
+    def _bounds(self, message: dict[str, Any]) -> ClockBounds:
+        return ClockBounds(
+            STREAM,
+            self._device_s([message["dc"]]),
+            np.array([message["low"] * _NS]),
+            np.array([message["high"] * _NS]),
+            np.array([message["epoch"]], np.int64),
+        )
+
+    def _describe(self, ready: dict[str, Any]) -> SourceInfo:
+        names = " + ".join(slave["name"] or f"0x{slave['product']:08X}" for slave in ready["slaves"])
+        details: dict[str, str | float | int] = {
+            "device_zero_ns": self._zero_ns or 0,
+            "channel": self._channel,
+            "level_at_start": ready["level"],
+            "working_counter": ready["expected_wkc"],
+        }
+        for position, slave in enumerate(ready["slaves"]):
+            details[f"device_{position}"] = f"product 0x{slave['product']:08X}, revision 0x{slave['revision']:08X}"
+        return SourceInfo(
+            self.address,
+            self.role,
+            f"{names} on {self._interface}, channel {self._channel}",
+            "EtherCAT distributed clock, compared with the host's in every cycle",
+            details,
+        )
+
+
+class _Ended(Exception):
+    """The bus process closed its output."""
+
+
+def _gap(start_s: float, end_s: float, missed: int) -> LaserTrace:
+    empty = np.empty(0)
+    return LaserTrace(empty, np.empty(0, np.int64), empty, np.empty(0, np.int64), np.array([[start_s, end_s]]), missed)
