@@ -73,4 +73,4 @@ def test_an_unknown_screen_is_refused_before_anything_is_made(tmp_path):
     result = CliRunner().invoke(demo, ["--out", str(tmp_path / "new"), "--screen", "screen-9", "--no-window"])
     assert isinstance(result.exception, DataError)
     assert "screen-9" in str(result.exception)
-    assert not (tmp_path / "new" / "session.h5").exists()
+    assert not (tmp_path / "new").exists()

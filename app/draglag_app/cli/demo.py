@@ -34,10 +34,6 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
     path = out / "session.h5"
     if path.exists():
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another folder with --out")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose a folder you may write") from None
     protocol = load_protocol("demo")
     rig = make_rig(
         dict.fromkeys(("touch", "laser", "walt"), "sim:"),
@@ -45,6 +41,10 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
         protocol.seed if seed is None else seed,
         fast=True,
     )
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose a folder you may write") from None
     record_with(protocol, rig, None, path, session_options(rig, screen_name, seed))
     session = read_session(path)
     options = AnalysisOptions()
