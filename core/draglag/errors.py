@@ -14,7 +14,9 @@ class DraglagError(Exception):
     def __init__(self, problem: str, remedy: str = "") -> None:
         self.problem = problem.rstrip(". ") + "."
         self.remedy = remedy.rstrip(". ") + "." if remedy else ""
-        super().__init__(" ".join(part for part in (self.problem, self.remedy) if part))
+        # A remedy that begins small goes on with the sentence.
+        joint = "; " if self.remedy[:1].islower() else ". " if self.remedy else "."
+        super().__init__(self.problem[:-1] + joint + self.remedy)
 
 
 class DataError(DraglagError):
