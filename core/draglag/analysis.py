@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +14,7 @@ from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
+from draglag.verification import AsymptoteCheck, ClockDrift, WidthCheck, asymptote_check, clock_drifts, width_check
 
 Progress = Callable[[float, str], None]
 
@@ -47,6 +48,9 @@ class Analysis:
     taps: Mapping[str, TapSummary]
     validation: tuple[Validation, ...]
     problems: tuple[str, ...] = ()
+    asymptote: tuple[AsymptoteCheck, ...] = ()
+    width: WidthCheck | None = None
+    clocks: tuple[ClockDrift, ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """The design's ``analyze --json`` (section 5)."""
@@ -58,6 +62,12 @@ class Analysis:
             "curve": None if self.curve is None else self.curve.to_dict(),
             "taps": {name: summary.to_dict() for name, summary in self.taps.items()},
             "validation": [item.to_dict() for item in self.validation],
+            "validation_mean": mean_by_protocol(self.validation),
+            "verification": {
+                "asymptote": [check.to_dict() for check in self.asymptote],
+                "stylus_width": None if self.width is None else self.width.to_dict(),
+                "clocks": [drift.to_dict() for drift in self.clocks],
+            },
             "excluded": dict(self.options.exclude),
             "problems": list(self.problems),
         }
@@ -91,13 +101,41 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     validation, trouble = _validate(session, curve, options, tell)
     problems += trouble
     tell(1.0, "done")
-    return Analysis(session.name, options, tuple(estimates), curve, taps, tuple(validation), tuple(problems))
+    return Analysis(
+        session.name,
+        options,
+        tuple(estimates),
+        curve,
+        taps,
+        tuple(validation),
+        tuple(problems),
+        tuple(asymptote_check(curve, taps)) if curve is not None else (),
+        width_check(estimates, session.stylus.diameter_mm),
+        tuple(clock_drifts(session)),
+    )
+
+
+def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]]:
+    """Eq. 4 averaged over the repeats of each protocol, as the paper's Table 3 has it."""
+    out: list[dict[str, object]] = []
+    for protocol in dict.fromkeys(item.protocol for item in validation):
+        same = [item for item in validation if item.protocol == protocol]
+        out.append(
+            {
+                "protocol": protocol,
+                "n_runs": len(same),
+                "J0_per_edge_mm2": float(np.mean([item.j0_per_edge_mm2 for item in same])),
+                "J_per_edge_mm2": float(np.mean([item.j_per_edge_mm2 for item in same])),
+                "delta_J_percent": float(np.mean([item.delta_j_percent for item in same])),
+            }
+        )
+    return out
 
 
 def curve_points(estimates: list[RunEstimate], options: AnalysisOptions) -> CurvePoints:
     """The runs that may carry the curve: estimated, finite standard error, not excluded."""
     good = [
-        (e.speed_mm_s, e.latency_s, e.latency_se_s)
+        (e.speed_mm_s, e.latency_s, e.latency_se_s, e.speed_se_mm_s or 0.0)
         for e in estimates
         if e.latency_s is not None
         and e.latency_se_s
@@ -105,8 +143,8 @@ def curve_points(estimates: list[RunEstimate], options: AnalysisOptions) -> Curv
         and e.id not in options.exclude
         and "at_window_end" not in e.flags
     ]
-    table = np.array(good, float).reshape(-1, 3)
-    return CurvePoints(table[:, 0], table[:, 1], table[:, 2])
+    table = np.array(good, float).reshape(-1, 4)
+    return CurvePoints(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
 
 
 def _curve(

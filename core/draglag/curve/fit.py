@@ -23,14 +23,26 @@ CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """Latency of each run: speed_mm_s (n,), latency_s (n,), se_s (n,) standard error."""
+    """Latency of each run: speed_mm_s (n,), latency_s (n,), se_s (n,) standard error.
+
+    ``speed_se_mm_s`` (n,) is the standard error of the speed, None where it is not known: on a steep curve it moves
+    a run off the curve as much as an error of its latency does.
+    """
 
     speed_mm_s: FloatArray
     latency_s: FloatArray
     se_s: FloatArray
+    speed_se_mm_s: FloatArray | None = None
 
     def take(self, keep: np.ndarray) -> CurvePoints:
-        return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep])
+        speed_se = None if self.speed_se_mm_s is None else self.speed_se_mm_s[keep]
+        return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep], speed_se)
+
+    def with_speed_error(self, slope_s_per_mm_s: FloatArray) -> CurvePoints:
+        """The same points with the error of their speeds, times the curve's slope, added to ``se_s``."""
+        if self.speed_se_mm_s is None:
+            return self
+        return replace(self, se_s=np.hypot(self.se_s, slope_s_per_mm_s * self.speed_se_mm_s))
 
 
 @dataclass(frozen=True)
@@ -126,17 +138,18 @@ def fit_form(points: CurvePoints, form_name: str, tied_asymptote_s: float | None
             "Measure more speeds or choose a simpler form",
         )
     # From loose to tight: with the runs' own standard errors alone the fastest runs would pin the first descent.
-    between_s, values = 5e-4, np.empty(0)
+    between_s, values, measured = 5e-4, np.empty(0), points
     for _ in range(6):
         weight = 1 / np.sqrt(points.se_s**2 + between_s**2)
         values = _solve(form, points, weight, tied_asymptote_s, values if values.size else None)
+        points = measured.with_speed_error(_slope(form, values, measured.speed_mm_s))
         updated = _between_runs(points, _evaluate(form, values, points.speed_mm_s) * 1e-3, free)
         settled = abs(updated - between_s) < 0.02 * max(updated, 1e-6)
         between_s = updated
         if settled:
             break
     variance = points.se_s**2 + between_s**2
-    return _finish(form, points, values, variance, between_s, tied_asymptote_s)
+    return replace(_finish(form, points, values, variance, between_s, tied_asymptote_s), points=measured)
 
 
 def fit_best(
@@ -174,6 +187,12 @@ def fit_best(
 def _evaluate(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
     k = len(form.shape_names)
     return form.columns(values[:k], speed) @ values[k:]
+
+
+def _slope(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
+    """dL/dv at each speed, s per mm/s."""
+    step = np.maximum(0.01 * speed, 0.1)
+    return 1e-3 * (_evaluate(form, values, speed + step) - _evaluate(form, values, speed - step)) / (2 * step)
 
 
 def _jacobian(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
@@ -319,7 +338,8 @@ def _held_out_rms_s(points: CurvePoints, fit: CurveFit) -> float:
     n = points.speed_mm_s.size
     if n <= form.n_parameters:
         return float("inf")
-    weight = 1 / np.sqrt(points.se_s**2 + fit.between_runs_s**2)
+    se_s = points.with_speed_error(_slope(form, fit.values, points.speed_mm_s)).se_s
+    weight = 1 / np.sqrt(se_s**2 + fit.between_runs_s**2)
     errors = []
     for k in range(n):
         keep = np.arange(n) != k

@@ -1,0 +1,61 @@
+"""How two latency curves differ, with a band, and whether the difference is more than noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from draglag.curve.fit import CurveFit
+from draglag.recording import FloatArray
+
+SPEEDS_MM_S = (50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 800.0, 1000.0)
+
+
+@dataclass(frozen=True)
+class CurveDifference:
+    """Second curve minus first at speeds both were measured at: (k,) each, with a pointwise 95 % band.
+
+    ``p_value``: that the greatest standardised difference over the speeds is chance (Bonferroni over the speeds).
+    """
+
+    speed_mm_s: FloatArray
+    difference_s: FloatArray
+    low_s: FloatArray
+    high_s: FloatArray
+    p_value: float
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "p_value": self.p_value,
+            "differ": self.p_value < 0.05,
+            "rms_ms": 1e3 * float(np.sqrt(np.mean(self.difference_s**2))),
+            "at": [
+                {"speed_mm_s": float(v), "difference_ms": 1e3 * float(d), "difference_ci95_ms": [1e3 * float(a), 1e3 * float(b)]}
+                for v, d, a, b in zip(self.speed_mm_s, self.difference_s, self.low_s, self.high_s, strict=True)
+            ],
+        }  # fmt: skip
+
+
+def curve_difference(
+    first: CurveFit, second: CurveFit, speeds_mm_s: FloatArray | None = None
+) -> CurveDifference | None:
+    """Difference over the speeds both curves cover (the given ones, or a table of round ones); None if they share none.
+
+    The half widths of both bands add in quadrature: the sessions are independent.
+    """
+    low = max(first.speed_range_mm_s[0], second.speed_range_mm_s[0])
+    high = min(first.speed_range_mm_s[1], second.speed_range_mm_s[1])
+    if low >= high:
+        return None
+    if speeds_mm_s is None:
+        inner = [v for v in SPEEDS_MM_S if low < v < high]
+        speeds_mm_s = np.array([low, *inner, high])
+    speed = speeds_mm_s[(speeds_mm_s >= low) & (speeds_mm_s <= high)]
+    apart = second.predict_s(speed) - first.predict_s(speed)
+    halves = [0.5 * (band[1] - band[0]) for band in (first.band_s(speed), second.band_s(speed))]
+    half = np.maximum(np.hypot(*halves), 1e-9)
+    largest = float(np.max(np.abs(apart) / half)) * 1.96
+    p_value = min(1.0, 2 * float(norm.sf(largest)) * speed.size)
+    return CurveDifference(speed, apart, apart - half, apart + half, p_value)

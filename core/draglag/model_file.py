@@ -1,0 +1,202 @@
+"""A latency model as a file: versioned JSON with provenance, loadable without Qt, devices or its session."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+import draglag
+from draglag.curve import FORMS, CurveFit
+from draglag.errors import DataError
+from draglag.recording import FloatArray
+
+VERSION = 1
+LONGEST_FILE = 4_000_000  # bytes; a model is a few kilobytes
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ModelEffect(_Table):
+    """One named cause that the gap workflow added to the model; see ``draglag.simulation.effects``."""
+
+    id: Annotated[str, Field(min_length=1, max_length=100)]
+    parameters: dict[str, Finite] = {}
+
+
+class Provenance(_Table):
+    """Where a model comes from."""
+
+    session: str = ""
+    screen: str = ""
+    estimator: str = ""
+    stamps: str = "kernel"
+    runs: tuple[str, ...] = ()
+    input_sha256: str = ""
+    created_utc: str = ""
+    software: str = ""
+
+
+class LatencyModel(_Table):
+    """L(v) with its uncertainty. Parameters in the units of their names; covariance in the order of ``parameters``."""
+
+    format: Literal["draglag-model"] = "draglag-model"
+    version: Literal[1] = 1
+    form: str
+    parameters: dict[str, Finite]
+    covariance: tuple[tuple[Finite, ...], ...]
+    speed_range_mm_s: tuple[Finite, Finite]
+    n_points: Annotated[int, Field(ge=0)]
+    rms_ms: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    between_runs_ms: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    tied_asymptote_ms: Finite | None = None
+    effects: tuple[ModelEffect, ...] = ()
+    provenance: Provenance = Provenance()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> LatencyModel:
+        if self.form not in FORMS:
+            raise ValueError(f"unknown curve form '{self.form}'; known: {', '.join(FORMS)}")
+        names = FORMS[self.form].names
+        if set(self.parameters) != set(names):
+            raise ValueError(f"the form {self.form} has the parameters {', '.join(names)}")
+        if len(self.covariance) != len(names) or any(len(row) != len(names) for row in self.covariance):
+            raise ValueError(f"covariance must be {len(names)} × {len(names)}")
+        low, high = self.speed_range_mm_s
+        if not 0 <= low <= high:
+            raise ValueError("speed_range_mm_s must run from low to high")
+        return self
+
+    @property
+    def curve(self) -> CurveFit:
+        """The curve as ``draglag.curve`` has it, with its confidence band."""
+        names = FORMS[self.form].names
+        order = [list(self.parameters).index(name) for name in names]
+        covariance = np.array(self.covariance, float)[np.ix_(order, order)]
+        tied_s = None if self.tied_asymptote_ms is None else 1e-3 * self.tied_asymptote_ms
+        return CurveFit(
+            self.form,
+            np.array([self.parameters[name] for name in names]),
+            covariance,
+            1e-3 * self.rms_ms,
+            self.speed_range_mm_s,
+            1e-3 * self.between_runs_ms,
+            self.n_points,
+            float("nan"),
+            float("nan"),
+            tied_asymptote_s=tied_s,
+        )
+
+    def latency_s(self, speed_mm_s: FloatArray, extrapolate: bool = False) -> FloatArray:
+        """L(v), s, same shape. Outside the measured range the value at its end, unless ``extrapolate``.
+
+        Of the effects a low-speed plateau is part of the law; the others say nothing about speed alone.
+        """
+        speed = np.asarray(speed_mm_s, float)
+        for effect in self.effects:
+            if effect.id == "low_speed_plateau" and effect.parameters:
+                speed = np.maximum(speed, next(iter(effect.parameters.values())))
+        if not extrapolate:
+            speed = np.clip(speed, *self.speed_range_mm_s)
+        return self.curve.predict_s(speed)
+
+    @property
+    def not_compensated(self) -> tuple[str, ...]:
+        """Ids of effects that the model names but a law of speed cannot undo."""
+        return tuple(effect.id for effect in self.effects if effect.id != "low_speed_plateau")
+
+
+def model_of(
+    curve: CurveFit,
+    provenance: Provenance | None = None,
+    effects: Sequence[tuple[str, Mapping[str, float]]] = (),
+) -> LatencyModel:
+    """The model of a fitted curve."""
+    return LatencyModel(
+        form=curve.form,
+        parameters=dict(curve.parameters),
+        covariance=tuple(tuple(float(v) for v in row) for row in curve.covariance),
+        speed_range_mm_s=curve.speed_range_mm_s,
+        n_points=curve.n_points,
+        rms_ms=1e3 * curve.rms_s,
+        between_runs_ms=1e3 * curve.between_runs_s,
+        tied_asymptote_ms=None if curve.tied_asymptote_s is None else 1e3 * curve.tied_asymptote_s,
+        effects=tuple(ModelEffect(id=name, parameters=dict(numbers)) for name, numbers in effects),
+        provenance=provenance or Provenance(software=f"draglag {draglag.__version__}"),
+    )
+
+
+def save_model(model: LatencyModel, path: Path | str) -> None:
+    """Write a model as JSON. Raises DataError where the file exists or cannot be written."""
+    path = Path(path)
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False) + "\n")
+    except FileExistsError:
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name") from None
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+
+
+def load_model(path: Path | str) -> LatencyModel:
+    """Read a model. Raises DataError, naming what is wrong with the file."""
+    path = Path(path)
+    try:
+        if path.stat().st_size > LONGEST_FILE:
+            raise DataError(f"{path}: too large for a latency model", "Give a file made by analyze --save-model")
+        raw: Any = json.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the name and the rights") from error
+    except (ValueError, RecursionError):
+        raise DataError(f"{path}: is not JSON", "Give a file made by analyze --save-model") from None
+    if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version") != VERSION:
+        raise DataError(f"{path}: model version {raw.get('version')!r} is not known here", "Update draglag")
+    try:
+        return LatencyModel.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        what = first["msg"].removeprefix("Value error, ")
+        raise DataError(
+            f"{path}: not a latency model: {place + ': ' if place else ''}{what[:1].lower()}{what[1:]}",
+            "Give a file made by analyze --save-model",
+        ) from None
+
+
+def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
+    """The model over its measured range as columns (n,): speed_mm_s, latency_s, low_s, high_s (95 % band)."""
+    low, high = model.speed_range_mm_s
+    speed = np.unique(np.geomspace(max(low, 1e-3), max(high, 2e-3), n))
+    band = model.curve.band_s(speed)
+    return {"speed_mm_s": speed, "latency_s": model.latency_s(speed), "low_s": band[0], "high_s": band[1]}
+
+
+def save_lookup(model: LatencyModel, path: Path | str) -> None:
+    """Write the table as .csv, or as .mat for MATLAB and Simulink's 1-D lookup block (breakpoints, table).
+
+    Raises DataError for another ending, an existing file, or one that cannot be written.
+    """
+    path = Path(path)
+    if path.suffix not in (".csv", ".mat"):
+        raise DataError(f"{path}: the ending says neither CSV nor MATLAB", "Name it .csv or .mat")
+    if path.exists():
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+    columns = lookup_table(model)
+    try:
+        if path.suffix == ".csv":
+            rows = np.column_stack(list(columns.values()))
+            np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+        else:
+            from scipy.io import savemat
+
+            content = {**columns, "form": model.form, "parameters": dict(model.parameters)}
+            savemat(path, content, oned_as="column")
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error

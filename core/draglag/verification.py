@@ -1,0 +1,149 @@
+"""The paper's sanity checks (Section II.C, III.B–C): tap against asymptote, stylus width, clock drift."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from draglag.curve import CurveFit
+from draglag.latency import RunEstimate
+from draglag.recording import Session
+from draglag.taps import TapSummary
+
+MARGIN_S = 0.003  # the mean least noticeable drag latency is 6 ms (the paper, Section I): half of it
+DRIFT_LIMIT_MS_PER_MIN = 1.0  # what the paper demands of a clock
+
+
+@dataclass(frozen=True)
+class AsymptoteCheck:
+    """Median tap against the curve's asymptote a7: difference tap − a7 with its 95 % interval, and equivalence.
+
+    ``equivalent``: both one-sided tests at 5 % exclude a difference of ``margin_s`` or more (TOST).
+    """
+
+    kind: str
+    difference_s: float
+    ci95_s: tuple[float, float]
+    margin_s: float
+    p_value: float
+
+    @property
+    def equivalent(self) -> bool:
+        return self.p_value < 0.05
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "taps": self.kind,
+            "difference_ms": 1e3 * self.difference_s,
+            "difference_ci95_ms": [1e3 * v for v in self.ci95_s],
+            "margin_ms": 1e3 * self.margin_s,
+            "p_value": self.p_value,
+            "equivalent": self.equivalent,
+        }
+
+
+def asymptote_check(
+    curve: CurveFit, taps: Mapping[str, TapSummary], margin_s: float = MARGIN_S
+) -> list[AsymptoteCheck]:
+    """One check a kind of tap; none where the curve has no asymptote or it was tied to the taps."""
+    if "a7_ms" not in curve.parameters or curve.tied_asymptote_s is not None:
+        return []
+    asymptote_s = 1e-3 * curve.parameters["a7_ms"]
+    asymptote_se = 1e-3 * curve.standard_errors["a7_ms"]
+    out = []
+    for kind, summary in taps.items():
+        # The median's interval by ranks is nearly normal for the 100 taps of a session.
+        tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / (2 * 1.96)
+        se = max(float(np.hypot(tap_se, asymptote_se)), 1e-9)
+        difference = summary.median_s - asymptote_s
+        p_value = float(norm.sf((margin_s - abs(difference)) / se))
+        out.append(
+            AsymptoteCheck(kind, difference, (difference - 1.96 * se, difference + 1.96 * se), margin_s, p_value)
+        )
+    return out
+
+
+@dataclass(frozen=True)
+class WidthCheck:
+    """Stylus width by Eq. 3 over all runs, weighted, against the known diameter."""
+
+    n: int
+    mean_mm: float
+    ci95_mm: tuple[float, float]
+    known_mm: float
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "n": self.n,
+            "mean_mm": self.mean_mm,
+            "mean_ci95_mm": list(self.ci95_mm),
+            "known_mm": self.known_mm,
+            "difference_mm": self.mean_mm - self.known_mm,
+        }
+
+
+def width_check(runs: Sequence[RunEstimate], known_mm: float) -> WidthCheck | None:
+    """Mean width of the runs that have one, with the interval that their scatter gives; None with fewer than two."""
+    widths = np.array([run.stylus_diameter_mm for run in runs if run.stylus_diameter_mm is not None], float)
+    widths = widths[np.isfinite(widths)]
+    if widths.size < 2:
+        return None
+    mean, half = float(widths.mean()), 1.96 * float(widths.std(ddof=1) / np.sqrt(widths.size))
+    return WidthCheck(int(widths.size), mean, (mean - half, mean + half), known_mm)
+
+
+@dataclass(frozen=True)
+class ClockDrift:
+    """How a device's clock runs against the host's, by the comparisons of the whole session."""
+
+    stream: str
+    ppm: float
+    se_ppm: float
+    residual_ms: float
+    span_s: float
+
+    @property
+    def ms_per_minute(self) -> float:
+        return 60e-3 * self.ppm
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "stream": self.stream,
+            "drift_ppm": self.ppm,
+            "drift_se_ppm": self.se_ppm,
+            "ms_per_minute": self.ms_per_minute,
+            "residual_ms": self.residual_ms,
+            "span_s": self.span_s,
+            "within_1_ms_per_minute": abs(self.ms_per_minute) <= DRIFT_LIMIT_MS_PER_MIN,
+        }
+
+
+def clock_drifts(session: Session) -> list[ClockDrift]:
+    """Drift of every device clock that was compared with the host's, over its longest epoch."""
+    bounds = list(session.clocks) + [bound for run in session.runs for bound in run.sync]
+    out = []
+    for stream in dict.fromkeys(bound.stream for bound in bounds):
+        same = [bound for bound in bounds if bound.stream == stream]
+        device = np.concatenate([b.device_s for b in same])
+        low, high = (np.concatenate([getattr(b, name) for b in same]) for name in ("host_min_s", "host_max_s"))
+        epoch = np.concatenate(
+            [b.epoch if b.epoch.size == b.device_s.size else np.zeros(b.device_s.size) for b in same]
+        )
+        good = np.isfinite(device) & np.isfinite(low) & np.isfinite(high)
+        if not good.any():
+            continue
+        values, counts = np.unique(epoch[good], return_counts=True)
+        good &= epoch == values[np.argmax(counts)]
+        t_s, late_s = device[good], 0.5 * (low + high)[good] - device[good]
+        if t_s.size < 3 or np.ptp(t_s) <= 0:
+            continue
+        centred = t_s - t_s.mean()
+        slope = float(centred @ (late_s - late_s.mean()) / (centred @ centred))
+        residual = late_s - late_s.mean() - slope * centred
+        se = float(np.sqrt(residual @ residual / max(t_s.size - 2, 1) / (centred @ centred)))
+        # The host's clock gains on the device's where the device runs slow.
+        out.append(ClockDrift(stream, -1e6 * slope, 1e6 * se, 1e3 * float(residual.std()), float(np.ptp(t_s))))
+    return out
