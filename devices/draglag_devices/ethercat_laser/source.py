@@ -80,8 +80,10 @@ class EthercatLaser:
         patience_s = time.monotonic() + _OPEN_PATIENCE_S
         try:
             while time.monotonic() < patience_s:
-                for message in self._messages(0.5):
+                messages = self._messages(0.5)
+                for message in messages:
                     self._take(message, self._early)
+                for message in messages:
                     if message["m"] == "ready":
                         return self._describe(message)
             raise DeviceError(self.address, "the EtherCAT bus did not get ready", "switch the coupler off and on")

@@ -1,0 +1,87 @@
+"""What the tests of the EtherCAT laser share: a segment to try it on, and a record of what the source told."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from emulators.ethercat import Segment
+
+from draglag.recording import ClockBounds, LaserTrace, concatenate
+from draglag_devices.addresses import open_source
+from draglag_devices.source import Notice
+
+# Long enough for any machine: a test that waits this long has failed.
+PATIENCE_S = 30.0
+
+
+class Recording:
+    """An open source that is read until something is true."""
+
+    def __init__(self, segment: Segment, options: str = "?channel=1") -> None:
+        self.segment = segment
+        self.source: Any = open_source(f"ethercat:{segment.iface}{options}", "laser")
+        self.info = self.source.open()
+        self.zero_ns = int(self.info.details["device_zero_ns"])
+        self.lasers: list[LaserTrace] = []
+        self.clocks: list[ClockBounds] = []
+        self.notices: list[Notice] = []
+        self.until_s = 0.0
+        self.alive = True
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.source.close()
+
+    def read_until(self, reached: Callable[[], bool]) -> None:
+        """Read batches until the condition holds; fails after PATIENCE_S."""
+        give_up = time.monotonic() + PATIENCE_S
+        while not reached():
+            assert time.monotonic() < give_up, f"never happened; notices so far: {self.texts}"
+            batch = self.source.read(0.1)
+            if batch.laser is not None:
+                self.lasers.append(batch.laser)
+            if batch.clock is not None:
+                self.clocks.append(batch.clock)
+            self.notices.extend(batch.notices)
+            self.until_s = max(self.until_s, batch.until_s)
+            self.alive = batch.alive
+
+    def read_past(self, t_ns: int) -> None:
+        """Read until everything before this host time has been reported by a living source."""
+        self.read_until(lambda: self.alive and self.until_s > t_ns * 1e-9)
+
+    @property
+    def texts(self) -> list[str]:
+        return [notice.text for notice in self.notices]
+
+    @property
+    def laser(self) -> LaserTrace:
+        if self.lasers:
+            return concatenate(self.lasers)
+        none = np.empty(0)
+        return LaserTrace(none, np.empty(0, np.int64), none, np.empty(0, np.int64))
+
+    def stamps_ns(self) -> list[int]:
+        """The device's stamps, ns since 2000."""
+        return [round(t_s * 1e9) + self.zero_ns for t_s in self.laser.device_t_s]
+
+    def true_edges(self, channel: int = 1) -> list[list[int]]:
+        """[host ns, channel, level, stamp ns] of the edges that really happened."""
+        return [edge for edge in self.segment.order("log")["edges"] if edge[1] == channel]
+
+
+def blink(count: int, period_ns: int, dark_ns: int, first_ns: int, channel: int = 1) -> list[tuple[int, int, int]]:
+    """(ns, channel, level): light that comes for ``dark_ns`` every ``period_ns``."""
+    return [(first_ns + k * period_ns + (0 if level else dark_ns), channel, level)
+            for k in range(count) for level in (1, 0)]  # fmt: skip
+
+
+def segment_name(prefix: str) -> str:
+    """Unique to this process, so that test runs beside each other do not collide."""
+    return f"{prefix}{os.getpid() % 100000}"
