@@ -183,6 +183,17 @@ def test_a_run_that_cannot_be_estimated_is_null_in_the_json_and_named_for_people
     assert "run-03: no latency" in run("analyze", tmp_path / "in").stdout
 
 
+def test_a_session_without_any_latency_is_one_sentence_and_exit_1(tmp_path: Path) -> None:
+    shutil.copytree(SAMPLES / "none-A", tmp_path / "in")
+    for file in (tmp_path / "in").glob("run-*.laser.csv.gz"):
+        file.unlink()
+    result = run("analyze", tmp_path / "in", "--json")
+    assert result.exit_code == 1
+    assert all(row["latency_ms"] is None for row in json.loads(result.stdout)["runs"])
+    (sentence,) = [line for line in result.stderr.splitlines() if line.startswith("draglag: ")]
+    assert "none of 13 runs gave a latency (few edges" in sentence
+
+
 def test_results_are_kept_only_when_asked(tmp_path: Path, session_file: Path) -> None:
     path = tmp_path / "s.h5"
     shutil.copy(session_file, path)

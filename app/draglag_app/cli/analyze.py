@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,8 @@ import click
 from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
 from draglag.curve import FORMS
-from draglag.errors import DataError
-from draglag_app.cli.common import json_option, load_session, number, print_json, progress, session_argument, table
+from draglag.errors import DataError, EstimateError
+from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, session_argument, table
 
 
 @click.command("analyze")
@@ -35,6 +36,16 @@ from draglag_app.cli.common import json_option, load_session, number, print_json
     "--form", type=click.Choice(["best", *FORMS]), default="best", show_default=True, help="Shape of the curve."
 )
 @click.option("--tie-asymptote", is_flag=True, help="Hold the asymptote at the median release tap.")
+@click.option(
+    "--window-ms",
+    "window_ms",
+    nargs=2,
+    type=click.FloatRange(-2000, 5000),
+    metavar="FROM TO",
+    help="Latencies to search. Default: 0 400.",
+)
+@click.option("--exclude", multiple=True, metavar="RUN[=WHY]", help="Leave a run out of the curve; may be repeated.")
+@click.option("--save-model", type=click.Path(path_type=Path), metavar="FILE.json", help="Write the curve as a model.")
 @click.option("--save", is_flag=True, help="Store the result in the session file, beside the raw data.")
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Also write report.html and figures.")
 @json_option
@@ -44,6 +55,9 @@ def analyze(
     update_rate_hz: float | None,
     form: str,
     tie_asymptote: bool,
+    window_ms: tuple[float, float] | None,
+    exclude: tuple[str, ...],
+    save_model: Path | None,
     save: bool,
     report: Path | None,
     as_json: bool,
@@ -56,14 +70,28 @@ def analyze(
         draglag analyze session.h5
         draglag analyze session.h5 --estimator paper --update-rate 100 --json
         draglag analyze session.h5 --save --report report
+        draglag analyze session.h5 --window-ms 0 600 --save-model model.json
     """
     if save and not session.is_file():
         raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
     if report is not None and (report / "report.html").exists():
         raise DataError(f"{report / 'report.html'}: exists already and is not overwritten", "Choose another folder")
+    if window_ms and not window_ms[0] < window_ms[1]:
+        raise click.UsageError("--window-ms runs from a smaller to a larger latency.")
+    if save_model is not None:
+        refuse_existing(save_model)
     data = load_session(session)
+    left_out = {name: why or "left out by hand" for name, _, why in (text.partition("=") for text in exclude)}
+    unknown = sorted(set(left_out) - {run.id for run in data.runs})
+    if unknown:
+        raise DataError(f"{session}: there is no run {unknown[0]!r} to leave out", "See draglag analyze for the ids")
     options = AnalysisOptions(
-        estimator=estimator, update_rate_hz=update_rate_hz, form=form, tie_asymptote=tie_asymptote
+        estimator=estimator,
+        update_rate_hz=update_rate_hz,
+        window_s=(1e-3 * window_ms[0], 1e-3 * window_ms[1]) if window_ms else WINDOW_S,
+        form=form,
+        tie_asymptote=tie_asymptote,
+        exclude=left_out,
     )
     with progress("Analysing") as tell:
         analysis = analyze_session(data, options, tell)
@@ -77,8 +105,11 @@ def analyze(
             "form": form,
             "tie_asymptote": tie_asymptote,
             "window_s": list(options.window_s),
+            "exclude": left_out,
         }
         add_analysis(session, result, asked, datetime.now(UTC).isoformat(timespec="seconds"))
+    if save_model is not None:
+        _save_model(save_model, session, data, analysis)
     if report is not None:
         from draglag.report import write_report
 
@@ -87,6 +118,33 @@ def analyze(
         print_json(result)
     else:
         click.echo("\n\n".join(summary(analysis, result)))
+    if analysis.runs and all(run.latency_s is None for run in analysis.runs):
+        why = ", ".join(dict.fromkeys(flag.replace("_", " ") for run in analysis.runs for flag in run.flags))
+        raise EstimateError(
+            f"{session}: none of {len(analysis.runs)} runs gave a latency ({why})",
+            "Check that the laser sees the stylus cross the beam, and record again",
+        )
+
+
+def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> None:
+    import draglag
+    from draglag.model_file import Provenance, model_of, save_model
+
+    if analysis.curve is None:
+        raise DataError(f"{source}: there is no curve to save", "See the verdict on its runs")
+    rate = analysis.options.update_rate_hz
+    checksum = hashlib.sha256(source.read_bytes()).hexdigest() if source.is_file() else ""
+    provenance = Provenance(
+        session=data.name,
+        screen=data.screen.name,
+        estimator=analysis.options.estimator,
+        stamps="kernel" if rate is None else f"last event held at {rate:g} Hz",
+        runs=tuple(run.id for run in analysis.runs if run.latency_s is not None),
+        input_sha256=checksum,
+        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        software=f"draglag {draglag.__version__}",
+    )
+    save_model(model_of(analysis.curve, provenance), path)
 
 
 def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
@@ -105,6 +163,9 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
     ]
     if taps:
         blocks.append("Taps, median\n" + "\n".join(f"  {line}" for line in taps))
+    checks = _verification(result["verification"])
+    if checks:
+        blocks.append("Checks\n" + "\n".join(f"  {line}" for line in checks))
     if result["validation"]:
         blocks.append(_validation(result["validation"]))
     if analysis.problems:
@@ -141,6 +202,26 @@ def _curve(curve: dict[str, Any]) -> str:
         f"  {parameters}",
     ]
     return "\n".join(lines)
+
+
+def _verification(found: dict[str, Any]) -> list[str]:
+    lines = []
+    for check in found["asymptote"]:
+        low, high = check["difference_ci95_ms"]
+        verdict = "equivalent" if check["equivalent"] else "not shown to be equivalent"
+        lines.append(
+            f"{check['taps']} tap minus asymptote a7: {check['difference_ms']:.2f} ms ({low:.2f} to {high:.2f}), "
+            f"{verdict} within ±{check['margin_ms']:g} ms"
+        )
+    if (width := found["stylus_width"]) is not None:
+        low, high = width["mean_ci95_mm"]
+        lines.append(f"stylus {width['mean_mm']:.2f} mm ({low:.2f} to {high:.2f}), known {width['known_mm']:g} mm")
+    for drift in found["clocks"]:
+        lines.append(
+            f"{drift['stream']} clock against host: {drift['drift_ppm']:.2f} ppm, "
+            f"{drift['ms_per_minute']:.3f} ms a minute (the paper's limit: 1)"
+        )
+    return lines
 
 
 def _validation(rows: list[dict[str, Any]]) -> str:
