@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import locale
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -13,11 +12,12 @@ from types import TracebackType
 from typing import cast
 
 from platformdirs import user_log_path
-from PySide6.QtCore import QCoreApplication, QTranslator
+from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QIcon, QPixmap
 from PySide6.QtWidgets import QApplication
 
 from draglag.errors import DraglagError
+from draglag_app.windows.i18n import use_language
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.theme import apply_theme
 from draglag_resources import resource
@@ -30,7 +30,7 @@ def make_application(arguments: Sequence[str], settings: Settings | None = None)
     application.setApplicationName("draglag")
     application.setDesktopFileName("draglag")
     settings = settings or Settings()
-    translate(application, settings.language)
+    use_language(application, settings.language)
     apply_theme(application, settings.theme, settings.text_scale)
     icon = resource("icons", "draglag.svg")
     if icon.is_file():
@@ -39,18 +39,6 @@ def make_application(arguments: Sequence[str], settings: Settings | None = None)
         if not pixmap.isNull():
             application.setWindowIcon(QIcon(pixmap))
     return application
-
-
-def translate(application: QApplication, language: str) -> None:
-    """Use that language; "system" takes the desktop's, English where there is no translation."""
-    if language == "system":
-        language = (locale.getlocale()[0] or "en")[:2]
-    file = resource("translations", f"draglag_{language}.qm")
-    if language == "en" or not file.is_file():
-        return
-    translator = QTranslator(application)
-    if translator.load(file.read_bytes()):
-        application.installTranslator(translator)
 
 
 def install_excepthook(tell: Callable[[str], None]) -> None:

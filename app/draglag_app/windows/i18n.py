@@ -1,8 +1,14 @@
-"""Texts to be translated. The names are those that lupdate looks for."""
+"""Texts in the operator's language: one TOML file a language, English text → translation, whatever the context."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QCoreApplication
+import locale
+import tomllib
+from collections.abc import Mapping
+
+from PySide6.QtCore import QCoreApplication, QObject, QTranslator
+
+from draglag_resources import resource
 
 
 def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
@@ -13,3 +19,43 @@ def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
 def translate(context: str, text: str) -> str:
     """The text in the operator's language."""
     return QCoreApplication.translate(context, text)
+
+
+class TableTranslator(QTranslator):
+    """Translates by a table; what is not in it stays English."""
+
+    def __init__(self, table: Mapping[str, str], parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._table = table
+
+    def isEmpty(self) -> bool:
+        return not self._table
+
+    def translate(self, context: str, sourceText: str, disambiguation: str | None = None, n: int = -1) -> str:
+        # An empty answer means: no translation.
+        return self._table.get(sourceText, "")
+
+
+def language_of(setting: str) -> str:
+    """The language a setting means: "system" is the desktop's, English where there is no translation."""
+    if setting == "system":
+        setting = (locale.getlocale()[0] or "en")[:2]
+    return setting if resource("translations", f"{setting}.toml").is_file() else "en"
+
+
+def table_of(language: str) -> dict[str, str]:
+    """English text → translation; empty for English."""
+    file = resource("translations", f"{language}.toml")
+    if not file.is_file():
+        return {}
+    return {str(key): str(value) for key, value in tomllib.loads(file.read_text("utf-8")).items()}
+
+
+def use_language(application: QCoreApplication, setting: str) -> None:
+    """Let the application speak that language from now on; what is shown already stays as it is."""
+    for old in application.findChildren(TableTranslator):
+        application.removeTranslator(old)
+        old.deleteLater()
+    table = table_of(language_of(setting))
+    if table:
+        application.installTranslator(TableTranslator(table, application))

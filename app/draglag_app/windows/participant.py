@@ -14,9 +14,16 @@ from PySide6.QtWidgets import QWidget
 
 from draglag.recording import DisplayTrace, Screen
 from draglag.targets import Tap, Target
+from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
 
 BACKGROUND, TARGET, PRACTICE, INK = "#0e1116", "#56b4e9", "#e69f00", "#f2f5f8"
 TARGET_MM = 14.0
+DONE = QT_TRANSLATE_NOOP("Participant", "Done. Lift the stylus.")
+SESSION_PROMPTS = (
+    QT_TRANSLATE_NOOP("Participant", "Rest"),
+    QT_TRANSLATE_NOOP("Participant", "Comparing clocks: leave the screen alone"),
+)
+"""What the session itself says."""
 # A contact that has been gone for longer than this is lost, not lifted by a bump.
 LOST_AFTER_S = 0.35
 
@@ -113,7 +120,7 @@ class ParticipantWindow(QWidget):
         self._timer.stop()
         self._target = None
         self._contact_lost = False
-        self._prompt = QCoreApplication.translate("Participant", "Done. Lift the stylus.")
+        self._prompt = DONE
         self._refresh()
 
     def set_prompt(self, text: str) -> None:
@@ -225,11 +232,11 @@ class ParticipantWindow(QWidget):
         """Prompt above, explanation below; both change seldom, so that the target can be repainted alone."""
         say = QCoreApplication.translate
         if self._target is None:
-            return self._prompt
+            return say("Participant", self._prompt) if self._prompt else ""
         practice = say("Participant", "Practice. ") if self._practice else ""
         before_s = self._start_s - self._clock()
         if isinstance(self._target, Tap):
-            return practice + self._prompt
+            return practice + say("Participant", "Tap the spot {n} times").format(n=self._target.count)
         if before_s > 0:
             begin = say("Participant", "Touch the circle to begin")
             return f"{practice}{begin}\n{math.ceil(before_s)}"

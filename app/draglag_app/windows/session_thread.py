@@ -14,6 +14,7 @@ from draglag.protocols import PlannedRun, Protocol, expand
 from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.i18n import translate
 from draglag_app.windows.participant import LOST_AFTER_S, ParticipantWindow
 from draglag_app.windows.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
 from draglag_devices.rig import Rig
@@ -147,7 +148,11 @@ class Recording(QObject):
 
 def display_choices() -> list[tuple[str, str]]:
     """(value, words) of where the participant can look."""
-    rows = [("window", "In a window"), ("offscreen", "Nowhere (no participant)")]
+    rows = [
+        ("window", translate("Bench", "In a window")),
+        ("offscreen", translate("Bench", "Nowhere (no participant)")),
+    ]
     for k, screen in enumerate(QGuiApplication.screens(), 1):
-        rows.append((f"screen {k}", f"Screen {k}: {screen.name()} {screen.size().width()}×{screen.size().height()}"))
+        words = translate("Bench", "Screen {k}: {name}").format(k=k, name=screen.name())
+        rows.append((f"screen {k}", f"{words} {screen.size().width()}×{screen.size().height()}"))
     return rows

@@ -40,7 +40,7 @@ def outcome_name(outcome: str) -> str:
 
 
 def form_name(form: str) -> str:
-    return FORMS[form].title if form in FORMS else form
+    return say(FORMS[form].title) if form in FORMS else form
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -73,12 +73,12 @@ def verdict(estimate: RunEstimate) -> tuple[str, str]:
 
 
 def flag_name(flag: str) -> str:
-    return flag.replace("_", " ")
+    return say(flag.replace("_", " "))
 
 
 def flag_meanings(flags: tuple[str, ...]) -> str:
     """What the flags mean, a line each."""
-    return "\n".join(f"{flag_name(flag)}: {MEANING.get(flag, flag)}" for flag in flags)
+    return "\n".join(f"{flag_name(flag)}: {say(MEANING.get(flag, flag))}" for flag in flags)
 
 
 def size(n_bytes: float) -> str:

@@ -146,9 +146,9 @@ class TestWords:
         assert len(colours - {BACKGROUND}) > 1
 
     def test_tap_target_keeps_its_prompt(self, window: ParticipantWindow, clock: Clock) -> None:
-        window.set_prompt("Tap the spot 10 times")
+        window.set_prompt("Tap")
         window.show_target(Tap(100, 50, 10), clock.now_s)
-        assert "Tap the spot" in window._present_words()
+        assert "Tap the spot 10 times" in window._present_words()
 
 
 class TestHands:

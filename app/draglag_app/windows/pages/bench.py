@@ -129,7 +129,7 @@ class BenchPage(QWidget):
         row.addWidget(label(self.tr("Participant sees the target")))
         self.display = QComboBox()
         for value, text in display_choices():
-            self.display.addItem(self.tr(text), value)
+            self.display.addItem(text, value)
         self.display.activated.connect(self._display_chosen)
         row.addWidget(self.display)
         self.fast = QCheckBox(self.tr("Simulated time, as fast as possible"))

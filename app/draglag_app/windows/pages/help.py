@@ -7,6 +7,7 @@ from PySide6.QtGui import QTextBlockFormat, QTextCursor, QTextDocument
 from PySide6.QtWidgets import QHBoxLayout, QTextBrowser, QWidget
 
 from draglag_app.windows.actions import key_list
+from draglag_app.windows.i18n import language_of
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import resource
 
@@ -33,7 +34,7 @@ class HelpPage(QWidget):
 
     def restyle_plots(self) -> None:
         """Set the text anew, in the present theme."""
-        self.manual.setMarkdown(manual_text(self._space.settings.language))
+        self.manual.setMarkdown(manual_text(language_of(self._space.settings.language)))
         _give_air(self.manual.document())
         rows = "".join(
             f"<tr><td style='padding:5px 14px 5px 0'><b>{keys}</b></td><td style='padding:5px 0'>{what}</td></tr>"
