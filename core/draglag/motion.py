@@ -93,7 +93,7 @@ class LocalFit:
         gain: (m,) variance of a fitted position in units of the variance of one event.
         v_gain: (m,) the same for a velocity component, per s².
         first: (m,) index of the first event in each window.
-        weights: (m, w) what each event of the window contributes to the position; zero outside it.
+        weights, v_weights: (m, w) what each event of the window contributes to the position and to the velocity.
         ok: (m,) enough events, and on both sides.
     """
 
@@ -105,6 +105,7 @@ class LocalFit:
     v_gain: FloatArray
     first: IntArray
     weights: FloatArray
+    v_weights: FloatArray
     ok: np.ndarray
 
     @property
@@ -157,6 +158,7 @@ def local_fit(
         np.einsum("mw,mw->m", v_weights, v_weights),
         first.astype(np.int64),
         weights,
+        v_weights,
         ok,
     )
 
@@ -233,20 +235,25 @@ def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
     return np.minimum(np.abs(left), np.abs(right)) <= reach_s
 
 
-def speed_half_widths_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray) -> FloatArray:
-    """Half width for a speed that a latency law is to be evaluated at, (m,) s: as wide as the path's turning allows.
+def speed_half_widths_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:
+    """Half width for a speed that a latency law is to be evaluated at, (m,) s.
 
-    A law falls by up to 2 ms per mm/s, so noise of the speed turns into noise of the latency. A local cubic's velocity
-    is unbiased up to the fifth derivative; on a path that turns at ω rad/s, ω · h = 1.2 keeps its error below 1 %.
+    A law falls by up to 2 ms per mm/s, so noise of the speed turns into noise of the latency and the window should be
+    wide, but no wider than the motion allows: the widest whose velocity agrees with those of all narrower ones within
+    their noise (Lepski's rule).
     """
-    dt_s = sample_interval_s(t_s)
-    fit = local_fit(t_s, xy_mm, at_s, max(0.09, 6.5 * dt_s))
-    cross = fit.v_mm_s[:, 0] * fit.a_mm_s2[:, 1] - fit.v_mm_s[:, 1] * fit.a_mm_s2[:, 0]
-    turning = np.hypot(cross / np.maximum(fit.speed_mm_s, 1) ** 2, 0.0)
-    along = np.abs(np.einsum("mk,mk->m", fit.v_mm_s, fit.a_mm_s2)) / np.maximum(fit.speed_mm_s, 1) ** 2
-    rate = np.where(fit.ok, np.maximum(turning, 0.6 * along), np.nan)
-    # Neighbouring edges see the same movement; the median over five quietens the acceleration's noise.
-    padded = np.pad(rate, 2, mode="edge") if rate.size else np.empty(4)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 5)[: rate.size] if rate.size else np.empty((0, 5))
-    quiet = np.array([np.nanmedian(row) if np.isfinite(row).any() else 5.0 for row in windows])
-    return np.clip(1.2 / np.maximum(quiet, 1e-3), max(0.05, 4.5 * dt_s), 0.25)
+    narrowest = max(0.04, 4.5 * sample_interval_s(t_s))
+    widths = [w for w in (0.25, 0.18, 0.13, 0.095, 0.07, 0.05) if w > narrowest] + [narrowest]
+    fits = [local_fit(t_s, xy_mm, at_s, w) for w in widths]
+    out = np.full(at_s.shape, narrowest)
+    undecided = np.ones(at_s.shape, bool)
+    for k, wide in enumerate(fits[:-1]):
+        agrees = wide.ok.copy()
+        for narrow in fits[k + 1 :]:
+            difference = np.sum((wide.v_mm_s - narrow.v_mm_s) ** 2, axis=1)
+            expected = 2 * noise_mm**2 * np.maximum(narrow.v_gain - wide.v_gain, 0.1 * narrow.v_gain)
+            agrees &= ~narrow.ok | (difference <= 6.0 * expected)  # one in 400 by chance
+        chosen = undecided & agrees
+        out[chosen] = widths[k]
+        undecided &= ~chosen
+    return out

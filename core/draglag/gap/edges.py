@@ -1,0 +1,220 @@
+"""Every usable edge of a session, with the stylus' motion at it under a given latency law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.compensation import stylus_speed, stylus_time_s
+from draglag.errors import EstimateError
+from draglag.latency.estimate import RunEstimate, estimate_run, prepare
+from draglag.motion import (
+    LocalFit,
+    best_half_width_s,
+    contact_losses,
+    in_contact,
+    local_fit,
+    sample_interval_s,
+    speed_half_widths_s,
+)
+from draglag.recording import FloatArray, IntArray, Run, Session
+
+Law = Callable[[FloatArray], FloatArray]
+FEWEST = 6  # edges a run must give to count
+
+
+@dataclass(frozen=True)
+class RunData:
+    """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise."""
+
+    run: Run
+    t_s: FloatArray
+    xy_mm: FloatArray
+    edge_t_s: FloatArray
+    falling: np.ndarray
+    half_s: float
+    speed_half_s: FloatArray
+    noise_mm: float
+    estimate: RunEstimate | None
+    guess_s: FloatArray
+
+    @property
+    def steady(self) -> bool:
+        return self.estimate is not None
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Edges (m,) of all runs, placed on the touch trace by a law.
+
+    Attributes:
+        run: index into the runs. t_s: laser time. since_start_s: since the session's first event; in_run_s: since the
+        run's. falling: light→dark. latency_s: L at the edge. speed_mm_s: the stylus' own speed.
+        xy_mm, v_mm_s, a_mm_s2: (m, 2) shown by the trace at t + L. accel_mm_s2: along the motion, in own time.
+        accel_apart_mm_s2: the same from events that the position did not use, so that their noise is not shared.
+        slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
+        stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
+        ok: placed well enough to judge by.
+    """
+
+    run: IntArray
+    t_s: FloatArray
+    since_start_s: FloatArray
+    in_run_s: FloatArray
+    falling: np.ndarray
+    latency_s: FloatArray
+    speed_mm_s: FloatArray
+    xy_mm: FloatArray
+    v_mm_s: FloatArray
+    a_mm_s2: FloatArray
+    accel_mm_s2: FloatArray
+    accel_apart_mm_s2: FloatArray
+    slope_s2_mm: FloatArray
+    uneven_mm_s: FloatArray
+    stretch: FloatArray
+    ok: np.ndarray
+    speed_half_s: FloatArray
+    position_fit: tuple[LocalFit, ...]
+    speed_fit: tuple[LocalFit, ...]
+
+    def __len__(self) -> int:
+        return int(self.t_s.size)
+
+
+def gather(session: Session) -> tuple[RunData, ...]:
+    """Runs with enough usable edges, de-chattered, outliers of steady runs removed."""
+    out = []
+    for run in session.runs:
+        try:
+            ready = prepare(run, session.stylus.diameter_mm)
+        except EstimateError:
+            continue
+        edges, estimate = ready.edges, None
+        if edges.t_s.size < FEWEST:
+            continue
+        if run.protocol in ("circle", "free"):
+            estimate = estimate_run(run, session.stylus.diameter_mm, window_s=(-0.15, 0.45))
+            if estimate.latency_s is None or estimate.alignment is None:
+                continue
+            keep = np.isin(edges.t_s, estimate.alignment.edge_t_s)
+            edges = edges.take(keep)
+        if edges.t_s.size < FEWEST:
+            continue
+        xy_mm = ready.xy_mm
+        guess = 0.06 if estimate is None or estimate.latency_s is None else estimate.latency_s
+        half_s, noise_mm = best_half_width_s(ready.touch.t_s, xy_mm[:, 1:], edges.t_s + guess)
+        if not np.isfinite(noise_mm):
+            continue
+        if estimate is None:
+            half_s = min(half_s, max(0.05, 4.5 * ready.dt_s))
+        elif run.radius_mm and estimate.speed_mm_s:
+            # A cubic over ω h = 0.85 rad of a circle is true to 0.2 % of the way off its centre line.
+            half_s = min(half_s, max(0.85 * run.radius_mm / estimate.speed_mm_s, 4.5 * ready.dt_s))
+        guess_s = np.full(edges.t_s.size, guess)
+        wide = speed_half_widths_s(ready.touch.t_s, xy_mm, edges.t_s + guess_s, noise_mm)
+        out.append(
+            RunData(run, ready.touch.t_s, xy_mm, edges.t_s, edges.falling, half_s, wide, noise_mm, estimate, guess_s)
+        )
+    return tuple(out)
+
+
+def place(
+    runs: tuple[RunData, ...], law: Law, extra_s: FloatArray | None = None, start: Placed | None = None
+) -> Placed:
+    """Solve L = law(v) + extra at every edge. extra_s: (m,) from effects. start: a previous placing to begin from."""
+    parts: list[dict[str, np.ndarray]] = []
+    position_fits, speed_fits = [], []
+    origin_s = min(run.t_s[0] for run in runs)
+    offset = 0
+    for k, data in enumerate(runs):
+        m = data.edge_t_s.size
+        own = slice(offset, offset + m)
+        offset += m
+        added = 0.0 if extra_s is None else extra_s[own]
+        if start is not None:
+            latency = start.latency_s[own].copy()
+        elif data.steady:
+            latency = data.guess_s.copy()
+        else:
+            # The trace in the stylus' own time: from one constant latency a bell-shaped movement finds wrong roots.
+            own_s = stylus_time_s(data.t_s, data.xy_mm, data.t_s, law, max(0.05, 4.5 * sample_interval_s(data.t_s)))
+            forwards = np.append(np.diff(own_s) > 0, True)
+            latency = np.interp(data.edge_t_s, own_s[forwards], data.t_s[forwards]) - data.edge_t_s
+        half_s = data.speed_half_s
+        if start is not None:
+            half_s = start.speed_half_s[own]
+        elif not data.steady:
+            half_s = speed_half_widths_s(data.t_s, data.xy_mm, data.edge_t_s + latency, data.noise_mm)
+        for _ in range(8):
+            fast = local_fit(data.t_s, data.xy_mm, data.edge_t_s + latency, half_s)
+            speed = stylus_speed(law, fast.v_mm_s, fast.a_mm_s2)
+            step = np.clip(law(speed) + added - latency, -0.02, 0.02)
+            step = np.where(fast.ok, (1.0 if data.steady else 0.5) * step, 0.0)
+            latency = latency + step
+            if np.max(np.abs(step), initial=0) < 2e-5:
+                break
+        at_s = data.edge_t_s + latency
+        fit = local_fit(data.t_s, data.xy_mm, at_s, data.half_s)
+        below = np.maximum(speed - 0.5, 0)
+        slope = (law(speed + 0.5) - law(below)) / (speed + 0.5 - below)
+        shown = np.maximum(fast.speed_mm_s, 1e-6)
+        ratio = np.maximum(speed, 1e-6) / shown
+        along = np.einsum("mk,mk->m", fast.v_mm_s, fast.a_mm_s2) / shown * ratio**2
+        bend = slope * along
+        # For the columns from other events: with the fit's own, position noise would look like an effect.
+        apart = _acceleration_apart(data, at_s, half_s)
+        across = np.abs(fast.v_mm_s[:, 1])
+        ok = fit.ok & fast.ok & in_contact(data.t_s, at_s, contact_losses(data.t_s)) & (fit.gain < 1.5)
+        ok &= ~_catching_up(data, at_s)
+        ok &= (across > 0.2 * shown) & (np.abs(bend) < 0.3) & (np.abs(step) < 2e-3)
+        parts.append(
+            {
+                "run": np.full(m, k),
+                "t_s": data.edge_t_s,
+                "since_start_s": data.edge_t_s - origin_s,
+                "in_run_s": data.edge_t_s - data.t_s[0],
+                "falling": data.falling,
+                "latency_s": latency,
+                "speed_mm_s": speed,
+                "xy_mm": fit.xy_mm,
+                "v_mm_s": fast.v_mm_s,
+                "a_mm_s2": fast.a_mm_s2,
+                "accel_mm_s2": along,
+                "accel_apart_mm_s2": apart,
+                "slope_s2_mm": slope,
+                "uneven_mm_s": speed - np.mean(speed[ok]) if data.steady and ok.any() else np.zeros(m),
+                "stretch": 1 / np.clip(1 - slope * apart, 0.7, 1.5),
+                "ok": ok,
+                "speed_half_s": half_s,
+            }
+        )
+        position_fits.append(fit)
+        speed_fits.append(fast)
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return Placed(**joined, position_fit=tuple(position_fits), speed_fit=tuple(speed_fits))
+
+
+def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:
+    """Edges close to a sudden start or stop, where fresh positions overtake late ones and no law holds, (m,) bool.
+
+    Where L falls faster than time passes a digitiser cannot report in order; what it sends then is its own affair.
+    """
+    if data.steady:
+        return np.zeros(at_s.shape, bool)
+    half_s = max(0.045, 4.5 * sample_interval_s(data.t_s))
+    around = np.array([-0.1, -0.05, 0.0, 0.05, 0.1])
+    fits = [local_fit(data.t_s, data.xy_mm, at_s + shift, half_s) for shift in around]
+    speed = np.array([np.where(f.ok, f.speed_mm_s, np.nan) for f in fits])
+    slowest, fastest = np.nanmin(speed, axis=0), np.nanmax(speed, axis=0)
+    return ~(slowest > 0.45 * fastest)
+
+
+def _acceleration_apart(data: RunData, at_s: FloatArray, speed_half_s: FloatArray) -> FloatArray:
+    """Change of speed between windows on either side of the position's own, (m,) mm/s²; 0 where one is missing."""
+    width_s = np.clip(0.5 * speed_half_s, max(0.04, 4.5 * sample_interval_s(data.t_s)), 0.12)
+    apart_s = data.half_s + width_s
+    later = local_fit(data.t_s, data.xy_mm, at_s + apart_s, width_s, degree=2)
+    earlier = local_fit(data.t_s, data.xy_mm, at_s - apart_s, width_s, degree=2)
+    return np.where(later.ok & earlier.ok, (later.speed_mm_s - earlier.speed_mm_s) / (2 * apart_s), 0.0)

@@ -1,0 +1,311 @@
+"""The joint fit: curve, beam and all accepted effects, by Gauss–Newton under the session's own noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.gap.edges import Placed, RunData, place
+from draglag.gap.model import Geometry, LawParameters, base_columns, base_prior, residual_mm, starting_law
+from draglag.gap.noise import BETWEEN, LOCAL, Components, Scatter, Whitener, scatter, whitener
+from draglag.gap.signatures import SIGNATURES, Signature, View, view_of
+from draglag.recording import FloatArray, Session
+
+START = Components(0.05, 0.01, 0.0003, 0.03)
+FAR_MM = 1.5  # an edge this uncertain decides nothing
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect in the model. theta: its non-linear setting; sizes: (k,) amplitudes in the signature's units."""
+
+    effect: str
+    theta: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A converged joint fit.
+
+    Attributes (m used edges): use: mask over placed; residual_mm; design (m, p): columns that explain residuals, base
+    then terms; view: restricted to the used edges; whiteners: one a grid point; best: index of the likeliest.
+    """
+
+    runs: tuple[RunData, ...]
+    placed: Placed
+    use: np.ndarray
+    law: LawParameters
+    geometry: Geometry
+    terms: tuple[Term, ...]
+    residual_mm: FloatArray
+    design: FloatArray
+    prior: FloatArray
+    covariance: FloatArray
+    view: View
+    whiteners: tuple[Whitener, ...]
+    best: int
+    log_likelihood: float
+    width_mm: float
+
+    @property
+    def run_index(self) -> np.ndarray:
+        return self.placed.run[self.use]
+
+
+def term_signature(term: Term, view: View) -> Signature:
+    """The signature of a term at its setting."""
+    options = SIGNATURES[term.effect](view)
+    if not term.theta:
+        return options[0]
+    options = [o for o in options if len(o.theta) == len(term.theta)]
+    distance = [
+        abs(o.theta[0] - term.theta[0]) + 1e3 * sum(a != b for a, b in zip(o.theta[1:], term.theta[1:], strict=True))
+        for o in options
+    ]
+    return options[int(np.argmin(distance))]
+
+
+def restrict(view: View, use: np.ndarray) -> View:
+    values = {k: (v[use] if isinstance(v, np.ndarray) else v) for k, v in view.__dict__.items()}
+    return View(**values)
+
+
+def fit_session(
+    session: Session,
+    runs: tuple[RunData, ...],
+    terms: Sequence[Term] = (),
+    plateau: bool = False,
+    start: Fit | None = None,
+) -> Fit:
+    """Fit law, beam and terms jointly.
+
+    ``start`` is a fit of a smaller model: its edges are judged by, so that the two can be compared, and it sizes the
+    new terms. Raises EstimateError when the session cannot carry the law.
+    """
+    width = session.screen.width_mm
+    less = None
+    if start is not None and terms:
+        less = _run_latency(start, terms)
+    law = starting_law(runs, less, plateau)
+    slopes = [(d.estimate.alignment.slope, d.estimate.alignment) for d in runs if d.estimate and d.estimate.alignment]
+    slope = float(np.median([s for s, _ in slopes]))
+    middle = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for _, a in slopes]))
+    geometry = Geometry(slope, middle, session.stylus.diameter_mm)
+    placed: Placed | None = None
+    active = [replace(t, sizes=()) for t in terms]
+    components = START
+    state = _look(runs, law, geometry, active, width, None)
+    use = _usable(state, runs, loose=True) if start is None else start.use.copy()
+    for iteration in range(9):
+        parts = scatter(runs, state.placed, use)
+        if iteration == 5:
+            use = use & _usable(state, runs, loose=False) if start is None else use & state.placed.ok
+            parts = scatter(runs, state.placed, use)
+            # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
+            likely = _likeliest(parts, state.residual[use], state.design[use], state.prior, components)
+            components = replace(likely, run_s=min(likely.run_s, 1e-3), run_mm=min(likely.run_mm, 0.03))
+        white = whitener(parts, components)
+        a, b = white.apply(state.design[use]), white.apply(state.residual[use])
+        calm = 1 / np.sqrt(np.maximum(1.0, np.abs(b) / 4))  # Huber: far edges pull, but not with their square
+        spread = np.linalg.pinv((a * calm[:, None]).T @ (a * calm[:, None]) + np.diag(state.prior), hermitian=True)
+        step = spread @ ((a * calm[:, None]).T @ (b * calm))
+        cost = _calm_cost(b)
+        for _ in range(5):
+            trial = _stepped(state, step, runs, width)
+            both = use & np.isfinite(trial.residual)
+            if np.count_nonzero(both) == np.count_nonzero(use):
+                new_cost = _calm_cost(white.apply(trial.residual[use]))
+                if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
+                    break
+            step = 0.4 * step
+        else:
+            continue
+        gained = cost - new_cost
+        state = trial
+        if iteration < 4 and start is None:
+            use = _usable(state, runs, loose=iteration < 2)
+        elif gained < 0.01 and iteration >= 6:
+            break
+    placed, view, law, geometry, active = state.placed, state.view, state.law, state.geometry, list(state.terms)
+    use = use & (_usable(state, runs, loose=False) if start is None else placed.ok)
+    parts = scatter(runs, placed, use)
+    components = _likeliest(parts, state.residual[use], state.design[use], state.prior, components)
+    residual, design, prior = state.residual, state.design, state.prior
+    whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
+    prior = np.concatenate([base_prior(law), np.full(design.shape[1] - base_prior(law).size, 1e-12)])
+    values = [_profile(w, residual[use], design[use], prior)[0] for w in whiteners]
+    best = int(np.argmax(values))
+    _, spread = _profile(whiteners[best], residual[use], design[use], prior)
+    return Fit(
+        runs,
+        placed,
+        use,
+        law,
+        geometry,
+        tuple(active),
+        residual[use],
+        design[use],
+        prior,
+        spread,
+        restrict(view, use),
+        whiteners,
+        best,
+        float(values[best]),
+        width,
+    )
+
+
+@dataclass(frozen=True)
+class _State:
+    """One point of the search: parameters, and the session seen from there."""
+
+    law: LawParameters
+    geometry: Geometry
+    terms: tuple[Term, ...]
+    placed: Placed
+    view: View
+    signatures: tuple[Signature, ...]
+    residual: FloatArray
+    design: FloatArray
+    prior: FloatArray
+
+
+def _look(
+    runs: tuple[RunData, ...],
+    law: LawParameters,
+    geometry: Geometry,
+    terms: Sequence[Term],
+    width_mm: float,
+    before: _State | None,
+) -> _State:
+    extra = None if before is None else _total(before.signatures, terms, before.view, "latency")
+    placed = place(runs, law, extra, None if before is None else before.placed)
+    view = view_of(placed, law, geometry, width_mm)
+    signatures = tuple(term_signature(t, view) for t in terms)
+    residual = residual_mm(placed, geometry) - _total(signatures, terms, view, "offset")
+    columns = [s.columns(view) for s in signatures]
+    design = np.column_stack([-base_columns(placed, law), *columns])
+    prior = np.concatenate([base_prior(law), np.full(sum(c.shape[1] for c in columns), 1e-12)])
+    settled = tuple(
+        replace(t, theta=s.theta, sizes=t.sizes or (0.0,) * c.shape[1])
+        for t, s, c in zip(terms, signatures, columns, strict=True)
+    )
+    return _State(law, geometry, settled, placed, view, signatures, residual, design, prior)
+
+
+def _stepped(state: _State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float) -> _State:
+    n = base_prior(state.law).size
+    law = state.law.moved(step[: n - 4])
+    geometry = replace(
+        state.geometry, slope=state.geometry.slope + step[n - 4], intercept_mm=state.geometry.intercept_mm + step[n - 3]
+    )
+    terms = []
+    for t in state.terms:
+        k = len(t.sizes)
+        terms.append(replace(t, sizes=tuple(float(q) for q in np.array(t.sizes) + step[n : n + k])))
+        n += k
+    return _look(runs, law, geometry, terms, width_mm, state)
+
+
+def _usable(state: _State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
+    """Edges to judge by: well placed, not far from their run, and not too uncertain to matter."""
+    placed = state.placed
+    use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
+    parts = scatter(runs, placed, use)
+    sd = np.full(use.size, np.inf)
+    local = np.concatenate([np.diag(c) for c in parts.touch])
+    sd[use] = np.sqrt(local + 0.05**2 + (0.02 * parts.speed_lever_mm) ** 2 + parts.timing_mm**2)
+    use &= sd < FAR_MM
+    # A run that mostly starts and stops is no witness to a law: its few edges left would speak for those that went.
+    for k, data in enumerate(runs):
+        own = placed.run == k
+        if not data.steady and np.count_nonzero(use & own) < 0.5 * np.count_nonzero(own):
+            use[own] = False
+    return use & _not_far(state.residual, sd, placed, use, loose)
+
+
+def _calm_cost(z: FloatArray) -> float:
+    """Huber's cost with its corner at 4 standard deviations."""
+    size = np.abs(z)
+    return float(np.sum(np.where(size < 4, 0.5 * size**2, 4 * size - 8)))
+
+
+def _run_latency(start: Fit, terms: Sequence[Term]) -> FloatArray:
+    """Mean latency that the terms, roughly sized by one linear step, add to each run, s."""
+    signatures = [term_signature(t, start.view) for t in terms]
+    new = np.column_stack([s.columns(start.view) for s in signatures])
+    n_base = base_prior(start.law).size
+    design = np.column_stack([start.design[:, :n_base], new])
+    # The tightest scatter between runs: what the terms are to explain must not count as noise here.
+    white = start.whiteners[0]
+    a, b = white.apply(design), white.apply(start.residual_mm)
+    prior = np.concatenate([start.prior[:n_base], np.full(new.shape[1], 1e-12)])
+    sizes = (np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True) @ (a.T @ b))[n_base:]
+    out = np.zeros(len(start.runs))
+    at = 0
+    for s in signatures:
+        k = s.columns(start.view).shape[1]
+        if s.latency is not None:
+            added = s.latency @ sizes[at : at + k]
+            for r in range(len(out)):
+                own = start.run_index == r
+                out[r] += float(added[own].mean()) if own.any() else 0.0
+        at += k
+    return out
+
+
+def _total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, role: str) -> FloatArray:
+    total = np.zeros(view.x_mm.size)
+    for s, t in zip(signatures, terms, strict=True):
+        columns = getattr(s, role)
+        if columns is not None and t.sizes:
+            total = total + columns @ np.array(t.sizes)
+    return total
+
+
+def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarray, loose: bool) -> np.ndarray:
+    """Edges within a few robust standard deviations of their own run, whatever latency and offset that run has."""
+    keep = np.ones(residual.size, bool)
+    for k in np.unique(placed.run):
+        own = np.flatnonzero((placed.run == k) & use)
+        if own.size < 6:
+            continue
+        v = placed.v_mm_s[own, 1]
+        size = max(float(np.abs(v).max()), 1.0)
+        # Each kind of edge and direction its own level: hysteresis, width and asymmetry are not outliers.
+        side = np.where(placed.falling[own], 1.0, -1.0)
+        columns = [np.ones_like(v), v / size, side, np.abs(v) / size, side * v / size, side * np.sign(v)]
+        design = np.column_stack(columns) if own.size > 20 else np.column_stack(columns[:2])
+        z, design = residual[own] / sd[own], design / sd[own][:, None]
+        weight = np.ones(v.size)
+        for _ in range(5):
+            beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
+            left = np.abs(z - design @ beta)
+            scale = max(1.4826 * float(np.median(left)), 0.5)
+            weight = np.sqrt(np.minimum(1.0, 2 * scale / np.maximum(left, 1e-9)))
+        keep[own[left > (9 if loose else 5) * scale]] = False
+    return keep
+
+
+def _profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: FloatArray) -> tuple[float, FloatArray]:
+    """Log likelihood with the linear parameters at their best, and their covariance."""
+    a, b = white.apply(design), white.apply(residual)
+    spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
+    moment = a.T @ b
+    return -0.5 * (float(b @ b) - float(moment @ spread @ moment)) - 0.5 * white.log_det, spread
+
+
+def _likeliest(
+    parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray, start: Components
+) -> Components:
+    """The components of greatest likelihood: those of single edges and those of whole runs, turn about."""
+    best = start
+    for _ in range(2):
+        local = [replace(best, edge_mm=a, speed=b) for a, b in LOCAL]
+        best = max(local, key=lambda c: _profile(whitener(parts, c), residual, design, prior)[0])
+        between = [replace(best, run_s=a, run_mm=b) for a, b in BETWEEN]
+        best = max(between, key=lambda c: _profile(whitener(parts, c), residual, design, prior)[0])
+    return best

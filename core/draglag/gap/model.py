@@ -1,0 +1,140 @@
+"""The model a session is held against: a latency law, a beam, and the effects added so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.beam import sides
+from draglag.curve import CurvePoints, fit_form
+from draglag.errors import EstimateError
+from draglag.gap.edges import Placed, RunData
+from draglag.recording import FloatArray
+
+# Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
+LOG_RATE_SD = 0.7
+AMPLITUDE_SD_S = 0.15
+SPEED_LAG_SD_S = 0.012
+FLATTENING_SD = 0.5
+
+
+@dataclass(frozen=True)
+class LawParameters:
+    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is held; 0 = none."""
+
+    a1_s: float
+    a2_s_mm: float
+    a4_s: float
+    a5_s_mm: float
+    a7_s: float
+    plateau_mm_s: float = 0.0
+
+    def __call__(self, speed_mm_s: FloatArray) -> FloatArray:
+        v = np.maximum(speed_mm_s, self.plateau_mm_s)
+        return self.a1_s * np.exp(-self.a2_s_mm * v) + self.a4_s * np.exp(-self.a5_s_mm * v) + self.a7_s
+
+    def columns(self, speed_mm_s: FloatArray) -> FloatArray:
+        """∂L/∂(a1, ln a2, a4, ln a5, a7[, plateau]), (m, 5 or 6) s."""
+        v = np.maximum(speed_mm_s, self.plateau_mm_s)
+        slow, fast = np.exp(-self.a2_s_mm * v), np.exp(-self.a5_s_mm * v)
+        out = [
+            slow,
+            -self.a1_s * self.a2_s_mm * v * slow,
+            fast,
+            -self.a4_s * self.a5_s_mm * v * fast,
+            np.ones_like(v),
+        ]
+        if self.plateau_mm_s > 0:
+            slope = -self.a1_s * self.a2_s_mm * slow - self.a4_s * self.a5_s_mm * fast
+            out.append(np.where(speed_mm_s < self.plateau_mm_s, slope, 0.0))
+        return np.column_stack(out)
+
+    def moved(self, step: FloatArray) -> LawParameters:
+        """The law after a Gauss–Newton step in the order of ``columns``; rates move by their logarithm."""
+        limited = np.clip(step[[1, 3]], -0.7, 0.7)
+        moved = replace(
+            self,
+            a1_s=self.a1_s + step[0],
+            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), 3e-4, 0.15)),
+            a4_s=self.a4_s + step[2],
+            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), 3e-4, 0.15)),
+            a7_s=self.a7_s + step[4],
+        )
+        if self.plateau_mm_s > 0:
+            moved = replace(moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), 20, 400)))
+        return moved
+
+
+def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:
+    """Eq. 5 through the runs' own latencies, each less what the effects say (per run, s). Raises EstimateError."""
+    rows = []
+    for k, data in enumerate(runs):
+        e = data.estimate
+        if e is None or e.latency_s is None or e.speed_mm_s is None or not e.latency_se_s:
+            continue
+        rows.append(
+            (e.speed_mm_s, e.latency_s - (0.0 if less_s is None else less_s[k]), np.hypot(e.latency_se_s, 3e-4))
+        )
+    points = CurvePoints(*np.array(rows, float).reshape(-1, 3).T)
+    if points.speed_mm_s.size < 5:
+        raise EstimateError(f"{points.speed_mm_s.size} runs with a latency, 5 needed", "Record circles at more speeds")
+    shift = max(0.0, 0.02 - float(points.latency_s.min()))  # Eq. 5's amplitudes are positive; a clock offset is not
+    points = replace(points, latency_s=points.latency_s + shift)
+    form = "double_exponential_plateau" if plateau else "double_exponential"
+    if points.speed_mm_s.size < (6 if plateau else 5):
+        raise EstimateError("too few speeds", "Record circles at more speeds")
+    v = fit_form(points, form).parameters
+    return LawParameters(
+        max(1e-3 * v["a1_ms"], 1e-3),
+        v["a2_s_per_mm"],
+        max(1e-3 * v["a4_ms"], 1e-3),
+        v["a5_s_per_mm"],
+        1e-3 * v["a7_ms"] - shift,
+        v.get("plateau_mm_s", 0.0),
+    )
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Beam y = slope · x + intercept, and the stylus' nominal diameter."""
+
+    slope: float
+    intercept_mm: float
+    diameter_mm: float
+
+
+def residual_mm(placed: Placed, geometry: Geometry) -> FloatArray:
+    """n·p(t + L) − b − s·D/2 at every edge, mm, positive downwards."""
+    norm = np.hypot(1.0, geometry.slope)
+    across = (placed.xy_mm[:, 1] - geometry.slope * placed.xy_mm[:, 0] - geometry.intercept_mm) / norm
+    return across - 0.5 * geometry.diameter_mm * side_of(placed)
+
+
+def side_of(placed: Placed) -> FloatArray:
+    """−1 top, +1 bottom."""
+    return sides(placed.falling, placed.v_mm_s[:, 1])
+
+
+def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
+    """How the residual moves with the law's parameters, the beam's slope and intercept and the speed's nuisances,
+    (m, 9 or 10) mm per unit.
+
+    A longer latency reads the trace later: the residual grows by the velocity across the beam.
+    """
+    v_n = placed.v_mm_s[:, 1] * placed.stretch
+    columns = v_n[:, None] * law.columns(placed.speed_mm_s)
+    x = placed.xy_mm[:, 0]
+    # The speed is read from a window and may lag or lead by some 10 ms: a nuisance, bounded by its prior.
+    lag = v_n * placed.slope_s2_mm * placed.accel_apart_mm_s2
+    # Its noise flattens the law within a run of nearly constant speed (not from run to run): another nuisance.
+    uneven = v_n * placed.slope_s2_mm * placed.uneven_mm_s
+    return np.column_stack([columns, -x, -np.ones_like(x), lag, uneven])
+
+
+def base_prior(law: LawParameters) -> FloatArray:
+    """Prior precision of each base parameter's step."""
+    sd = [AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S]
+    if law.plateau_mm_s > 0:
+        sd.append(60.0)
+    return np.append(1 / np.square(sd), [0.0, 0.0, 1 / SPEED_LAG_SD_S**2, 1 / FLATTENING_SD**2])

@@ -1,0 +1,77 @@
+"""Name: which library effect explains a finding best, refitted jointly and judged on held-out runs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.errors import EstimateError
+from draglag.gap.find import Candidate, Finding
+from draglag.gap.fit import Fit, Term, fit_session
+from draglag.gap.heldout import gap_mm
+from draglag.gap.signatures import SIGNATURES
+from draglag.recording import Session
+
+TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
+UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
+REFITTED = 5
+PLATEAU = "low_speed_plateau"
+
+
+@dataclass(frozen=True)
+class Name:
+    """One candidate name after its joint refit. gain: penalised deviance it saves."""
+
+    effect: str
+    fit: Fit
+    gain: float
+    gap_before_mm: float
+    gap_after_mm: float
+
+    @property
+    def improves(self) -> bool:
+        return self.gap_after_mm < self.gap_before_mm
+
+
+def refit(session: Session, before: Fit, terms: Sequence[Term], plateau: bool) -> Fit | None:
+    """The model with these terms, on the edges of ``before``; None where it cannot be fitted."""
+    try:
+        return fit_session(session, before.runs, terms, plateau, before)
+    except (EstimateError, np.linalg.LinAlgError):
+        return None
+
+
+def name(
+    session: Session, before: Fit, finding: Finding, candidates: Collection[str], plateau: bool
+) -> tuple[list[Name], Candidate | None]:
+    """Names best first, and the smooth term that beats them all (or None).
+
+    Every significant library effect among the best few, and the plateau whenever speed is involved, is refitted
+    jointly with the rest of the model.
+    """
+    significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
+    tries = [(c.effect, c.theta, c.n_columns, c.n_grid) for c in significant[:REFITTED] if c.effect]
+    if PLATEAU in candidates and not plateau and finding.significant:
+        tries.append((PLATEAU, (), 1, 8))
+    before_mm = gap_mm(before)
+    names = []
+    for effect, theta, n_columns, n_grid in tries:
+        if effect == PLATEAU:
+            fit = refit(session, before, before.terms, True)
+        else:
+            fit = refit(session, before, [*before.terms, Term(effect, theta)], plateau)
+        if fit is None:
+            continue
+        gain = 2 * (fit.log_likelihood - before.log_likelihood) - 6 * n_columns - 2 * np.log(n_grid)
+        # Edges that fall out of the refit would make it look better than it is.
+        gain -= 8 * max(0, int(before.use.sum() - fit.use.sum()))
+        names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit)))
+    names.sort(key=lambda n: -n.gain)
+    names = [n for n in names if n.gain > 0 and n.improves]
+    unnamed = next((c for c in finding.significant if c.effect is None), None)
+    best = names[0].gain if names else 0.0
+    if unnamed is not None and unnamed.score > best + UNNAMED_MARGIN:
+        return names, unnamed
+    return names, None

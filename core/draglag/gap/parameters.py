@@ -1,0 +1,93 @@
+"""An accepted term's numbers in the effect's own parameters, with 95 % intervals and where it acts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from draglag.gap.fit import Fit
+from draglag.gap.model import base_prior
+
+Parameters = dict[str, tuple[float, tuple[float, float]]]
+# effect → (parameter, factor from the term's size, sign kept)
+LINEAR = {
+    "clock_drift": ("drift_ppm", 1e6),
+    "thermal_drift": ("creep_s_per_h", -3600.0),
+    "laser_hysteresis": ("delay_s", 1.0),
+    "beam_width": ("extra_mm", 1.0),
+    "beam_wedge": ("across_mm", 1.0),
+    "direction_asymmetry": ("difference_s", 1.0),
+    "lagging_law": ("delay_s", 1.0),
+    "scan_skew": ("across_s", 1.0),
+    "second_filter_mode": ("extra_s", 1.0),
+    "acceleration_lag": ("lag_s_per_mm_s2", 1.0),
+}
+
+
+def parameters_of(effect: str, fit: Fit) -> Parameters:
+    """Sizes of an effect in a fit, in the units of its class in the simulation."""
+    if effect == "low_speed_plateau":
+        se = float(np.sqrt(max(fit.covariance[5, 5], 0.0)))
+        value = fit.law.plateau_mm_s
+        return {"speed_mm_s": (value, (value - 1.96 * se, value + 1.96 * se))}
+    term_id = {"thermal_drift": "clock_drift", "scale_error": "beam_width"}.get(effect, effect)
+    at = base_prior(fit.law).size
+    for term in fit.terms:
+        k = len(term.sizes)
+        if term.effect == term_id:
+            own = slice(at, at + k)
+            return _named(effect, fit, np.array(term.sizes), fit.covariance[own, own], term.theta)
+        at += k
+    return {}
+
+
+def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, theta: tuple[float, ...]) -> Parameters:
+    se = np.sqrt(np.maximum(np.diag(covariance), 0))
+    if effect in LINEAR:
+        name, factor = LINEAR[effect]
+        value, reach = factor * sizes[0], abs(factor) * 1.96 * se[0]
+        out: Parameters = {name: (float(value), (float(value - reach), float(value + reach)))}
+        if effect == "second_filter_mode" and theta:
+            out["threshold_mm_s"] = (theta[0], (0.8 * theta[0], 1.25 * theta[0]))
+        return out
+    if effect == "scale_error":
+        diameter = fit.geometry.diameter_mm
+        # A screen that reads large by a share shows the disc large by the same share.
+        value, reach = sizes[0] / diameter, 1.96 * se[0] / diameter
+        return {"share": (float(value), (float(value - reach), float(value + reach)))}
+    if effect == "smoothing_shrink":
+        low, high = (float(np.sqrt(max(sizes[0] + s * 1.96 * se[0], 0.0))) for s in (-1, 1))
+        return {"time_constant_s": (float(np.sqrt(max(sizes[0], 0.0))), (low, high))}
+    # A sine and a cosine, or a polynomial: the amplitude over the panel.
+    if theta:
+        amplitude = float(np.hypot(*sizes[:2]))
+    else:
+        x = fit.view.panel_x
+        shape = np.column_stack([x**2 - x.mean(), x**3, x**4]) @ sizes
+        amplitude = 0.5 * float(np.ptp(shape - np.polyval(np.polyfit(x, shape, 1), x)))
+    reach = 1.96 * float(np.max(se[:2])) if theta else 0.3 * amplitude
+    out = {"amplitude_mm": (amplitude, (max(amplitude - reach, 0.0), amplitude + reach))}
+    if effect == "pitch_ripple" and theta:
+        out["pitch_mm"] = (theta[0], (theta[0] * 0.985, theta[0] * 1.015))
+    return out
+
+
+def where_of(effect: str, fit: Fit) -> str:
+    """Where the effect acts, in words."""
+    if effect == "low_speed_plateau":
+        return f"drag speed below {fit.law.plateau_mm_s:.0f} mm/s"
+    return {
+        "clock_drift": "growing with session time",
+        "thermal_drift": "growing with session time",
+        "laser_hysteresis": "edges where the light returns",
+        "beam_width": "every edge, outwards or inwards",
+        "scale_error": "every edge, outwards or inwards",
+        "beam_wedge": "growing along the beam",
+        "direction_asymmetry": "down against up",
+        "scan_skew": "growing across the panel",
+        "spatial_warp": "along x, smoothly",
+        "pitch_ripple": "along the panel, periodic in the electrode pitch",
+        "smoothing_shrink": "where the path bends",
+        "second_filter_mode": "above a threshold of speed",
+        "lagging_law": "where the speed changes",
+        "acceleration_lag": "where the speed changes",
+    }.get(effect, "everywhere")

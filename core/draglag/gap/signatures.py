@@ -1,0 +1,226 @@
+"""How each effect moves the residual of an edge: its signature, linear in its size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.gap.edges import Placed
+from draglag.gap.model import Geometry, LawParameters, side_of
+from draglag.recording import FloatArray
+
+
+@dataclass(frozen=True)
+class View:
+    """The motion at every edge as signatures see it, (m,) each, mm and s; across = positive downwards."""
+
+    x_mm: FloatArray
+    y_mm: FloatArray
+    side: FloatArray
+    rising: FloatArray
+    v_across: FloatArray
+    speed: FloatArray
+    accel: FloatArray
+    a_across: FloatArray
+    since_start_s: FloatArray
+    in_run_s: FloatArray
+    latency_s: FloatArray
+    law_slope: FloatArray
+    stretch: FloatArray
+    angle: FloatArray
+    width_mm: float
+    panel_x: FloatArray  # −1 … +1 over the panel
+    session_time: FloatArray  # −1 … +1 over the session
+    span_s: float
+    intercept_mm: float
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Columns of one effect at one setting of what it is not linear in.
+
+    Attributes:
+        latency: (m, k) latency added per unit, s; offset: (m, k) displacement across the beam per unit, mm.
+        theta: the setting. n_grid: how many settings are tried in all, for the penalty. positive: sizes ≥ 0 only.
+    """
+
+    latency: FloatArray | None = None
+    offset: FloatArray | None = None
+    theta: tuple[float, ...] = ()
+    n_grid: int = 1
+
+    def columns(self, view: View) -> FloatArray:
+        """The residual the effect leaves when it is not modelled, (m, k) mm per unit."""
+        parts = []
+        if self.latency is not None:
+            parts.append(-(view.v_across * view.stretch)[:, None] * self.latency)
+        if self.offset is not None:
+            parts.append(self.offset)
+        return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+
+
+def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: float) -> View:
+    t = placed.since_start_s
+    span = max(float(np.ptp(t)), 1.0)
+    speed = np.maximum(placed.speed_mm_s, 1.0)
+    # Where the model says the edge was: the measured y holds the residual itself.
+    line = geometry.slope * placed.xy_mm[:, 0] + geometry.intercept_mm + 0.5 * geometry.diameter_mm * side_of(placed)
+    return View(
+        placed.xy_mm[:, 0],
+        line,
+        side_of(placed),
+        (~placed.falling).astype(float),
+        placed.v_mm_s[:, 1] - geometry.slope * placed.v_mm_s[:, 0],
+        speed,
+        placed.accel_apart_mm_s2,
+        placed.a_mm_s2[:, 1],
+        t,
+        placed.in_run_s,
+        placed.latency_s,
+        placed.slope_s2_mm,
+        placed.stretch,
+        np.arctan2(placed.v_mm_s[:, 1], placed.v_mm_s[:, 0]),
+        width_mm,
+        2 * placed.xy_mm[:, 0] / width_mm - 1,
+        2 * (t - t.min()) / span - 1,
+        span,
+        geometry.intercept_mm,
+    )
+
+
+def _column(values: FloatArray) -> FloatArray:
+    return values[:, None]
+
+
+def clock_drift(v: View) -> list[Signature]:
+    # Seconds per second: the laser's clock gains, so its stamps lie later and the latency reads shorter.
+    return [Signature(latency=_column(-v.since_start_s))]
+
+
+def thermal_drift(v: View) -> list[Signature]:
+    return [Signature(latency=_column(v.since_start_s))]
+
+
+def laser_hysteresis(v: View) -> list[Signature]:
+    return [Signature(latency=_column(-v.rising))]
+
+
+def beam_width(v: View) -> list[Signature]:
+    return [Signature(offset=_column(0.5 * v.side))]
+
+
+def beam_wedge(v: View) -> list[Signature]:
+    return [Signature(offset=_column(0.25 * v.side * v.panel_x))]
+
+
+def direction_asymmetry(v: View) -> list[Signature]:
+    # Between moving down and moving up, half each way.
+    return [Signature(latency=_column(0.5 * np.sign(v.v_across)))]
+
+
+def acceleration_lag(v: View) -> list[Signature]:
+    return [Signature(latency=_column(v.accel / v.speed))]
+
+
+def lagging_law(v: View) -> list[Signature]:
+    return [Signature(latency=_column(-v.law_slope * v.accel))]
+
+
+def scan_skew(v: View) -> list[Signature]:
+    return [Signature(latency=_column(0.5 * v.panel_x))]
+
+
+def spatial_warp(v: View) -> list[Signature]:
+    x = v.panel_x
+    polynomial = np.column_stack([x**2 - x.mean(), x**3, x**4])
+    return [Signature(offset=polynomial)] + [
+        Signature(offset=np.column_stack([np.sin(k * np.pi * x), np.cos(k * np.pi * x)]), theta=(k,), n_grid=4)
+        for k in (0.75, 1.0, 1.5, 2.0)
+    ]
+
+
+def pitch_ripple(v: View) -> list[Signature]:
+    pitches = np.geomspace(3.0, 10.0, 45)
+    out = []
+    for pitch in pitches:
+        for axis, coordinate in enumerate((v.x_mm, v.y_mm)):
+            phase = 2 * np.pi * coordinate / pitch
+            out.append(
+                Signature(offset=np.column_stack([np.sin(phase), np.cos(phase)]), theta=(pitch, axis), n_grid=90)
+            )
+    return out
+
+
+def smoothing_shrink(v: View) -> list[Signature]:
+    # A first-order low-pass with time constant τ whose delay the law already holds leaves ½ τ² of acceleration.
+    return [Signature(offset=_column(0.5 * v.a_across))]
+
+
+def second_filter_mode(v: View) -> list[Signature]:
+    limits = np.quantile(v.speed, np.linspace(0.12, 0.88, 16))
+    return [Signature(latency=_column((v.speed > limit).astype(float)), theta=(limit,), n_grid=16) for limit in limits]
+
+
+SIGNATURES: dict[str, Callable[[View], list[Signature]]] = {
+    "clock_drift": clock_drift,
+    "laser_hysteresis": laser_hysteresis,
+    "beam_width": beam_width,
+    "beam_wedge": beam_wedge,
+    "direction_asymmetry": direction_asymmetry,
+    "acceleration_lag": acceleration_lag,
+    "lagging_law": lagging_law,
+    "scan_skew": scan_skew,
+    "spatial_warp": spatial_warp,
+    "pitch_ripple": pitch_ripple,
+    "smoothing_shrink": smoothing_shrink,
+    "second_filter_mode": second_filter_mode,
+}
+
+
+def _spline(values: FloatArray, knots: int) -> FloatArray:
+    """Natural cubic spline basis without its constant, knots at quantiles, columns of unit spread."""
+    at = np.unique(np.quantile(values, np.linspace(0, 1, knots)))
+    if at.size < 3:
+        scaled = values - values.mean()
+        spread = float(scaled.std())
+        return scaled[:, None] / spread if spread > 0 else np.empty((values.size, 0))
+    last = at[-1] - at[-2]
+
+    def d(k: int) -> FloatArray:
+        cube = np.maximum(values - at[k], 0) ** 3 - np.maximum(values - at[-1], 0) ** 3
+        return cube / (at[-1] - at[k])
+
+    reference = d(at.size - 2)
+    basis = [values] + [d(k) - reference for k in range(at.size - 2)]
+    out = np.column_stack(basis)
+    out = out - out.mean(0)
+    spread = out.std(0)
+    assert last > 0
+    return out[:, spread > 1e-12] / spread[spread > 1e-12]
+
+
+def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
+    """(covariate, role) → residual columns of a smooth term: what an effect in no library would follow."""
+    covariates = {
+        "session_time": (v.session_time, 5),
+        "time_in_run": (v.in_run_s, 5),
+        "x": (v.panel_x, 6),
+        "speed": (np.log(v.speed), 7),
+        "acceleration": (np.arcsinh(v.accel / 500), 5),
+        "normal_acceleration": (np.arcsinh(v.a_across / 500), 5),
+    }
+    out = {}
+    lever = v.v_across * v.stretch
+    for name, (values, knots) in covariates.items():
+        basis = _spline(values, knots)
+        if basis.shape[1] == 0:
+            continue
+        out[name, "latency"] = -lever[:, None] * basis
+        out[name, "offset"] = basis
+        out[name, "width"] = 0.5 * v.side[:, None] * basis
+        out[name, "direction"] = -lever[:, None] * np.sign(v.v_across)[:, None] * basis
+    harmonics = np.column_stack([f(k * v.angle) for k in (1, 2) for f in (np.sin, np.cos)])
+    out["direction_angle", "latency"] = -lever[:, None] * harmonics
+    return out

@@ -1,0 +1,312 @@
+"""What shows in the streams themselves, before any residual: tick grids, repeats, batches, quanta, chatter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
+
+SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
+
+
+@dataclass(frozen=True)
+class StreamEffect:
+    """One effect seen in a stream: its size with a 95 % interval, where it shows, and the evidence in words."""
+
+    effect: str
+    parameter: str
+    value: float
+    ci95: tuple[float, float]
+    where: str
+    evidence: str
+    share: float
+
+
+def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
+    """Effects that the streams give away, and the session with them repaired as far as they can be.
+
+    The raw session is untouched: the repaired one is a copy for the residual tests.
+    """
+    found: list[StreamEffect] = []
+    touches = [run.touch for run in session.runs if run.touch.t_s.size > 50]
+    if not touches:
+        return (), session
+    runs = session.runs
+    bounced = _bounce(session)
+    if bounced is not None:
+        found.append(bounced[0])
+    batched, held, quantum = _batches(touches), _hold(touches), _quantum(touches)
+    if batched is not None:
+        found.append(batched)
+        runs = tuple(replace(r, touch=_spread(r.touch, round(batched.value))) for r in runs)
+    elif held is not None:
+        found.append(held)
+        runs = tuple(replace(r, touch=_first_of_repeats(r.touch)) for r in runs)
+    elif quantum is not None:
+        found.append(quantum)
+    dropped = _drops(touches)
+    if dropped is not None and batched is None and held is None:
+        found.append(dropped)
+    lost, runs = _filled_losses(runs)
+    if lost is not None:
+        found.append(lost)
+    return tuple(found), replace(session, runs=runs)
+
+
+def _share_interval(k: int, n: int) -> tuple[float, float]:
+    p = k / n
+    reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) / n)
+    return max(p - reach, 0.0), min(p + reach, 1.0)
+
+
+def _batches(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Frames delivered together: intervals of (nearly) nothing between long ones, in groups of one size."""
+    sizes: list[int] = []
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        typical = (touch.t_s[-1] - touch.t_s[0]) / max(dt.size, 1)
+        together = dt < 0.25 * typical
+        if np.mean(together) < 0.3:
+            return None
+        ends = np.flatnonzero(np.append(~together, True))
+        sizes += list(np.diff(np.append(-1, ends)))
+    size = int(np.median(sizes))
+    if size < 2:
+        return None
+    right = float(np.mean(np.array(sizes) == size))
+    if right < 0.6:
+        return None
+    return StreamEffect(
+        "frame_batching",
+        "frames",
+        float(size),
+        (float(size), float(size)),
+        "every frame",
+        f"frames arrive {size} at a time in {100 * right:.0f} % of groups",
+        right,
+    )
+
+
+def _spread(touch: TouchTrace, size: int) -> TouchTrace:
+    """Give each frame of a batch its own time: the last one keeps the stamp, the others lie a frame apart before it."""
+    t = touch.t_s
+    if t.size < 3:
+        return touch
+    frame_s = (t[-1] - t[0]) / (t.size - 1)
+    last = np.append(np.diff(t) >= 0.25 * frame_s, True)
+    ends = np.flatnonzero(last)
+    which = np.searchsorted(ends, np.arange(t.size))
+    spread = t[ends[which]] - (ends[which] - np.arange(t.size)) * frame_s
+    return replace(touch, t_s=spread)
+
+
+def _repeats(touch: TouchTrace) -> np.ndarray:
+    return (np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0)
+
+
+def _grid_share(stamps: FloatArray, period_s: float) -> float:
+    """Share of stamps within 2 % of a period of one common phase."""
+    phase = np.angle(np.mean(np.exp(2j * np.pi * stamps / period_s)))
+    off = np.angle(np.exp(1j * (2 * np.pi * stamps / period_s - phase))) / (2 * np.pi)
+    return float(np.mean(np.abs(off) < 0.02))
+
+
+def _hold(touches: list[TouchTrace]) -> StreamEffect | None:
+    """A host loop that writes the last event at each of its ticks: an exact tick grid, repeats if it is the faster."""
+    intervals = np.concatenate([np.diff(t.t_s) for t in touches])
+    period_s = float(np.median(intervals))
+    regular = np.abs(intervals - period_s * np.maximum(np.round(intervals / period_s), 1)) < 0.004 * period_s
+    repeated = np.concatenate([_repeats(t) for t in touches])
+    share = float(np.mean(repeated))
+    exact = float(np.mean(regular))
+    if exact < 0.97 or not (share > 0.02 or _beats(touches)):
+        return None
+    whole = np.round(intervals / period_s)
+    period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
+    spread = float(np.std(intervals[regular] / np.maximum(whole[regular], 1))) / np.sqrt(max(intervals.size, 1))
+    rate = 1 / period_s
+    reach = max(1.96 * spread * rate**2, 1e-4 * rate)
+    return StreamEffect(
+        "sample_hold",
+        "rate_hz",
+        rate,
+        (rate - reach, rate + reach),
+        "every tick of the host's loop",
+        f"stamps lie on a grid of {1e3 * period_s:.2f} ms and {100 * share:.0f} % of positions repeat the one before",
+        max(share, 0.02),
+    )
+
+
+def _beats(touches: list[TouchTrace]) -> bool:
+    """Whether steps along the path beat as they do when a slower loop skips events: some are twice the others."""
+    ratios = []
+    for touch in touches:
+        step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
+        if step.size < 200 or np.median(step) < 2.0:
+            continue
+        local = np.convolve(step, np.ones(9) / 9, mode="same")
+        ratios.append(step[10:-10] / np.maximum(local[10:-10], 1e-6))
+    if not ratios:
+        return False
+    ratio = np.concatenate(ratios)
+    return bool(np.mean(ratio > 1.5) > 0.03 and np.mean(ratio < 1.2) > 0.5)
+
+
+def _first_of_repeats(touch: TouchTrace) -> TouchTrace:
+    keep = np.append(True, ~_repeats(touch))
+    ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
+    return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)
+
+
+def _quantum(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Stamps that are multiples of one quantum while the intervals themselves vary: a coarse clock."""
+    intervals = np.concatenate([np.diff(t.t_s) for t in touches])
+    rounded = np.round(intervals, 7)
+    values, counts = np.unique(np.round(rounded / 2e-5).astype(int), return_counts=True)
+    common = values[counts > 0.01 * intervals.size] * 2e-5
+    common = common[common > 1e-4]
+    if common.size < 2 or np.sum(counts[counts > 0.01 * intervals.size]) < 0.9 * intervals.size:
+        return None
+    gaps = np.diff(np.sort(common))
+    quantum_s = float(np.min(gaps))
+    typical = float(np.median(intervals))
+    if quantum_s < 0.08 * typical or quantum_s > 1.5 * typical:
+        return None
+    # Refined on whole multiples, then every interval must be one.
+    whole = np.round(intervals / quantum_s)
+    good = whole > 0
+    quantum_s = float(np.sum(intervals[good]) / np.sum(whole[good]))
+    off = np.abs(intervals - quantum_s * np.round(intervals / quantum_s))
+    share = float(np.mean(off < 0.03 * quantum_s))
+    if share < 0.95 or np.mean(np.round(intervals / quantum_s) == np.round(typical / quantum_s)) > 0.97:
+        return None
+    return StreamEffect(
+        "timestamp_quantisation",
+        "quantum_s",
+        quantum_s,
+        (0.99 * quantum_s, 1.01 * quantum_s),
+        "every stamp",
+        f"{100 * share:.0f} % of intervals are multiples of {1e3 * quantum_s:.2f} ms",
+        share,
+    )
+
+
+def _drops(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Missing frames: intervals of two or more whole frames, far too many for losses of contact."""
+    lost, total = 0, 0
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        frame_s = float(np.median(dt))
+        whole = np.round(dt / frame_s)
+        near = np.abs(dt - whole * frame_s) < 0.2 * frame_s
+        lost += int(np.sum((whole - 1)[near & (whole >= 2) & (whole <= 6)]))
+        total += int(np.sum(whole[near & (whole <= 6)]))
+    share = lost / max(total, 1)
+    if share < 0.03:
+        return None
+    return StreamEffect(
+        "frame_drop",
+        "share",
+        share,
+        _share_interval(lost, max(total, 1)),
+        "single frames, all through",
+        f"{100 * share:.1f} % of frames are missing",
+        share,
+    )
+
+
+def _bounce(session: Session) -> tuple[StreamEffect] | None:
+    """Chatter: transitions closer together than any stylus allows, in groups around single edges."""
+    extra, edges, spans = 0, 0, []
+    for run in session.runs:
+        t = np.sort(run.laser.t_s)
+        if t.size < 6 or run.touch.t_s.size < 50:
+            continue
+        fastest = _fastest(run)
+        closest = 0.3 * session.stylus.diameter_mm / max(fastest, 1.0)
+        closest = min(closest, 0.006)
+        near = np.diff(t) < closest
+        starts = np.append(True, ~near)
+        size = np.bincount(np.cumsum(starts) - 1)
+        begin = np.flatnonzero(starts)
+        spans += [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 1]
+        extra += int(np.sum(size > 1))
+        edges += int(size.size)
+    if edges == 0 or extra < max(5, 0.02 * edges):
+        return None
+    span_s = float(np.median(spans))
+    low, high = (float(q) for q in np.percentile(spans, [2.5, 97.5]))
+    share = extra / edges
+    return (
+        StreamEffect(
+            "laser_bounce",
+            "span_s",
+            span_s,
+            (low, high),
+            f"{100 * share:.0f} % of edges",
+            f"{extra} of {edges} edges chatter for {1e3 * span_s:.2f} ms (median)",
+            share,
+        ),
+    )
+
+
+def _fastest(run: Run) -> float:
+    t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
+    step = max(1, round(0.03 / max(float(np.median(np.diff(t))), 1e-4)))
+    if t.size <= step:
+        return 1000.0
+    dt = np.maximum(t[step:] - t[:-step], 1e-6)
+    return float(np.percentile(np.hypot(x[step:] - x[:-step], y[step:] - y[:-step]) / dt, 90))
+
+
+def _filled_losses(runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in."""
+    count, length_s, total_s = 0, [], 0.0
+    out = []
+    for run in runs:
+        t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
+        if t.size < 60:
+            out.append(run)
+            continue
+        total_s += float(t[-1] - t[0])
+        bend = np.hypot(np.diff(x, 2), np.diff(y, 2))
+        moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
+        straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
+        keep = np.ones(t.size, bool)
+        start = None
+        for k in range(straight.size + 1):
+            inside = k < straight.size and straight[k]
+            if inside and start is None:
+                start = k
+            elif not inside and start is not None:
+                if k - start >= 3:
+                    count += 1
+                    length_s.append(float(t[k + 1] - t[start]))
+                    keep[start + 1 : k + 1] = False
+                start = None
+        if keep.all():
+            out.append(run)
+            continue
+        ids = run.touch.contact_id[keep] if run.touch.contact_id.size == keep.size else run.touch.contact_id
+        touch = TouchTrace(t[keep], x[keep], y[keep], ids, gaps_s=run.touch.gaps_s)
+        out.append(replace(run, touch=touch))
+    if count < 4:
+        return None, runs
+    per_min = 60 * count / max(total_s, 1.0)
+    reach = 1.96 * np.sqrt(count) * 60 / max(total_s, 1.0)
+    effect = StreamEffect(
+        "loss_of_contact",
+        "losses_per_min",
+        per_min,
+        (per_min - reach, per_min + reach),
+        "straight lines in the trace",
+        f"{count} straight fills of {1e3 * float(np.median(length_s)):.0f} ms (median)",
+        count / max(len(runs), 1),
+    )
+    return effect, tuple(out)
+
+
+def has_edges(laser: LaserTrace) -> bool:
+    return laser.t_s.size > 0
