@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 import pytest
-from emulators.walt.wires import WaltOnPty
 
 from draglag_devices.addresses import open_source
 from draglag_devices.source import DeviceError
+from emulators.walt.wires import WaltOnPty
 
 pytestmark = pytest.mark.wire
 

@@ -1,0 +1,119 @@
+"""From a touchscreen's units to mm: a six-parameter affine fitted to touched targets, with its residuals.
+
+Raw events never see rotation, mirroring or the system's own calibration, and the kernel's resolution is often
+wrong; touching targets whose places are known settles all of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.errors import DataError, EstimateError
+from draglag.recording import FloatArray, Screen
+
+FEWEST_TARGETS = 5
+# A stylus put down with care lands well within this of a cross.
+LARGEST_RESIDUAL_MM = 1.5
+
+
+@dataclass(frozen=True)
+class AffineFit:
+    """``x_mm = xx·x + xy·y + x0_mm``, ``y_mm = yx·x + yy·y + y0_mm``.
+
+    Attributes:
+        matrix: (2, 3) rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
+        residual_mm: (n, 2) touched minus target, in the order of the targets.
+        rms_mm: root of the mean squared distance, for the degrees of freedom that are left.
+        scale_mm: (x, y) mm per device unit along the screen's axes.
+    """
+
+    matrix: FloatArray
+    residual_mm: FloatArray
+    rms_mm: float
+
+    @property
+    def worst_mm(self) -> float:
+        return float(np.hypot(*self.residual_mm.T).max())
+
+    @property
+    def scale_mm(self) -> tuple[float, float]:
+        x, y = np.linalg.norm(self.matrix[:, :2], axis=1)
+        return float(x), float(y)
+
+    def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Device units, both (n,), to mm."""
+        (xx, xy, x0), (yx, yy, y0) = self.matrix
+        return xx * x + xy * y + x0, yx * x + yy * y + y0
+
+
+def fit_affine(
+    x: FloatArray,
+    y: FloatArray,
+    x_mm: FloatArray,
+    y_mm: FloatArray,
+    largest_residual_mm: float = LARGEST_RESIDUAL_MM,
+) -> AffineFit:
+    """Least squares over touched targets.
+
+    Args:
+        x, y: (n,) where the touchscreen reported the touches, device units.
+        x_mm, y_mm: (n,) where the targets were.
+        largest_residual_mm: a fit that leaves a target further off is refused.
+
+    Raises:
+        DataError: columns of different lengths or not numbers.
+        EstimateError: fewer than 5 targets, targets (or touches) along one line, or a target too far off.
+    """
+    raw, places = np.column_stack([x, y]).astype(np.float64), np.column_stack([x_mm, y_mm]).astype(np.float64)
+    if raw.shape != places.shape or not np.isfinite(raw).all() or not np.isfinite(places).all():
+        raise DataError("touches and targets do not match one to one", "touch every target once")
+    n = len(raw)
+    if n < FEWEST_TARGETS:
+        raise EstimateError(f"{n} targets do not determine a calibration", f"touch {FEWEST_TARGETS} or better 9")
+    for points, what in ((places, "targets"), (raw, "touches")):
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if spread[1] < 0.1 * spread[0]:
+            raise EstimateError(f"the {what} lie nearly along one line", "use targets spread over the whole screen")
+    # Centred and scaled, so that 32-bit units condition as well as pixels.
+    middle, scale = raw.mean(axis=0), raw.std(axis=0).max()
+    design = np.column_stack([(raw - middle) / scale, np.ones(n)])
+    solution, *_ = np.linalg.lstsq(design, places, rcond=None)
+    linear = solution[:2].T / scale
+    matrix = np.column_stack([linear, solution[2] - linear @ middle])
+    residual = design @ solution - places
+    fit = AffineFit(matrix, residual, float(np.sqrt((residual**2).sum() / (n - 3))))
+    if fit.worst_mm > largest_residual_mm:
+        worst = int(np.argmax(np.hypot(*residual.T)))
+        raise EstimateError(
+            f"target {worst + 1} is off by {fit.worst_mm:.1f} mm after the fit (limit {largest_residual_mm:.1f} mm)",
+            "touch the targets again, in the order shown",
+        )
+    return fit
+
+
+def px_to_mm(screen: Screen, x_px: FloatArray, y_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places on the screen's picture (device pixels, from its upper left corner) in mm."""
+    x_scale, y_scale = screen.mm_per_px
+    return np.asarray(x_px) * x_scale, np.asarray(y_px) * y_scale
+
+
+def mm_to_px(screen: Screen, x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The reverse of ``px_to_mm``."""
+    x_scale, y_scale = screen.mm_per_px
+    return np.asarray(x_mm) / x_scale, np.asarray(y_mm) / y_scale
+
+
+def target_places(width_mm: float, height_mm: float, count: int = 9) -> tuple[FloatArray, FloatArray]:
+    """Where to show 5 or 9 targets: corners, middle (and edges), a tenth of the screen from its border, mm.
+
+    Raises DataError on another count.
+    """
+    if count not in (5, 9):
+        raise DataError(f"{count} targets: only 5 or 9 can be shown")
+    across, down = np.meshgrid([0.1, 0.5, 0.9], [0.1, 0.5, 0.9])
+    places = np.column_stack([across.ravel() * width_mm, down.ravel() * height_mm])
+    if count == 5:
+        places = places[::2]
+    return places[:, 0], places[:, 1]

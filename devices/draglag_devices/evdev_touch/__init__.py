@@ -1,0 +1,37 @@
+"""Touchscreens through the kernel's event interface."""
+
+from __future__ import annotations
+
+from draglag_devices.addresses import Address, parse_address
+from draglag_devices.discovery import Found
+from draglag_devices.evdev_touch.finding import event_devices
+from draglag_devices.evdev_touch.kernel import RIGHTS_REMEDY
+from draglag_devices.evdev_touch.source import EvdevTouch
+
+OPTIONS = ("width_mm", "height_mm", "calibration", "exclusive")
+
+
+def open_source(address: Address | str, role: str = "touch") -> EvdevTouch:
+    """The touchscreen at ``evdev:PATH``, not yet open.
+
+    Options: ``width_mm``, ``height_mm`` (of the panel, else its resolution counts), ``calibration=FILE``,
+    ``exclusive=1`` (nobody else gets its events while it is open). Raises DeviceError.
+    """
+    parsed = parse_address(address) if isinstance(address, str) else address
+    parsed.only(*OPTIONS)
+    return EvdevTouch(parsed)
+
+
+def discover() -> list[Found]:
+    """Touchscreens, with rights."""
+    return [
+        Found(
+            f"evdev:{seen.path}",
+            ("touch",),
+            seen.name or "touchscreen",
+            seen.usable,
+            "" if seen.usable else RIGHTS_REMEDY,
+        )
+        for seen in event_devices()
+        if seen.touchscreen
+    ]

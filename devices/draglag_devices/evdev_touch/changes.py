@@ -1,0 +1,34 @@
+"""When contacts began and ended, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from draglag_devices.source import ContactChanges
+from draglag_devices.touch.frames import Frame
+
+
+class ContactLog:
+    """Knows which contacts are down. ``down``: those that were so before the first frame."""
+
+    def __init__(self, down: Iterable[int] = ()) -> None:
+        self._down = set(down)
+
+    def take(self, frames: Sequence[Frame], id_offset: int = 0) -> ContactChanges | None:
+        """Beginnings and ends in the frames, or None. ``id_offset`` is added to the kernel's tracking ids."""
+        rows: list[tuple[float, int, int]] = []
+        for frame in frames:
+            for contact in frame.lifted:
+                if contact in self._down:
+                    self._down.discard(contact)
+                    rows.append((frame.t_s, contact, 0))
+            for seen in frame.contacts:
+                if seen.contact_id not in self._down:
+                    self._down.add(seen.contact_id)
+                    rows.append((frame.t_s, seen.contact_id, 1))
+        if not rows:
+            return None
+        t_s, ids, down = zip(*rows, strict=True)
+        return ContactChanges(np.array(t_s), np.array(ids, np.int64) + id_offset, np.array(down, np.int64))

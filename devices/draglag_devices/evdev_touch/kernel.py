@@ -1,0 +1,182 @@
+"""What the driver asks of the kernel: open an event device, its axes, clock, slots, and events."""
+
+from __future__ import annotations
+
+import array
+import errno
+import fcntl
+import os
+import select
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from draglag.recording import AxisInfo
+from draglag_devices.source import DeviceError
+from draglag_devices.touch.frames import (
+    ABS_MT_POSITION_X,
+    ABS_MT_POSITION_Y,
+    ABS_MT_SLOT,
+    ABS_MT_TRACKING_ID,
+    ABS_X,
+    ABS_Y,
+    AXIS_NAMES,
+    InputEvent,
+)
+
+RIGHTS_REMEDY = (
+    "install the udev rules of draglag and plug it in again, or add yourself to the group input "
+    "(sudo usermod -aG input $USER) and log out and in"
+)
+CLOCK_MONOTONIC = 1
+EVIOCSCLOCKID = 0x400445A0
+EVIOCGRAB = 0x40044590
+_EVENT = struct.Struct("llHHi")
+_READ_EVENTS = 64
+
+
+class Gone(Exception):
+    """The device has disappeared."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """What the kernel says of a touchscreen. ``slots``: how many contacts it tells apart."""
+
+    name: str
+    phys: str
+    uniq: str
+    axes: tuple[AxisInfo, AxisInfo]
+    multitouch: bool
+    slots: int
+
+
+class TouchDevice(Protocol):
+    """An open device; the driver needs no more than this."""
+
+    description: Description
+
+    def use_monotonic(self) -> None:
+        """Have events stamped on CLOCK_MONOTONIC. Raises OSError."""
+        ...
+
+    def slots(self) -> tuple[dict[int, tuple[int, int, int]], int]:
+        """Slot → (tracking id or −1, x, y), and the slot events refer to. Raises Gone."""
+        ...
+
+    def events(self, timeout_s: float) -> list[InputEvent]:
+        """All that is there after waiting at most ``timeout_s``. Raises Gone."""
+        ...
+
+    def grab(self, exclusively: bool) -> None:
+        """Raises OSError."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class KernelTouch:
+    """A touchscreen through the evdev library."""
+
+    def __init__(self, path: str) -> None:
+        """Raises DeviceError: no such device, no rights, or no touchscreen."""
+        import evdev
+
+        address = f"evdev:{path}"
+        try:
+            self._device = evdev.InputDevice(path)
+        except OSError as error:
+            raise _refusal(address, error) from None
+        try:
+            self.description = self._describe(address)
+        except DeviceError:
+            self.close()
+            raise
+        except OSError as error:
+            self.close()
+            raise _refusal(address, error) from None
+        self._fd: int = self._device.fd
+
+    def _describe(self, address: str) -> Description:
+        device = self._device
+        absolute = dict(device.capabilities(absinfo=True).get(3, []))
+        multitouch = ABS_MT_POSITION_X in absolute and ABS_MT_SLOT in absolute
+        codes = (ABS_MT_POSITION_X, ABS_MT_POSITION_Y) if multitouch else (ABS_X, ABS_Y)
+        if not all(code in absolute for code in codes):
+            if ABS_MT_POSITION_X in absolute:
+                raise DeviceError(
+                    address, f"{device.name} speaks the old multi-touch protocol without slots", "update its driver"
+                )
+            raise DeviceError(address, f"{device.name} is not a touchscreen", "draglag devices lists touchscreens")
+        axes = [
+            AxisInfo(AXIS_NAMES[code], info.min, info.max, info.resolution, info.fuzz)
+            for code, info in ((code, absolute[code]) for code in codes)
+        ]
+        slots = absolute[ABS_MT_SLOT].max + 1 if multitouch else 1
+        return Description(
+            device.name or "touchscreen", device.phys or "", device.uniq or "", (axes[0], axes[1]), multitouch, slots
+        )
+
+    def use_monotonic(self) -> None:
+        fcntl.ioctl(self._fd, EVIOCSCLOCKID, struct.pack("i", CLOCK_MONOTONIC))
+
+    def slots(self) -> tuple[dict[int, tuple[int, int, int]], int]:
+        if not self.description.multitouch:
+            return {}, 0
+        try:
+            ids, xs, ys = (
+                self._slot_values(code) for code in (ABS_MT_TRACKING_ID, ABS_MT_POSITION_X, ABS_MT_POSITION_Y)
+            )
+            current = int(self._device.absinfo(ABS_MT_SLOT).value)
+        except OSError as error:
+            raise Gone(os.strerror(error.errno or errno.EIO)) from None
+        return {k: (ids[k], xs[k], ys[k]) for k in range(self.description.slots)}, current
+
+    def _slot_values(self, code: int) -> list[int]:
+        count = self.description.slots
+        values = array.array("i", [code, *([0] * count)])
+        request = (2 << 30) | (values.itemsize * len(values) << 16) | 0x450A  # EVIOCGMTSLOTS(len)
+        fcntl.ioctl(self._fd, request, values, True)
+        return values[1:].tolist()
+
+    def events(self, timeout_s: float) -> list[InputEvent]:
+        try:
+            ready, _, _ = select.select([self._fd], [], [], max(timeout_s, 0.0))
+        except (OSError, ValueError) as error:
+            raise Gone(str(error)) from None
+        return list(self._drain()) if ready else []
+
+    def _drain(self) -> Iterator[InputEvent]:
+        while True:
+            try:
+                data = os.read(self._fd, _EVENT.size * _READ_EVENTS)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                raise Gone(os.strerror(error.errno or errno.EIO)) from None
+            if not data:
+                raise Gone("end of file")
+            for seconds, micros, kind, code, value in _EVENT.iter_unpack(
+                data[: len(data) // _EVENT.size * _EVENT.size]
+            ):
+                yield InputEvent(seconds + micros * 1e-6, kind, code, value)
+
+    def grab(self, exclusively: bool) -> None:
+        fcntl.ioctl(self._fd, EVIOCGRAB, int(exclusively))
+
+    def close(self) -> None:
+        try:
+            self._device.close()
+        except OSError:
+            return  # an unplugged device cannot be closed any better
+
+
+def _refusal(address: str, error: OSError) -> DeviceError:
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return DeviceError(address, "you have no rights to this device", RIGHTS_REMEDY)
+    if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return DeviceError(address, "there is no such device", "plug it in; draglag devices lists what is there")
+    if error.errno in (errno.ENOTTY, errno.EINVAL, errno.ENOTDIR, errno.EISDIR):
+        return DeviceError(address, "this is not an event device", "use /dev/input/eventN")
+    return DeviceError(address, f"cannot be opened ({error.strerror})", "unplug it and plug it in again")

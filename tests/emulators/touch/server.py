@@ -1,0 +1,149 @@
+"""A live touchscreen in a umockdev test bed. Run it with the system's Python under umockdev-wrapper.
+
+Reads one JSON object a line on stdin and answers each with one on stdout:
+  {"do": "frame", "events": [[type, code, value], …], "at": seconds}   send events, stamped ``at`` on the monotonic
+                                                clock (default now) once that time has come
+  {"do": "lose", "events": […]}                 the slots change, but the buffer overflows: SYN_DROPPED is sent
+  {"do": "unplug"} · {"do": "plug", "number": N} · {"do": "state"} · {"do": "busy", "on": true}
+"""
+
+import contextlib
+import json
+import os
+import queue
+import struct
+import sys
+import threading
+import time
+
+import gi
+
+gi.require_version("UMockdev", "1.0")
+from gi.repository import GLib, UMockdev  # noqa: E402
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+
+from panel import BTN_TOUCH, EV_ABS, EV_KEY, EV_SYN, PROP_DIRECT, SYN_DROPPED, SYN_REPORT, Panel, sysfs_bitmap  # noqa: E402
+
+EVIOCGRAB = 0x40044590
+
+
+class Bed:
+    def __init__(self, options):
+        self.panel = Panel(**options)
+        self.bed = UMockdev.Testbed.new()
+        self.node = None
+        self.fd = -1
+        self.handler = UMockdev.IoctlBase()
+        self.handler.connect("handle-ioctl", self.ioctl)
+        self.due = queue.Queue()
+        threading.Thread(target=self.send_due, daemon=True).start()
+
+    def plug(self, number):
+        name = f"event{number}"
+        self.node = f"/dev/input/{name}"
+        panel = self.panel
+        parent = self.bed.add_device(
+            "input", f"input{number}", None,
+            ["name", panel.name, "phys", panel.phys, "uniq", panel.uniq, "properties", sysfs_bitmap([PROP_DIRECT]),
+             "capabilities/ev", sysfs_bitmap([EV_SYN, EV_KEY, EV_ABS]), "capabilities/key", sysfs_bitmap([BTN_TOUCH]),
+             "capabilities/abs", sysfs_bitmap(list(panel.limits))],
+            ["ID_INPUT", "1", "ID_INPUT_TOUCHSCREEN", "1"],
+        )  # fmt: skip
+        self.bed.add_from_string(
+            f"P: {parent[4:]}/{name}\nN: input/{name}\nE: DEVNAME=/dev/input/{name}\nE: SUBSYSTEM=input\n"
+            "E: ID_INPUT=1\nE: ID_INPUT_TOUCHSCREEN=1\nA: dev=13:%d\n" % (64 + number)
+        )
+        link = f"{self.bed.get_sys_dir()}/class/input/{name}/device"
+        if not os.path.lexists(link):
+            os.symlink(f"{self.bed.get_sys_dir()}{parent[4:]}", link)
+        self.paths = (parent, f"{parent}/{name}")
+        self.bed.attach_ioctl(self.node, self.handler)
+        self.fd = self.bed.get_dev_fd(self.node)
+
+    def unplug(self):
+        self.bed.detach_ioctl(self.node)
+        for path in reversed(self.paths):
+            self.bed.uevent(path, "remove")
+            self.bed.remove_device(path)
+        with contextlib.suppress(OSError):
+            os.close(self.fd)
+        self.fd = -1
+        # The test bed remembers the pty's number, which the next one may get again.
+        known = f"{self.bed.get_root_dir()}/dev/.ptymap"
+        for name in os.listdir(known):
+            os.unlink(f"{known}/{name}")
+        self.panel.clock, self.panel.grabbed = 0, False
+        self.panel.apply(
+            [event for k in range(len(self.panel.slots)) for event in ([EV_ABS, 0x2F, k], [EV_ABS, 0x39, -1])]
+        )
+
+    def ioctl(self, _base, client):
+        request = client.get_request()
+        arg = client.get_arg()
+        if request == EVIOCGRAB:
+            value = struct.unpack("l", bytes(arg.retrieve()))[0]
+            client.complete(*self.panel.grab(value != 0))
+            return True
+        size = request >> 16 & 0x3FFF
+        data = arg.resolve(0, size) if size else None
+        result, error, answer = self.panel.answer(request, bytes(data.retrieve()) if data else b"")
+        if answer and data:
+            data.update(0, answer[:size])
+        client.complete(result, error)
+        return True
+
+    def frame(self, events, at_s):
+        self.due.put((at_s, events, False))
+
+    def lose(self, events):
+        self.due.put((None, events, True))
+
+    def send_due(self):
+        while True:
+            at_s, events, lost = self.due.get()
+            now_s = time.monotonic()
+            if at_s is not None and at_s > now_s:
+                time.sleep(at_s - now_s)
+            self.panel.apply(events)
+            if lost:
+                events = [[EV_SYN, SYN_DROPPED, 0]]
+            events = [*events, [EV_SYN, SYN_REPORT, 0]]
+            stamp_s = at_s if at_s is not None else time.monotonic()
+            if self.panel.clock != 1:
+                stamp_s += time.time() - time.monotonic()
+            with contextlib.suppress(OSError):
+                os.write(self.fd, self.panel.pack(events, stamp_s))
+
+
+def main():
+    bed = Bed(json.loads(sys.argv[1]) if len(sys.argv) > 1 else {})
+    loop = GLib.MainLoop()
+    threading.Thread(target=loop.run, daemon=True).start()
+    number = 5
+    bed.plug(number)
+    print(json.dumps({"root": bed.bed.get_root_dir(), "node": bed.node}), flush=True)
+    for line in sys.stdin:
+        command = json.loads(line)
+        what = command["do"]
+        answer = {}
+        if what == "frame":
+            bed.frame(command["events"], command.get("at"))
+        elif what == "lose":
+            bed.lose(command["events"])
+        elif what == "unplug":
+            bed.unplug()
+        elif what == "plug":
+            bed.plug(command.get("number", number))
+            answer = {"node": bed.node}
+        elif what == "busy":
+            bed.panel.grabbed_by_another = command["on"]
+        elif what == "state":
+            panel = bed.panel
+            answer = {"clock": panel.clock, "grabbed": panel.grabbed, "grab_log": panel.grab_log,
+                      "waiting": bed.due.qsize()}  # fmt: skip
+        print(json.dumps(answer), flush=True)
+
+
+main()
