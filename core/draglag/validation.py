@@ -58,12 +58,12 @@ class Validation:
 
 
 def apply_law(
-    touch_t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, law: Law
+    touch_t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, law: Law, noise_mm: float
 ) -> tuple[FloatArray, FloatArray, LocalFit]:
     """Solve L = law(v) at every edge, v the stylus' own speed at the edge, shown by the touch trace at t + L.
 
     Args:
-        touch_t_s (n,), xy_mm (n, 2), edge_t_s (m,).
+        touch_t_s (n,), xy_mm (n, 2), edge_t_s (m,), noise_mm of one event.
 
     Returns:
         latency_s (m,), speed_mm_s (m,), and the local fit at t + L.
@@ -72,7 +72,7 @@ def apply_law(
     own_s = stylus_time_s(touch_t_s, xy_mm, touch_t_s, law, max(0.05, 4.5 * sample_interval_s(touch_t_s)))
     forwards = np.append(np.diff(own_s) > 0, True)
     latency_s = np.interp(edge_t_s, own_s[forwards], touch_t_s[forwards]) - edge_t_s
-    half_s = speed_half_widths_s(touch_t_s, xy_mm, edge_t_s + latency_s)
+    half_s = speed_half_widths_s(touch_t_s, xy_mm, edge_t_s + latency_s, noise_mm)
     for _ in range(8):
         fit = local_fit(touch_t_s, xy_mm, edge_t_s + latency_s, half_s)
         speed = stylus_speed(law, fit.v_mm_s, fit.a_mm_s2)
@@ -95,8 +95,8 @@ def validate_run(
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again")
     guess_s = ready.edges.t_s + float(law(np.array([300.0]))[0])
-    half_s, _ = best_half_width_s(touch.t_s, ready.xy_mm, guess_s)
-    latency_s, speed, _ = apply_law(touch.t_s, ready.xy_mm, ready.edges.t_s, law)
+    half_s, noise_mm = best_half_width_s(touch.t_s, ready.xy_mm, guess_s)
+    latency_s, speed, _ = apply_law(touch.t_s, ready.xy_mm, ready.edges.t_s, law, noise_mm)
     # A step movement's bell stays cubic over no more than about 0.1 s, which leave-one-out over a whole run can miss.
     half_s = min(half_s, max(0.05, 4.5 * ready.dt_s))
     fit = local_fit(touch.t_s, ready.xy_mm, ready.edges.t_s + latency_s, half_s)
