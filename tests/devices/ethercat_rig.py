@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from emulators.ethercat import Segment
 
 from draglag.recording import ClockBounds, LaserTrace, concatenate
 from draglag_devices.addresses import open_source
 from draglag_devices.source import Notice
+from emulators.ethercat import Segment
 
 # Long enough for any machine: a test that waits this long has failed.
 PATIENCE_S = 30.0

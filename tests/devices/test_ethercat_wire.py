@@ -11,14 +11,14 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from devices.ethercat_rig import Recording, blink, segment_name
-from emulators.ethercat import Segment, running_segment, why_not
 
+from devices.ethercat_rig import Recording, blink, segment_name
 from draglag_devices.addresses import open_source
 from draglag_devices.discovery import discover
 from draglag_devices.ethercat_laser import helper
 from draglag_devices.ethercat_laser.preflight import other_master
 from draglag_devices.source import DeviceError
+from emulators.ethercat import Segment, running_segment, why_not
 
 _WHY_NOT = why_not()
 pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=f"no EtherCAT segment here: {_WHY_NOT}")]

@@ -21,6 +21,9 @@ _INPUTS, _LATCHES = 0x1000, 0x09AE
 _FMMU = struct.Struct("<IHBBHBBB3x")
 _LATCH_ON = b"\x00\x01"  # 0x0980: the bus controls the unit; 0x0981: on, no SYNC signals
 _SETTLING_CYCLES = 50
+# SOEM's socket waits in ticks of the kernel: a lost frame costs 8-12 ms whether 0.5 or 5 ms are asked, so the longer
+# patience is free and spares frames that a busy machine handles late.
+_ANSWER_US = 5000
 _STATE_TIMEOUT_US = 200_000
 _TRIES = 5
 _STATES = {1: "INIT", 2: "PRE-OP", 3: "BOOT", 4: "SAFE-OP", 8: "OP"}
@@ -154,7 +157,7 @@ class Bus:
         """Send, receive, and say between which host times (CLOCK_MONOTONIC) the DC time was read."""
         before = time.monotonic_ns()
         self._master.send_processdata()
-        wkc = self._master.receive_processdata(2000)
+        wkc = self._master.receive_processdata(_ANSWER_US)
         after = time.monotonic_ns()
         return Cycle(int(wkc), Pair(int(self._master.dc_time), before, after), self.terminal.input)
 

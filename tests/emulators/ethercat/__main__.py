@@ -29,8 +29,9 @@ def main() -> int:
         print(reason, file=sys.stderr)
         return 1
     with start_segment(arguments.name) as segment:
-        print(f"ethercat:{segment.iface}?channel=1   (orders: loss share=0.01 · late next=16 ns=30000000 · unplug"
-              " · plug · power which=all · al_error · link up=0 · link up=1 · blink · heal · log; Ctrl-D ends)")  # fmt: skip
+        print(f"ethercat:{segment.iface}?channel=1")
+        print("orders: loss share=0.01 · late next=16 ns=30000000 · unplug · plug · power which=all · al_error ·")
+        print("        link up=0 · link up=1 · blink · heal · log; Ctrl-D ends")
         for text in sys.stdin:
             words = text.split()
             if not words:

@@ -14,13 +14,18 @@ _READS = {APRD, APRW, FPRD, FPRW, BRD, BRW}
 _WRITES = {APWR, APRW, FPWR, FPRW, BWR, BRW}
 
 
+def is_process_data(frame: bytes) -> bool:
+    """Whether the first datagram is a logical one."""
+    return len(frame) > 16 and frame[16] in (LRD, LWR, LRW)
+
+
 def answer(frame: bytes, chain: Sequence[Esc], t_ns: int, cheat_wkc: int = 0) -> bytes | None:
     """What comes back of an Ethernet frame, or None if it is no EtherCAT frame.
 
     Args:
         chain: the slaves that the frame reaches, in order.
         t_ns: when it arrived.
-        cheat_wkc: added to every working counter (a fault to inject).
+        cheat_wkc: added to the working counter of process data (a fault to inject).
     """
     if len(frame) < 28 or frame[12:14] != b"\x88\xa4":
         return None
@@ -43,13 +48,14 @@ def answer(frame: bytes, chain: Sequence[Esc], t_ns: int, cheat_wkc: int = 0) ->
             at_ns = t_ns + index * slave.hop_ns
             if command in (LRD, LWR, LRW):
                 counter += exchange(slave, address, data, command != LWR, command != LRD, at_ns)
+                counter += cheat_wkc if index == 0 else 0
             elif command != NOP:
                 counter += _physical(slave, command, place, offset, data, at_ns)
                 if command in (APRD, APWR, APRW, BRD, BWR, BRW, ARMW):
                     place = (place + 1) & 0xFFFF
         struct.pack_into("<H", out, position + 2, place)
         out[data_at : data_at + length] = data
-        struct.pack_into("<H", out, data_at + length, (counter + cheat_wkc) & 0xFFFF)
+        struct.pack_into("<H", out, data_at + length, counter & 0xFFFF)
         position = data_at + length + 2
         if not flags & 0x8000:
             break

@@ -8,7 +8,7 @@ from collections import Counter
 from typing import Any
 
 from .esc import ERROR, SAFE_OP, Esc
-from .frames import answer
+from .frames import answer, is_process_data
 from .terminals import EK1101, EL1252, ek1101, el1252
 
 Order = dict[str, Any]
@@ -47,8 +47,8 @@ class Line:
         if self.present == 0:
             self.counts["unheard"] += 1
             return None
-        cheat = -1 if self.cheat_next > 0 else 0
-        self.cheat_next -= cheat == -1
+        cheat = -1 if self.cheat_next > 0 and is_process_data(frame) else 0
+        self.cheat_next += cheat
         reply = answer(frame, self.slaves[: self.present], t_ns, cheat)
         if reply is None:
             return None
@@ -102,7 +102,7 @@ class Line:
         self.late_next, self.late_ns = int(order["next"]), int(order["ns"])
 
     def _do_cheat(self, order: Order, t_ns: int) -> None:
-        """Working counters one short for the next frames."""
+        """Working counters one short for the next frames with process data."""
         self.cheat_next = int(order["next"])
 
     def _do_unplug(self, order: Order, t_ns: int) -> None:
