@@ -55,6 +55,7 @@ FAULTS = (
     Fault("everything power-cycled", {"do": "power", "which": "all"}, "EL1252 does not answer"),
     Fault("SAFE-OP with error", {"do": "al_error"}, "EL1252 is in SAFE-OP"),
     Fault("16 answers late", {"do": "late", "next": 40, "ns": 150 * MS}, ""),
+    Fault("old answers from then on", {"do": "stale"}, "carry old data"),
     Fault("all frames lost", {"do": "loss", "share": 1.0}, "line does not answer", {"do": "loss"}),
     Fault("working counter short", {"do": "cheat", "next": 30}, "EL1252 does not answer"),
     Fault("latch unit off", {"do": "register", "address": 0x0981, "value": "00"}, "latch unit off"),

@@ -19,6 +19,17 @@ def is_process_data(frame: bytes) -> bool:
     return len(frame) > 16 and frame[16] in (LRD, LWR, LRW)
 
 
+def with_index(frame: bytes, index: int) -> bytes:
+    """The same answer as if it belonged to the frame sent with another index."""
+    out = bytearray(frame)
+    position, more = 16, True
+    while more and position + 12 <= len(out):
+        out[position + 1] = index
+        flags = struct.unpack_from("<H", out, position + 6)[0]
+        position, more = position + 12 + (flags & 0x07FF), bool(flags & 0x8000)
+    return bytes(out)
+
+
 def answer(frame: bytes, chain: Sequence[Esc], t_ns: int, cheat_wkc: int = 0) -> bytes | None:
     """What comes back of an Ethernet frame, or None if it is no EtherCAT frame.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import heapq
 import random
-from collections import Counter
+from collections import Counter, deque
 from typing import Any
 
 from .esc import ERROR, SAFE_OP, Esc
-from .frames import answer, is_process_data
+from .frames import BWR, answer, is_process_data, with_index
 from .terminals import EK1101, EL1252, ek1101, el1252
 
 Order = dict[str, Any]
@@ -31,6 +31,8 @@ class Line:
         self.loss = 0.0
         self.drop_next = self.late_next = self.cheat_next = 0
         self.delay_ns = self.late_ns = 0
+        self.stale = False
+        self._past: deque[bytes] = deque(maxlen=17)
         self.counts: Counter[str] = Counter()
         self._random = random.Random(self._seed)
         self._held: list[tuple[int, int, bytes]] = []
@@ -53,6 +55,7 @@ class Line:
         if reply is None:
             return None
         self.counts["frames"] += 1
+        reply = self._aged(frame, reply)
         if self.drop_next > 0 or self._random.random() < self.loss:
             self.drop_next = max(0, self.drop_next - 1)
             self.counts["lost"] += 1
@@ -67,6 +70,16 @@ class Line:
             heapq.heappush(self._held, (t_ns + wait_ns, self._order, reply))
             return None
         return reply
+
+    def _aged(self, frame: bytes, reply: bytes) -> bytes:
+        """With ``stale``: the answer of 16 frames ago under the present index, until a master starts over."""
+        if not is_process_data(frame):
+            self.stale = self.stale and frame[16] != BWR
+            return reply
+        self._past.append(reply)
+        if not self.stale:
+            return reply
+        return with_index(self._past[0], frame[17])
 
     def due(self, t_ns: int) -> list[bytes]:
         """Answers whose delay is over."""
@@ -100,6 +113,10 @@ class Line:
     def _do_late(self, order: Order, t_ns: int) -> None:
         """The next answers come late, all others in time."""
         self.late_next, self.late_ns = int(order["next"]), int(order["ns"])
+
+    def _do_stale(self, order: Order, t_ns: int) -> None:
+        """Process data are 16 frames old, with the right counter, until a master starts from the beginning."""
+        self.stale = True
 
     def _do_cheat(self, order: Order, t_ns: int) -> None:
         """Working counters one short for the next frames with process data."""

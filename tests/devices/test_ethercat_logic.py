@@ -1,0 +1,145 @@
+"""The EtherCAT laser's reasoning without a wire: edges from images, refused cycles, addresses, the launcher."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from draglag_devices.addresses import open_source
+from draglag_devices.ethercat_laser import helper
+from draglag_devices.ethercat_laser.bus import Cycle
+from draglag_devices.ethercat_laser.clockwatch import ClockWatch, Pair
+from draglag_devices.ethercat_laser.edges import EdgeFinder, Sample, decode
+from draglag_devices.ethercat_laser.watch import BAD_CYCLES, Epoch
+from draglag_devices.source import DeviceError
+
+US, MS, S = 1_000, 1_000_000, 1_000_000_000
+
+
+def image(level: int, rise_ns: int = 0, fall_ns: int = 0) -> bytes:
+    """Channel 1 as given; everything of channel 2, and the unused bits, set to what must not matter."""
+    return struct.pack("<BBBQQQQ", level | 0xFE, 0xFF, 0xFF, rise_ns, fall_ns, 77, 88)
+
+
+def test_only_the_two_input_bits_count() -> None:
+    assert decode(image(0, 5, 6), 1) == Sample(0, 5, 6)
+    assert decode(image(1, 5, 6), 2) == Sample(1, 77, 88)
+    with pytest.raises(struct.error):
+        decode(b"\0" * 34, 1)
+
+
+def test_edges_come_in_order_of_their_stamps_and_the_first_image_is_no_edge() -> None:
+    finder = EdgeFinder(Sample(0, 900, 950))
+    assert finder.take(Sample(0, 900, 950)) == ([], 0)
+    assert finder.take(Sample(0, 1000, 1200)) == ([(1000, 1), (1200, 0)], 0)
+    assert finder.take(Sample(1, 1300, 1200)) == ([(1300, 1)], 0)
+
+
+def test_two_edges_of_one_direction_prove_a_lost_one() -> None:
+    finder = EdgeFinder(Sample(0, 0, 0))
+    # Rise, fall, rise within one cycle: the first rise is overwritten.
+    assert finder.take(Sample(1, 300, 200)) == ([(200, 0), (300, 1)], 1)
+    # Fall and rise between two cycles, of which the fall's stamp was never seen.
+    assert finder.take(Sample(1, 500, 200)) == ([(500, 1)], 1)
+
+
+def test_a_level_may_lag_a_cycle_but_not_stay_wrong() -> None:
+    finder = EdgeFinder(Sample(0, 0, 0))
+    assert finder.take(Sample(0, 100, 0)) == ([(100, 1)], 0)
+    assert finder.take(Sample(1, 100, 0)) == ([], 0)
+    missed = [finder.take(Sample(0, 100, 0))[1] for _ in range(10)]
+    assert sum(missed) == 1
+
+
+def cycle(host_ns: int, dc_ns: int | None = None, wkc: int = 2, rise_ns: int = 0, trip_ns: int = 100 * US) -> Cycle:
+    """The DC clock is 3 s ahead of the host unless given."""
+    dc_ns = host_ns + trip_ns // 2 + 3 * S if dc_ns is None else dc_ns
+    return Cycle(wkc, Pair(dc_ns, host_ns, host_ns + trip_ns), image(int(rise_ns > 0), rise_ns))
+
+
+def running() -> Epoch:
+    epoch = Epoch(0, 1, 2)
+    for k in range(1, 50):
+        assert epoch.take(cycle(k * MS)) == ([], 0)
+    return epoch
+
+
+def test_only_the_expected_working_counter_is_accepted() -> None:
+    epoch = running()
+    for wkc, why in ((-1, "lost"), (1, "counter"), (3, "counter"), (0, "counter")):
+        assert epoch.take(cycle(60 * MS, wkc=wkc)) is None
+        assert epoch.why == why
+    assert epoch.bad == 4
+    assert epoch.good_ns == 49 * MS
+    assert epoch.take(cycle(70 * MS)) is not None
+    assert epoch.bad == 0
+    assert dict(epoch.counts) == {"lost": 1, "counter": 3}
+
+
+def test_old_frames_with_a_right_counter_are_refused() -> None:
+    epoch = running()
+    for k in range(50, 50 + BAD_CYCLES):
+        assert epoch.take(cycle(k * MS, dc_ns=(k - 16) * MS + 3 * S)) is None
+    assert epoch.why == "stale"
+    assert epoch.bad == BAD_CYCLES
+
+
+def test_a_clock_that_stands_still_or_starts_anew_is_refused() -> None:
+    epoch = running()
+    assert epoch.take(cycle(50 * MS, dc_ns=49 * MS + 50 * US + 3 * S)) is None
+    assert epoch.take(cycle(51 * MS, dc_ns=1)) is None
+    assert set(epoch.counts) == {"stale"}
+
+
+def test_a_stall_of_the_computer_is_no_fault() -> None:
+    epoch = running()
+    assert epoch.take(cycle(75 * MS, trip_ns=25 * MS)) is not None
+    assert epoch.take(cycle(101 * MS)) is not None
+
+
+@pytest.mark.parametrize("stamp_ns", [17, 60 * MS + 4 * S])
+def test_stamps_before_the_last_cycle_or_ahead_of_the_clock_are_refused(stamp_ns: int) -> None:
+    epoch = running()
+    assert epoch.take(cycle(50 * MS, rise_ns=stamp_ns)) is None
+    assert epoch.why == "stamp"
+
+
+def test_a_drifting_quartz_is_followed() -> None:
+    watch = ClockWatch()
+    rng = np.random.default_rng(2)
+    for k in range(1, 60_000, 7):
+        host_ns, trip_ns = k * MS, int(rng.integers(80, 2000)) * US
+        dc_ns = int((host_ns + trip_ns * rng.uniform(0.1, 0.9)) * (1 + 80e-6)) + 5 * S
+        pair = Pair(dc_ns, host_ns, host_ns + trip_ns)
+        assert watch.fits(pair)
+        watch.add(pair)
+    best = watch.take_best()
+    assert best is not None
+    assert best.width_ns < 100 * US
+    assert watch.take_best() is None
+
+
+@pytest.mark.parametrize("options", ["channel=3", "channel=one", "chanel=1", "light=bright"])
+def test_options_that_make_no_sense_are_refused(options: str) -> None:
+    with pytest.raises(DeviceError):
+        open_source(f"ethercat:eth9?{options}", "laser")
+
+
+def test_the_bus_serves_as_laser_only() -> None:
+    with pytest.raises(DeviceError, match="cannot serve as touch"):
+        open_source("ethercat:eth9?channel=1", "touch")
+
+
+def test_without_rights_the_installed_launcher_is_used(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    launcher = tmp_path / "draglag-ethercat-master"
+    monkeypatch.setattr(helper, "LAUNCHERS", (launcher,))
+    monkeypatch.setattr(helper, "has_rights", lambda: False)
+    assert "-m" in helper.command("eth1")  # which then says itself what is missing
+    launcher.write_text("#!/bin/sh\n")
+    launcher.chmod(0o755)
+    assert helper.command("eth1", "--channel", "2") == [str(launcher), "eth1", "--channel", "2"]
+    monkeypatch.setattr(helper, "has_rights", lambda: True)
+    assert helper.command("eth1")[0] != str(launcher)
