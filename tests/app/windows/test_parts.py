@@ -6,15 +6,14 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from PySide6.QtWidgets import QApplication, QWidget
 
-from draglag.curve import CurvePoints, fit_form
 from draglag.errors import DataError
 from draglag.protocols import load_protocol
-from draglag_app.comparing import difference
 from draglag_app.session import events
 from draglag_app.windows.actions import ACTIONS, key_list
 from draglag_app.windows.bridge import SessionBridge
@@ -269,27 +268,6 @@ class TestGeometryPage:
 
 
 class TestCompare:
-    def test_difference_of_shifted_curves_is_the_shift(self) -> None:
-        rng = np.random.default_rng(1)
-        speed = np.linspace(50, 900, 14)
-        latency_s = 0.03 + 0.1 * np.exp(-0.006 * speed)
-        fits = [
-            fit_form(CurvePoints(speed, latency_s + shift + rng.normal(0, 2e-4, 14), np.full(14, 2e-4)), form)
-            for shift, form in ((0.0, "single_exponential"), (0.01, "single_exponential"))
-        ]
-        found = difference(*fits)
-        assert found is not None
-        inside = (found.low_s <= 0.01) & (found.high_s >= 0.01)
-        assert inside.mean() > 0.9
-        assert np.abs(found.difference_s - 0.01).max() < 1e-3
-
-    def test_curves_without_common_speeds_have_none(self) -> None:
-        fits = []
-        for low, high in ((50, 200), (400, 900)):
-            speed = np.linspace(low, high, 8)
-            fits.append(fit_form(CurvePoints(speed, np.full(8, 0.03), np.full(8, 1e-3)), "constant"))
-        assert difference(*fits) is None
-
     def test_sessions_appear_in_table_and_plots(
         self, opened: OperatorWindow, until: Callable, session_file: Path
     ) -> None:
@@ -299,6 +277,86 @@ class TestCompare:
         until(lambda: page.table.rowCount() == 2)
         apart = next(columns for name, columns in page.apart.drawn.items() if name.startswith("2") and "95" not in name)
         assert np.abs(apart[1]).max() < 1e-9  # the same session twice
+        assert page.table.item(1, page.table.columnCount() - 1).text().startswith("no")
+
+
+class TestGap:
+    REPORT: ClassVar[dict[str, object]] = {
+        "session": "s",
+        "verdict": "explained",
+        "noise_floor_mm": 0.15,
+        "steps": [
+            {
+                "effect": "low_speed_plateau",
+                "indistinguishable_from": ["sample_hold"],
+                "parameters": {"speed_mm_s": {"value": 118.0, "ci95": [112.0, 124.0]}},
+                "where": "drag speed below 118 mm/s",
+                "covariate": "speed",
+                "evidence": {"p_value": 1e-9, "held_out_gain": 0.4},
+                "gap_before_mm": 0.62,
+                "gap_after_mm": 0.16,
+            }
+        ],
+        "unexplained_by": None,
+        "gap_first_mm": 0.62,
+        "gap_last_mm": 0.16,
+    }
+
+    @pytest.fixture
+    def page(self, opened: OperatorWindow) -> QWidget:
+        if "gap" not in opened.pages:
+            pytest.skip("this version cannot close the gap")
+        return opened.pages["gap"][1]
+
+    def test_report_is_shown_step_by_step(self, page: QWidget) -> None:
+        page.show_report(self.REPORT)
+        assert "Explained" in page.verdict.text()
+        row = [page.table.item(0, column).text() for column in range(5)]
+        assert row[0] == "low_speed_plateau (or sample_hold)"
+        assert "118 (112 … 124)" in row[2]
+        assert row[3] == "0.620 → 0.160 mm"
+        assert page.plot.drawn["gap"][1].tolist() == [0.62, 0.16]
+
+    def test_a_poor_session_says_what_is_missing(self, page: QWidget) -> None:
+        poor = {"verdict": None, "steps": [], "missing": ["too few circles"], "noise_floor_mm": None}
+        page.show_report({**self.REPORT, **poor, "gap_first_mm": None})
+        assert page.verdict.text() == "too few circles"
+        assert page.plot.drawn == {}
+
+    def test_an_effect_can_be_taken_out_and_brought_back(
+        self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked = []
+
+        def fake(function: object, arguments: tuple, progress: Progress) -> dict[str, object]:
+            asked.append(arguments[1])
+            return self.REPORT
+
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+        page.close_button.click()
+        until(lambda: not opened.space.tasks.running)
+        page.table.selectRow(0)
+        page.leave_out.click()
+        until(lambda: not opened.space.tasks.running)
+        opened.ask("undo")
+        until(lambda: not opened.space.tasks.running)
+        assert asked == [frozenset(), frozenset({"low_speed_plateau"}), frozenset()]
+        assert page.close_button.isEnabled()
+
+    def test_cancelling_brings_the_buttons_back(
+        self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def endless(function: object, arguments: tuple, progress: Progress) -> None:
+            while True:
+                progress(0.0, "")
+
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", endless)
+        page.close_button.click()
+        assert not page.close_button.isEnabled()
+        opened.ask("cancel")
+        until(lambda: not opened.space.tasks.running)
+        assert page.close_button.isEnabled()
+        assert "Cancelled" in page.verdict.text()
 
 
 def test_help_shows_manual_and_keys(open_window: Callable[..., OperatorWindow]) -> None:

@@ -19,10 +19,10 @@ from PySide6.QtWidgets import (
 )
 
 from draglag.analysis import Analysis, analyze
+from draglag.curve.compare import curve_difference
 from draglag.store import read_session
-from draglag_app.comparing import difference
 from draglag_app.windows import words
-from draglag_app.windows.curve_plot import SYMBOLS, CurvePlot
+from draglag_app.windows.curve_plot import SYMBOLS, CurvePlot, speeds_of
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.tasks import Progress
 from draglag_app.windows.theme import theme
@@ -63,7 +63,14 @@ class ComparePage(QWidget):
         plots.addWidget(self.curves)
         plots.addWidget(self.apart)
         outer.addWidget(plots, 3)
-        titles = [self.tr("session"), self.tr("form"), *(f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S), self.tr("RMS")]
+        at_speeds = [f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S]
+        titles = [self.tr("session"), self.tr("form"), *at_speeds, self.tr("RMS"), self.tr("differs")]
+            self.tr("session"),
+            self.tr("form"),
+            *(f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S),
+            self.tr("RMS"),
+            self.tr("differs"),
+        ]
         self.table = QTableWidget(0, len(titles))
         self.table.setHorizontalHeaderLabels(titles)
         self.table.verticalHeader().hide()
@@ -126,7 +133,7 @@ class ComparePage(QWidget):
         colour, symbol = theme().series[k % len(theme().series)], SYMBOLS[k % len(SYMBOLS)]
         name, curve = f"{k + 1}  {analysis.session}", analysis.curve
         self.table.insertRow(k)
-        cells = [name, words.DASH, *(words.DASH for _ in SPEEDS_MM_S), words.DASH]
+        cells = [name, *(words.DASH for _ in range(len(SPEEDS_MM_S) + 3))]
         if curve is not None:
             self.curves.draw_curve(name, curve, colour)
             points = curve.points
@@ -137,16 +144,18 @@ class ComparePage(QWidget):
             predicted = 1e3 * curve.predict_s(speeds)
             inside = curve.inside(speeds)
             figures = [f"{ms:.1f} ms" if ok else words.DASH for ms, ok in zip(predicted, inside, strict=True)]
-            cells = [name, words.form_name(curve.form), *figures, f"{1e3 * curve.rms_s:.2f} ms"]
+            cells = [name, words.form_name(curve.form), *figures, f"{1e3 * curve.rms_s:.2f} ms", words.DASH]
         for column, text in enumerate(cells):
             self.table.setItem(k, column, QTableWidgetItem(text))
         first = self._shown[0].curve
         if k and curve is not None and first is not None:
-            found = difference(first, curve)
+            found = curve_difference(first, curve, speeds_of(curve))
             if found is not None:
                 speed = found.speed_mm_s
                 self.apart.band(name + " 95 %", speed, 1e3 * found.low_s, 1e3 * found.high_s, colour)
                 self.apart.line(name, speed, 1e3 * found.difference_s, colour, 2.5)
+                answer = self.tr("yes") if found.p_value < 0.05 else self.tr("no")
+                self.table.setItem(k, len(cells) - 1, QTableWidgetItem(f"{answer} (p = {found.p_value:.2g})"))
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

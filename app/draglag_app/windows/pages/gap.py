@@ -6,7 +6,6 @@ The page is there only in versions whose library can close the gap.
 from __future__ import annotations
 
 import importlib
-import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -22,11 +21,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag_app.apart import close_gap_of, run_apart
 from draglag_app.windows.plots import Plot, tr
-from draglag_app.windows.tasks import Progress
+from draglag_app.windows.tasks import Progress, Task
 from draglag_app.windows.theme import theme
 from draglag_app.windows.widgets import button, label, restyle
-from draglag_app.windows.workspace import Workspace
+from draglag_app.windows.workspace import Edit, Workspace
 
 
 def gap_workflow() -> Callable[..., Any] | None:
@@ -45,6 +45,8 @@ class GapPage(QWidget):
         super().__init__(parent)
         self._space = workspace
         self._report: dict[str, Any] | None = None
+        self._without: frozenset[str] = frozenset()
+        self._task: Task | None = None
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
@@ -53,6 +55,9 @@ class GapPage(QWidget):
         row.addStretch(1)
         self.close_button = button(self.tr("Find and close"), "primary", large=True)
         self.close_button.clicked.connect(self.start)
+        self.leave_out = button(self.tr("Take it out again"), large=True)
+        self.leave_out.clicked.connect(self._leave_out)
+        row.addWidget(self.leave_out)
         row.addWidget(self.close_button)
         outer.addLayout(row)
         self.verdict = label("", "verdict", wrap=True)
@@ -70,36 +75,70 @@ class GapPage(QWidget):
         self.table.setShowGrid(False)
         self.table.setTabKeyNavigation(False)
         self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         header = self.table.horizontalHeader()
         header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
         outer.addWidget(self.table, 2)
+        self.table.itemSelectionChanged.connect(self._row_chosen)
+        self.more = label("", "hint", wrap=True)
+        outer.addWidget(self.more)
+        workspace.tasks.changed.connect(self._tasks_changed)
         workspace.session_changed.connect(self._session_changed)
         self._session_changed()
 
     def start(self) -> None:
-        """Close the gap of the session at hand, in a worker."""
-        session, close_gap = self._space.session, gap_workflow()
-        if session is None or close_gap is None:
+        """Close the gap of the session at hand, in a process of its own: it takes a minute, and can be cancelled."""
+        session, without = self._space.session, self._without
+        if session is None or self._task is not None:
             return
-        with_progress = "progress" in inspect.signature(close_gap).parameters
         self.close_button.setEnabled(False)
+        self.leave_out.setEnabled(False)
         self._say("", self.tr("Fitting the model, looking at what is left …"))
 
         def work(progress: Progress) -> dict[str, Any]:
-            report = close_gap(session, progress=progress) if with_progress else close_gap(session)
-            found: dict[str, Any] = report.to_dict()
+            found: dict[str, Any] = run_apart(close_gap_of, (session, without), progress)
             return found
 
-        self._space.tasks.start(self.tr("Closing the gap"), work, self.show_report, self._failed)
+        self._task = self._space.tasks.start(self.tr("Closing the gap"), work, self.show_report, self._failed)
+
+    def _tasks_changed(self) -> None:
+        """A cancelled task reports nothing: the buttons come back here."""
+        if self._task is not None and self._task not in self._space.tasks.running:
+            if self._task.cancelled:
+                self._say("", self.tr("Cancelled."))
+            self._task = None
+            self.close_button.setEnabled(self._space.session is not None)
+            self._row_chosen()
+
+    def _row_chosen(self) -> None:
+        self.leave_out.setEnabled(bool(self._without or self.table.selectionModel().selectedRows()))
+        chosen = bool(self.table.selectionModel().selectedRows())
+        self.leave_out.setText(self.tr("Take it out again") if chosen or not self._without else self.tr("All effects"))
+
+    def _leave_out(self) -> None:
+        """Take the chosen effect out of the model and look again; without a choice, allow all again. Can be undone."""
+        rows, before = self.table.selectionModel().selectedRows(), self._without
+        item = self.table.item(rows[0].row(), 0) if rows else None
+        after = before | {str(item.data(Qt.ItemDataRole.UserRole))} if item is not None else frozenset[str]()
+        if after != before:
+            self._space.undo.push(
+                Edit(self.tr("gap step"), lambda: self._with_effects(after), lambda: self._with_effects(before))
+            )
+
+    def _with_effects(self, without: frozenset[str]) -> None:
+        self._without = without
+        self.start()
 
     def _failed(self, text: str) -> None:
-        self.close_button.setEnabled(True)
         self._say("bad", text)
 
     def _session_changed(self) -> None:
-        self._report = None
+        self._report, self._without = None, frozenset()
+        self.more.setText("")
+        self.leave_out.setEnabled(False)
         self.table.setRowCount(0)
         self.plot.clear_all()
         ready = self._space.session is not None
@@ -110,7 +149,6 @@ class GapPage(QWidget):
     def show_report(self, report: dict[str, Any]) -> None:
         """Show what was found: the design's JSON of a gap report."""
         self._report = report
-        self.close_button.setEnabled(True)
         level, text = {
             "no_gap": ("ok", self.tr("No gap: what is left is noise.")),
             "explained": ("ok", self.tr("Explained: the effects below account for the gap.")),
@@ -120,12 +158,22 @@ class GapPage(QWidget):
                     covariate=report.get("unexplained_by")
                 ),
             ),
-        }.get(str(report["verdict"]), ("", str(report["verdict"])))
+        }.get(str(report["verdict"]), ("warning", " ".join(report.get("missing", ()))))
         self._say(level, text)
         self.table.setRowCount(0)
         for k, step in enumerate(report["steps"]):
             self._add_step(k, step)
+        self.more.setText("\n".join(self._remarks(report)))
         self._draw(report)
+
+    def _remarks(self, report: dict[str, Any]) -> list[str]:
+        lines = [f"{step['effect']}: {step['extra_run']}" for step in report["steps"] if step.get("extra_run")]
+        unseen = [f"{effect}: {why}" for effect, why in report.get("not_seen", {}).items()]
+        if unseen:
+            lines.append(self.tr("This session cannot show: {effects}").format(effects="; ".join(unseen)))
+        if self._without:
+            lines.append(self.tr("Left out: {effects}").format(effects=", ".join(sorted(self._without))))
+        return lines
 
     def _add_step(self, k: int, step: dict[str, Any]) -> None:
         self.table.insertRow(k)
@@ -137,10 +185,13 @@ class GapPage(QWidget):
         for column, text in enumerate((name, str(step.get("where", "")), size, gap, chance)):
             item = QTableWidgetItem(text)
             item.setToolTip(text)
+            item.setData(Qt.ItemDataRole.UserRole, step["effect"])
             self.table.setItem(k, column, item)
 
     def _draw(self, report: dict[str, Any]) -> None:
         self.plot.clear_all()
+        if report["gap_first_mm"] is None:
+            return
         gaps = [report["gap_first_mm"], *(step["gap_after_mm"] for step in report["steps"])]
         x = np.arange(len(gaps), dtype=float)
         y = np.array(gaps, float)
@@ -148,7 +199,7 @@ class GapPage(QWidget):
         tips = [f"{name}\n{gap:.3f} mm" for name, gap in zip(names, gaps, strict=True)]
         self.plot.line(self.tr("gap"), x, y, theme().blue, 2)
         self.plot.dots(self.tr("steps"), x, y, theme().orange, "s", 10, words=tips)
-        floor = np.full(2, float(report["noise_floor_mm"]))
+        floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
         self.plot.line(self.tr("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
         self.plot.getAxis("bottom").setTicks([[(float(k), name) for k, name in enumerate(names)]])
         self.plot.setYRange(0, 1.1 * max(gaps))

@@ -1,0 +1,60 @@
+"""Computations in a process of their own."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from draglag.errors import DataError
+from draglag_app.apart import run_apart
+
+
+def squares(n: int, progress: object) -> tuple[int, int]:
+    progress(0.5, "half")
+    return n * n, os.getpid()
+
+
+def refuses(n: int, progress: object) -> None:
+    raise DataError("the run has no edges", "record it again")
+
+
+def dies(n: int, progress: object) -> None:
+    os._exit(3)
+
+
+def never_ends(n: int, progress: object) -> None:
+    while True:
+        pass
+
+
+def quiet(fraction: float, text: str) -> None:
+    pass
+
+
+def test_result_comes_from_another_process() -> None:
+    result, process = run_apart(squares, (7,), quiet)
+    assert result == 49
+    assert process != os.getpid()
+
+
+def test_sentences_come_back() -> None:
+    with pytest.raises(DataError, match="the run has no edges"):
+        run_apart(refuses, (1,), quiet)
+
+
+def test_a_dead_process_is_told() -> None:
+    with pytest.raises(DataError, match="without a result"):
+        run_apart(dies, (1,), quiet)
+
+
+def test_cancelling_ends_it_at_once() -> None:
+    calls = []
+
+    def cancel(fraction: float, text: str) -> None:
+        calls.append(fraction)
+        if len(calls) == 3:
+            raise KeyError("cancelled")
+
+    with pytest.raises(KeyError):
+        run_apart(never_ends, (1,), cancel)
