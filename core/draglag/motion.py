@@ -49,7 +49,7 @@ def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.nd
     """Which of the times ``at_s`` lie inside the trace and outside every contact loss: (m,) bool."""
     if t_s.size == 0:
         return np.zeros(at_s.shape, bool)
-    inside = (at_s >= t_s[0]) & (at_s <= t_s[-1])
+    inside: np.ndarray = (at_s >= t_s[0]) & (at_s <= t_s[-1])
     if losses_s.size:
         k = np.searchsorted(losses_s[:, 0], at_s, side="right") - 1
         inside &= ~((k >= 0) & (at_s < losses_s[np.maximum(k, 0), 1]))
@@ -136,7 +136,10 @@ def local_fit(
     index = np.minimum(index, t_s.size - 1)
     u = (t_s[index] - at_s[:, None]) / width_s[:, None]
     kernel = np.where(valid, np.maximum(1 - u * u, 0.0), 0.0)
-    powers = u[:, :, None] ** np.arange(degree + 1)
+    powers = np.empty((*u.shape, degree + 1))
+    powers[..., 0] = 1.0
+    for order in range(degree):
+        powers[..., order + 1] = powers[..., order] * u
     weighted = kernel[:, :, None] * powers
     normal = np.swapaxes(weighted, 1, 2) @ powers
     count = last - first
@@ -144,7 +147,7 @@ def local_fit(
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
     normal[~ok] = np.eye(degree + 1)
     normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(degree + 1)
-    solve = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2))  # (m, p, w)
+    solve = np.linalg.inv(normal) @ np.swapaxes(weighted, 1, 2)  # (m, p, w)
     coefficients = solve @ xy_mm[index]  # (m, p, 2)
     weights = solve[:, 0]
     v_weights = solve[:, 1] / width_s[:, None]
