@@ -21,11 +21,18 @@ _HERE = "draglag_app.cli"
 COMMANDS: dict[str, tuple[str, str]] = {
     "demo": (f"{_HERE}.demo:demo", "Measure a simulated touchscreen from target to curve."),
     "devices": (f"{_HERE}.devices:devices", "List devices to measure with."),
+    "check": (f"{_HERE}.check:check", "Is the whole rig ready? One line a check."),
     "record": (f"{_HERE}.record:record", "Measure a protocol into a new session file."),
     "simulate": (f"{_HERE}.simulate:simulate", "Make a session of a simulated screen, with effects if you like."),
     "import": (f"{_HERE}.files:import_", "Make a session file from an exchange folder."),
     "export": (f"{_HERE}.files:export", "Write a session as exchange folder, CSV, netCDF or MATLAB file."),
     "analyze": (f"{_HERE}.analyze:analyze", "Latency of every run, the curve, taps and validation."),
+    "gap": (f"{_HERE}.gap:gap", "Where simulation and measurement disagree, why, and how the gap shrinks."),
+    "validate": (f"{_HERE}.validate:validate", "What a latency model removes from another session."),
+    "compensate": (f"{_HERE}.compensate:compensate", "Take the lag out of recorded touch events."),
+    "compare": (f"{_HERE}.compare:compare", "How the curves of sessions differ."),
+    "plan": (f"{_HERE}.plan:plan", "How sure a protocol will be of the latency, before anyone draws a circle."),
+    "reproduce": (f"{_HERE}.reproduce:reproduce", "The paper's tables and figures from simulated screens."),
     "blind": (f"{_HERE}.blind:blind", "The hidden-effect benchmark (in a checkout)."),
     "verify": (f"{_HERE}.verify:verify", "Check a session file; save what an unfinished one holds."),
 }

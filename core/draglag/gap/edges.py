@@ -147,7 +147,7 @@ def place(
             half_s = start.speed_half_s[own]
         elif not data.steady:
             half_s = speed_half_widths_s(data.t_s, data.xy_mm, data.edge_t_s + latency, data.noise_mm)
-        for _ in range(8):
+        for _ in range(8 if start is None else 4):
             fast = local_fit(data.t_s, data.xy_mm, data.edge_t_s + latency, half_s)
             speed = stylus_speed(law, fast.v_mm_s, fast.a_mm_s2)
             step = np.clip(law(speed) + added - latency, -0.02, 0.02)
@@ -164,7 +164,7 @@ def place(
         along = np.einsum("mk,mk->m", fast.v_mm_s, fast.a_mm_s2) / shown * ratio**2
         bend = slope * along
         # For the columns from other events: with the fit's own, position noise would look like an effect.
-        apart = _acceleration_apart(data, at_s, half_s)
+        apart = _acceleration_apart(data, at_s, half_s) if start is None else start.accel_apart_mm_s2[own]
         across = np.abs(fast.v_mm_s[:, 1])
         ok = fit.ok & fast.ok & in_contact(data.t_s, at_s, contact_losses(data.t_s)) & (fit.gain < 1.5)
         ok &= ~_catching_up(data, at_s)
@@ -208,7 +208,7 @@ def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:
     fits = [local_fit(data.t_s, data.xy_mm, at_s + shift, half_s) for shift in around]
     speed = np.array([np.where(f.ok, f.speed_mm_s, np.nan) for f in fits])
     slowest, fastest = np.nanmin(speed, axis=0), np.nanmax(speed, axis=0)
-    return ~(slowest > 0.45 * fastest)
+    return np.asarray(~(slowest > 0.45 * fastest))
 
 
 def _acceleration_apart(data: RunData, at_s: FloatArray, speed_half_s: FloatArray) -> FloatArray:

@@ -52,7 +52,7 @@ class Fit:
 
     @property
     def run_index(self) -> np.ndarray:
-        return self.placed.run[self.use]
+        return np.asarray(self.placed.run[self.use])
 
 
 def term_signature(term: Term, view: View) -> Signature:
@@ -99,9 +99,12 @@ def fit_session(
     components = START
     state = _look(runs, law, geometry, active, width, None)
     use = _usable(state, runs, loose=True) if start is None else start.use.copy()
-    for iteration in range(9):
+    settled = judged = False
+    for iteration in range(8):
         parts = scatter(runs, state.placed, use)
-        if iteration == 5:
+        if (iteration == 4 and not judged) or settled:
+            settled = False
+            judged = True
             use = use & _usable(state, runs, loose=False) if start is None else use & state.placed.ok
             parts = scatter(runs, state.placed, use)
             # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
@@ -122,13 +125,17 @@ def fit_session(
                     break
             step = 0.4 * step
         else:
+            settled = not judged
+            if judged:
+                break
             continue
         gained = cost - new_cost
         state = trial
         if iteration < 4 and start is None:
             use = _usable(state, runs, loose=iteration < 2)
-        elif gained < 0.01 and iteration >= 6:
+        if judged and gained < 0.05:
             break
+        settled = not judged and gained < 0.5 and iteration >= 2
     placed, view, law, geometry, active = state.placed, state.view, state.law, state.geometry, list(state.terms)
     use = use & (_usable(state, runs, loose=False) if start is None else placed.ok)
     parts = scatter(runs, placed, use)
@@ -224,7 +231,7 @@ def _usable(state: _State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray
         own = placed.run == k
         if not data.steady and np.count_nonzero(use & own) < 0.5 * np.count_nonzero(own):
             use[own] = False
-    return use & _not_far(state.residual, sd, placed, use, loose)
+    return np.asarray(use & _not_far(state.residual, sd, placed, use, loose))
 
 
 def _calm_cost(z: FloatArray) -> float:
@@ -295,7 +302,8 @@ def _profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: F
     a, b = white.apply(design), white.apply(residual)
     spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
     moment = a.T @ b
-    return -0.5 * (float(b @ b) - float(moment @ spread @ moment)) - 0.5 * white.log_det, spread
+    value = -0.5 * (float(b @ b) - float(moment @ spread @ moment)) - 0.5 * white.log_det
+    return value, np.asarray(spread, float)
 
 
 def _likeliest(

@@ -108,7 +108,7 @@ def residual_mm(placed: Placed, geometry: Geometry) -> FloatArray:
     """n·p(t + L) − b − s·D/2 at every edge, mm, positive downwards."""
     norm = np.hypot(1.0, geometry.slope)
     across = (placed.xy_mm[:, 1] - geometry.slope * placed.xy_mm[:, 0] - geometry.intercept_mm) / norm
-    return across - 0.5 * geometry.diameter_mm * side_of(placed)
+    return np.asarray(across - 0.5 * geometry.diameter_mm * side_of(placed))
 
 
 def side_of(placed: Placed) -> FloatArray:

@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from draglag.gap.fit import Fit
 from draglag.gap.model import base_prior
-from draglag.recording import FloatArray, Session
+from draglag.recording import FloatArray, Run, Session
 from draglag.taps import LONGEST_S, summarise_taps
 
 TAP_SD_S = 0.0009  # how far release taps lie from the asymptote of a sound rig, from panel to panel
@@ -149,11 +149,13 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
     edges = sum(r.laser.t_s.size for r in session.runs)
     if edges < 80:
         missing.append(f"{edges} edges: at least 80 are needed")
-    travel = [
-        float(np.ptp(r.touch.x_mm[np.isfinite(r.touch.x_mm)])) - 2 * (r.radius_mm or 0)
-        for r in steady
-        if r.touch.t_s.size > 50
-    ]
+    travel = [_travel_mm(r) for r in steady if r.touch.t_s.size > 50]
     if travel and max(travel) < 5.0:
         missing.append("the circles hardly travel sideways: slope and latency cannot be told apart")
     return tuple(missing)
+
+
+def _travel_mm(run: Run) -> float:
+    """How far the circle's centre travels sideways, mm."""
+    x = run.touch.x_mm[np.isfinite(run.touch.x_mm)]
+    return float(np.ptp(x)) - 2 * (run.radius_mm or 0.0) if x.size else 0.0

@@ -186,19 +186,17 @@ def _spline(values: FloatArray, knots: int) -> FloatArray:
         scaled = values - values.mean()
         spread = float(scaled.std())
         return scaled[:, None] / spread if spread > 0 else np.empty((values.size, 0))
-    last = at[-1] - at[-2]
 
     def d(k: int) -> FloatArray:
         cube = np.maximum(values - at[k], 0) ** 3 - np.maximum(values - at[-1], 0) ** 3
-        return cube / (at[-1] - at[k])
+        return np.asarray(cube / (at[-1] - at[k]))
 
     reference = d(at.size - 2)
     basis = [values] + [d(k) - reference for k in range(at.size - 2)]
     out = np.column_stack(basis)
     out = out - out.mean(0)
     spread = out.std(0)
-    assert last > 0
-    return out[:, spread > 1e-12] / spread[spread > 1e-12]
+    return np.asarray(out[:, spread > 1e-12] / spread[spread > 1e-12])
 
 
 def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:

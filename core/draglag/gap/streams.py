@@ -103,7 +103,7 @@ def _spread(touch: TouchTrace, size: int) -> TouchTrace:
 
 
 def _repeats(touch: TouchTrace) -> np.ndarray:
-    return (np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0)
+    return np.asarray((np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0))
 
 
 def _grid_share(stamps: FloatArray, period_s: float) -> float:

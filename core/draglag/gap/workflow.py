@@ -9,11 +9,11 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.edges import gather
-from draglag.gap.find import Candidate, Finding, find
+from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm
 from draglag.gap.model import base_prior
-from draglag.gap.name import PLATEAU, TOO_CLOSE, Name, name, refit
+from draglag.gap.naming import PLATEAU, TOO_CLOSE, Name, name, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
 from draglag.gap.signatures import SIGNATURES

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.find import Candidate, Finding
+from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import Fit, Term, fit_session
-from draglag.gap.heldout import gap_mm
+from draglag.gap.heldout import gap_mm, shrinks
 from draglag.gap.signatures import SIGNATURES
 from draglag.recording import Session
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
-REFITTED = 5
+REFITTED = 4
 PLATEAU = "low_speed_plateau"
 
 
@@ -29,10 +29,7 @@ class Name:
     gain: float
     gap_before_mm: float
     gap_after_mm: float
-
-    @property
-    def improves(self) -> bool:
-        return self.gap_after_mm < self.gap_before_mm
+    improves: bool
 
 
 def refit(session: Session, before: Fit, terms: Sequence[Term], plateau: bool) -> Fit | None:
@@ -67,7 +64,7 @@ def name(
         gain = 2 * (fit.log_likelihood - before.log_likelihood) - 6 * n_columns - 2 * np.log(n_grid)
         # Edges that fall out of the refit would make it look better than it is.
         gain -= 8 * max(0, int(before.use.sum() - fit.use.sum()))
-        names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit)))
+        names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit)))
     names.sort(key=lambda n: -n.gain)
     names = [n for n in names if n.gain > 0 and n.improves]
     unnamed = next((c for c in finding.significant if c.effect is None), None)

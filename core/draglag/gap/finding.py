@@ -37,7 +37,7 @@ class Candidate:
     @property
     def score(self) -> float:
         """Gain less its price: six a column and two ln of the grid's size."""
-        return self.gain - 6 * self.n_columns - 2 * np.log(self.n_grid)
+        return float(self.gain - 6 * self.n_columns - 2 * np.log(self.n_grid))
 
 
 @dataclass(frozen=True)
@@ -69,18 +69,19 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     worst = np.sort(-null_logs.min(axis=0))
     p_values = np.array([_joint_p(-value, worst) for value in logs])
     out: dict[tuple[str | None, str, str], Candidate] = {}
-    for (effect, covariate, role, signature, columns), gain, p in zip(items, gains, p_values, strict=True):
+    for item, gain, p in zip(items, gains, p_values, strict=True):
+        name, covariate, role, made, columns = item
         candidate = Candidate(
-            effect,
+            name,
             covariate,
             role,
             float(gain),
             columns.shape[1],
-            signature.n_grid if signature else 1,
+            made.n_grid if made else 1,
             float(p),
-            signature.theta if signature else (),
+            made.theta if made else (),
         )
-        key = (effect, covariate, role)
+        key = (name, covariate, role)
         if key not in out or candidate.score > out[key].score:
             out[key] = candidate
     ranked = tuple(sorted(out.values(), key=lambda c: -c.score))

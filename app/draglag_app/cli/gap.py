@@ -1,0 +1,91 @@
+"""``draglag gap``: where simulation and measurement disagree, by what, and how the gap shrinks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from draglag.errors import DataError, EstimateError
+from draglag.gap.workflow import MOST_EFFECTS, GapReport, close_gap
+from draglag.simulation.effects import EFFECTS
+from draglag_app.cli.common import (
+    json_option,
+    load_session,
+    print_json,
+    progress,
+    refuse_existing,
+    session_argument,
+    table,
+)
+
+
+@click.command("gap")
+@session_argument
+@click.option(
+    "--max-effects",
+    type=click.IntRange(min=0, max=20),
+    default=MOST_EFFECTS,
+    show_default=True,
+    help="Effects to add at most.",
+)
+@click.option("--without", multiple=True, metavar="ID", help="Leave an effect out of the library; may be repeated.")
+@click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Also write a page with figures.")
+@json_option
+def gap(session: Path, max_effects: int, without: tuple[str, ...], report: Path | None, as_json: bool) -> None:
+    """Find where SESSION (a session file or an exchange folder) disagrees with the model, name the missing effect,
+    add it and show the gap shrink; again until only noise is left, or say what has no name.
+
+    \b
+    Examples:
+        draglag gap session.h5
+        draglag gap exchange-folder --json
+        draglag gap session.h5 --report gap.html
+    """
+    unknown = [effect for effect in without if effect not in EFFECTS]
+    if unknown:
+        raise DataError(f"unknown effect {unknown[0]}", f"Known are {', '.join(EFFECTS)}")
+    if report is not None:
+        refuse_existing(report)
+    data = load_session(session)
+    with progress("Closing the gap") as tell:
+        result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], tell)
+    if report is not None and result.verdict is not None:
+        from draglag.report.gap import write_gap_report
+
+        write_gap_report(data, result, report)
+    if as_json:
+        print_json(result.to_dict())
+    if result.verdict is None:
+        raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", "Record what is missing")
+    if not as_json:
+        _tell(result, report)
+
+
+def _tell(result: GapReport, report: Path | None) -> None:
+    rows = []
+    for step in result.steps:
+        sizes = ", ".join(f"{k} {v:.4g} ({low:.4g} to {high:.4g})" for k, (v, (low, high)) in step.parameters.items())
+        also = f" or {', '.join(step.indistinguishable_from)}" if step.indistinguishable_from else ""
+        rows.append([step.effect + also, step.where, sizes, f"{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}"])
+    if rows:
+        click.echo(table(["effect", "where", "size (95 %)", "gap, mm"], rows, 4))
+    words = {
+        "no_gap": "No gap: what is left is noise.",
+        "explained": "Explained: with these effects only noise is left.",
+        "unexplained": f"Unexplained: a gap remains that follows {result.unexplained_by} and has no name in the library.",
+    }
+    click.echo(words[result.verdict or "no_gap"])
+    click.echo(
+        f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
+        f"noise floor {result.noise_floor_mm:.3f} mm."
+    )
+    for step in result.steps:
+        if step.extra_run:
+            click.echo(f"To be sure of {step.effect}: {step.extra_run}.")
+    if result.not_seen:
+        click.echo("This session could not have shown:")
+        for effect, words_ in result.not_seen.items():
+            click.echo(f"  {effect}: {words_}")
+    if report is not None:
+        click.echo(f"Report: {report}")
