@@ -1,0 +1,235 @@
+"""The pre-flight: is the whole rig ready to measure? One row a check, with what was measured and its limit."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from draglag.clocks import PAPER_DRIFT, WARN_S, fit_clock
+from draglag.errors import DraglagError
+from draglag.protocols import PlannedRun
+from draglag.recording import ClockBounds, Screen
+from draglag.targets import Circle
+from draglag_devices.rig import Rig, make_rig
+from draglag_devices.source import Batch, Notice, Source, SourceInfo
+
+State = Literal["ok", "warning", "fault"]
+
+DISK_LOW = 200_000_000
+SLOWEST_TOUCH_HZ = 50.0
+SIZE_DISAGREEMENT = 0.02
+_READ_S = 0.03
+_STEP_S = 0.25
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the pre-flight. ``limit`` and ``remedy`` are empty where there is none."""
+
+    name: str
+    state: State
+    measured: str
+    limit: str = ""
+    remedy: str = ""
+
+
+@dataclass
+class _Seen:
+    """What one source showed while it was watched."""
+
+    info: SourceInfo
+    touches_s: list[float] = field(default_factory=list)
+    edges: int = 0
+    missed: int = 0
+    dropped: int = 0
+    clock: list[ClockBounds] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
+    alive: bool = True
+
+    def take(self, batch: Batch) -> None:
+        if batch.touch is not None:
+            self.touches_s += batch.touch.t_s.tolist()
+            self.dropped += batch.touch.dropped
+        if batch.laser is not None:
+            self.edges += len(batch.laser.t_s)
+            self.missed += batch.laser.missed
+        if batch.clock is not None and len(batch.clock.device_s):
+            self.clock.append(batch.clock)
+        self.notices += batch.notices
+        self.alive = batch.alive
+
+
+def ready(checks: list[Check]) -> bool:
+    """Whether one may measure: no check failed (warnings are for the operator to judge)."""
+    return all(check.state != "fault" for check in checks)
+
+
+def preflight(
+    addresses: Mapping[str, str],
+    screen: Screen | None = None,
+    screen_name: str = "screen-1",
+    watch_s: float = 3.0,
+    folder: Path | None = None,
+    tell: Callable[[float], None] = lambda done: None,
+) -> Iterator[Check]:
+    """Open all sources, watch them for a while together, close them.
+
+    Args:
+        addresses: role → address.
+        screen: the panel under test, to compare the touchscreen's size with; None leaves that out.
+        screen_name: of the simulated world.
+        watch_s: how long to watch; a longer time bounds the drift of clocks more closely.
+        folder: where sessions will be saved.
+        tell: told the share that is done.
+
+    Yields one Check after the other; faults are rows, never exceptions.
+    """
+    yield _disk(folder or Path.cwd())
+    opened: dict[str, tuple[Source, _Seen]] = {}
+    rig, fault = _rig(addresses, screen_name)
+    if rig is None:
+        yield fault
+        return
+    try:
+        for source in rig.sources:
+            _give_panel(source, screen)
+            try:
+                opened[source.role] = source, _Seen(source.open())
+            except DraglagError as error:
+                yield Check(source.role, "fault", error.problem, remedy=error.remedy)
+            except Exception as error:  # a fault of one driver is a row as well and must not hide the others
+                yield Check(source.role, "fault", f"{source.address}: {error}", remedy="report it with this line")
+        lost = _watch(rig, opened, watch_s, tell)
+        for role, (_, seen) in opened.items():
+            if role in lost:
+                yield Check(role, "fault", lost[role].problem, remedy=lost[role].remedy)
+            else:
+                yield from _judge(role, seen, screen)
+    finally:
+        rig.stage.stop()
+        for source, _ in opened.values():
+            source.close()
+
+
+def _rig(addresses: Mapping[str, str], screen_name: str) -> tuple[Rig | None, Check]:
+    try:
+        return make_rig(addresses, screen_name), Check("addresses", "ok", "")
+    except DraglagError as error:
+        return None, Check("addresses", "fault", error.problem, remedy=error.remedy)
+
+
+def _give_panel(source: Source, screen: Screen | None) -> None:
+    use_panel = getattr(source, "use_panel", None)
+    if use_panel is not None and screen is not None:
+        use_panel(screen.width_mm, screen.height_mm)
+
+
+def _disk(folder: Path) -> Check:
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        return Check("disk", "fault", f"{folder}: {error.strerror}", remedy="choose another folder")
+    low = free < DISK_LOW
+    remedy = "make room, or save elsewhere" if low else ""
+    return Check("disk", "fault" if low else "ok", f"{free / 1e9:.1f} GB free", f"{DISK_LOW / 1e9:.1f} GB", remedy)
+
+
+def _watch(
+    rig: Rig, opened: dict[str, tuple[Source, _Seen]], watch_s: float, tell: Callable[[float], None]
+) -> dict[str, DraglagError]:
+    """Read all sources in turn; returns those that were lost for good."""
+    clock, lost = rig.stage.time_base, dict[str, DraglagError]()
+    start_s = clock.now()
+    if rig.stage.players:
+        # Simulated people must be told to draw; real ones may touch the screen while it is watched.
+        circle = Circle(150.0, 120.0, 40.0, 250.0, duration_s=watch_s)
+        rig.stage.begin_run(PlannedRun("check", circle, 250.0, 40.0), start_s, "check")
+    while len(lost) < len(opened) and clock.now() < start_s + watch_s:
+        if not clock.realtime:
+            clock.advance_to(clock.now() + _STEP_S)
+        for role, (source, seen) in opened.items():
+            if role in lost:
+                continue
+            try:
+                seen.take(source.read(_READ_S))
+            except DraglagError as error:
+                lost[role] = error
+        tell(min(1.0, (clock.now() - start_s) / watch_s))
+    return lost
+
+
+def _judge(role: str, seen: _Seen, screen: Screen | None) -> Iterator[Check]:
+    if seen.alive:
+        yield Check(role, "ok", seen.info.description)
+    else:
+        yield Check(role, "fault", f"{seen.info.description}: lost while it was watched", remedy="see the lines below")
+    if role == "touch":
+        yield from _touch(seen, screen)
+    elif role == "laser":
+        bad = seen.missed > 0
+        yield Check("laser edges", "warning" if bad or not seen.edges else "ok",
+                    f"{seen.edges} seen, {seen.missed} missed", "0 missed",
+                    "check the light level and the beam" if bad else
+                    "" if seen.edges else "break the beam while checking")  # fmt: skip
+    if role != "touch":
+        yield from _clock(role, seen)
+    told: dict[str, Notice] = {notice.text: notice for notice in seen.notices}
+    for notice in told.values():
+        if notice.level != "info":
+            yield Check(role, "fault" if notice.level == "error" else "warning", notice.text)
+
+
+def _touch(seen: _Seen, screen: Screen | None) -> Iterator[Check]:
+    axes = seen.info.axes
+    if axes and screen is not None and all(axis.resolution for axis in axes):
+        sizes = [(axis.maximum - axis.minimum + 1) / axis.resolution for axis in axes]
+        off = max(abs(size / real - 1) for size, real in zip(sizes, (screen.width_mm, screen.height_mm), strict=True))
+        yield Check("touch size", "ok" if off <= SIZE_DISAGREEMENT else "warning",
+                    f"{sizes[0]:.1f} × {sizes[1]:.1f} mm by its resolution, {100 * off:.1f} % off",
+                    f"{100 * SIZE_DISAGREEMENT:.0f} %",
+                    "" if off <= SIZE_DISAGREEMENT else "measure the panel with a ruler, or calibrate")  # fmt: skip
+    for axis in axes:
+        if axis.fuzz:
+            yield Check("touch fuzz", "warning", f"{axis.name}: {axis.fuzz}", "0",
+                        "set it to 0 unless it is under test: it is a latency of its own")  # fmt: skip
+    if len(seen.touches_s) < 3:
+        yield Check("touch events", "warning", "none", f"≥ {SLOWEST_TOUCH_HZ:.0f} Hz", "draw while checking")
+        return
+    rate_hz = 1.0 / float(np.median(np.diff(seen.touches_s)))
+    fast, whole = rate_hz >= SLOWEST_TOUCH_HZ, not seen.dropped
+    yield Check("touch events", "ok" if fast and whole else "warning", f"{rate_hz:.0f} Hz, {seen.dropped} lost",
+                f"≥ {SLOWEST_TOUCH_HZ:.0f} Hz, 0 lost",
+                "" if fast and whole else "close other programs; try another USB port")  # fmt: skip
+
+
+def _clock(role: str, seen: _Seen) -> Iterator[Check]:
+    name = f"{role} clock"
+    limit = f"±{1e3 * WARN_S:.2f} ms"
+    clocks = []
+    with suppress(DraglagError):
+        clocks = list(fit_clock(seen.clock).epochs.values())
+    if not clocks:
+        if seen.info.clock.startswith("own") or "compared" in seen.info.clock:
+            yield Check(name, "fault", "never compared with the host's", limit, "unplug it and plug it in again")
+        return
+    clock = clocks[-1]
+    _, width = clock.to_host(np.linspace(clock.first_s, clock.last_s, 33))
+    worst = float(width.max())
+    well = worst <= WARN_S
+    yield Check(name, "ok" if well else "warning", f"±{1e3 * worst:.2f} ms, {clock.n_bounds} comparisons", limit,
+                "" if well else "use another USB port (USB 2, no hub) and close other programs")  # fmt: skip
+    low, high = clock.drift_interval_ppm
+    limit_ppm = 1e6 * PAPER_DRIFT
+    beyond = low > limit_ppm or high < -limit_ppm
+    known = high - low < 2 * limit_ppm
+    words = f"{clock.drift_ppm:+.1f} ppm" if known else "not determined in so short a time"
+    if known:
+        words += f" ({low:+.0f} to {high:+.0f}), {0.06 * clock.drift_ppm:+.2f} ms in 60 s"
+    remedy = "it is corrected; let the instrument warm up" if beyond else ""
+    yield Check(f"{role} drift", "warning" if beyond else "ok", words, f"±{limit_ppm:.1f} ppm", remedy)
