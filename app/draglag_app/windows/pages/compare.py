@@ -65,12 +65,6 @@ class ComparePage(QWidget):
         outer.addWidget(plots, 3)
         at_speeds = [f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S]
         titles = [self.tr("session"), self.tr("form"), *at_speeds, self.tr("RMS"), self.tr("differs")]
-            self.tr("session"),
-            self.tr("form"),
-            *(f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S),
-            self.tr("RMS"),
-            self.tr("differs"),
-        ]
         self.table = QTableWidget(0, len(titles))
         self.table.setHorizontalHeaderLabels(titles)
         self.table.verticalHeader().hide()
