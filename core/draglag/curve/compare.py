@@ -32,10 +32,14 @@ class CurveDifference:
             "differ": self.p_value < 0.05,
             "rms_ms": 1e3 * float(np.sqrt(np.mean(self.difference_s**2))),
             "at": [
-                {"speed_mm_s": float(v), "difference_ms": 1e3 * float(d), "difference_ci95_ms": [1e3 * float(a), 1e3 * float(b)]}
+                {
+                    "speed_mm_s": float(v),
+                    "difference_ms": 1e3 * float(d),
+                    "difference_ci95_ms": [1e3 * float(a), 1e3 * float(b)],
+                }
                 for v, d, a, b in zip(self.speed_mm_s, self.difference_s, self.low_s, self.high_s, strict=True)
             ],
-        }  # fmt: skip
+        }
 
 
 def curve_difference(

@@ -186,13 +186,15 @@ def fit_best(
 
 def _evaluate(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
     k = len(form.shape_names)
-    return form.columns(values[:k], speed) @ values[k:]
+    return np.asarray(form.columns(values[:k], speed) @ values[k:])
 
 
 def _slope(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
     """dL/dv at each speed, s per mm/s."""
     step = np.maximum(0.01 * speed, 0.1)
-    return 1e-3 * (_evaluate(form, values, speed + step) - _evaluate(form, values, speed - step)) / (2 * step)
+    return np.asarray(
+        1e-3 * (_evaluate(form, values, speed + step) - _evaluate(form, values, speed - step)) / (2 * step)
+    )
 
 
 def _jacobian(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
@@ -225,14 +227,14 @@ def _solve(
         _, amplitude = _non_negative(
             form.columns(start[:0], speed)[None] * weight[:, None], latency_ms * weight, tied_s
         )
-        return amplitude[0]
+        return np.asarray(amplitude[0])
     # Amplitudes are eliminated (variable projection): the polish moves the shapes only.
     scale = np.log(np.clip(start[:k], form.lower, form.upper))
 
     def residual(log_theta: FloatArray) -> FloatArray:
         columns = form.columns(np.exp(log_theta), speed) * weight[:, None]
         _, amplitude = _non_negative(columns[None], latency_ms * weight, tied_s)
-        return columns @ amplitude[0] - latency_ms * weight
+        return np.asarray(columns @ amplitude[0] - latency_ms * weight)
 
     polished = least_squares(
         residual,

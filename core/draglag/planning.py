@@ -1,0 +1,162 @@
+"""How sure a protocol will be of L(v), predicted from the bound before anyone draws a circle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.curve.forms import FORMS
+from draglag.latency.bound import HandSpectrum, TouchNoise, UnevenSpeed, latency_bound_s
+from draglag.protocols import PlannedRun, Protocol, expand, load_protocol
+from draglag.recording import FloatArray
+from draglag.simulation import Human, Rig, rig_for_screen
+
+FORM = "double_exponential"
+GRID_HZ = 1000.0
+
+
+@dataclass(frozen=True)
+class PlannedPrecision:
+    """What one run will give: edges, standard error and half the 95 % interval of its latency, s."""
+
+    id: str
+    nominal_speed_mm_s: float
+    n_edges: int
+    latency_s: float
+    se_s: float
+    note: str = ""
+
+    @property
+    def half_interval_s(self) -> float:
+        return 1.96 * self.se_s
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "id": self.id,
+            "nominal_speed_mm_s": self.nominal_speed_mm_s,
+            "n_edges": self.n_edges,
+            "expected_latency_ms": 1e3 * self.latency_s,
+            "se_ms": 1e3 * self.se_s,
+            "interval_half_width_ms": 1e3 * self.half_interval_s,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Prediction for a whole protocol; the curve's standard error at the speeds of its runs, (k,) each.
+
+    ``curve_se_s`` is None where the runs cannot determine Eq. 5.
+    """
+
+    protocol: str
+    screen: str
+    runs: tuple[PlannedPrecision, ...]
+    speed_mm_s: FloatArray
+    curve_se_s: FloatArray | None
+    duration_s: float
+
+    def to_dict(self) -> dict[str, object]:
+        curve = None
+        if self.curve_se_s is not None:
+            curve = [
+                {"speed_mm_s": float(v), "se_ms": 1e3 * float(se), "interval_half_width_ms": 1.96e3 * float(se)}
+                for v, se in zip(self.speed_mm_s, self.curve_se_s, strict=True)
+            ]
+        return {
+            "protocol": self.protocol,
+            "screen": self.screen,
+            "duration_min": self.duration_s / 60,
+            "runs": [run.to_dict() for run in self.runs],
+            "curve": curve,
+        }
+
+
+def plan(protocol: Protocol | str, screen: Rig | str, human: Human | None = None) -> Plan:
+    """Predicted precision of every circle of a protocol on a screen, and of the curve through them.
+
+    Args:
+        protocol, screen: presets, or objects of one's own; the screen's law and noise are assumed.
+        human: who will drag; the simulated participant if None.
+
+    Raises DataError for unknown presets or targets that do not fit.
+    """
+    rig = rig_for_screen(screen) if isinstance(screen, str) else screen
+    plans = load_protocol(protocol) if isinstance(protocol, str) else protocol
+    human = human or Human()
+    runs = expand(plans, rig.screen, beam=rig.beam)
+    circles = [_precision(run, rig, human) for run in runs if run.kind == "circle"]
+    speed = np.array(sorted({run.nominal_speed_mm_s for run in circles}))
+    rests_s = plans.rest_s * max(len(runs) - 1, 0)
+    total_s = sum(run.duration_s for run in runs) + rests_s
+    curve = _curve_se(circles, speed, rig)
+    return Plan(plans.name, rig.screen.name, tuple(circles), speed, curve, total_s)
+
+
+def _precision(run: PlannedRun, rig: Rig, human: Human) -> PlannedPrecision:
+    speed = float(run.nominal_speed_mm_s or 0.0)
+    latency_s = float(rig.law.latency_s(speed))
+    t_s = np.arange(human.touch_s[1], run.duration_s - latency_s, 1 / GRID_HZ)
+    x, y = run.target.position_mm(t_s)
+    beam_y = rig.beam.slope * x + rig.beam.intercept_mm
+    clear = np.abs(y - beam_y) / np.hypot(1, rig.beam.slope) - rig.stylus.diameter_mm / 2
+    k = np.flatnonzero(np.diff(np.sign(clear)) != 0)
+    if k.size < 6:
+        return PlannedPrecision(run.id, speed, int(k.size), latency_s, float("inf"), "too few edges")
+    edge_s = t_s[k] + clear[k] / (clear[k] - clear[k + 1]) / GRID_HZ
+    event_s = np.arange(t_s[0], t_s[-1], 1 / rig.touch_rate_hz)
+    middle = float(np.mean(run.target.position_mm(t_s)[1]))
+    edge_x, edge_y = run.target.position_mm(edge_s)
+    edge_v = run.target.velocity_mm_s(edge_s)[1]
+    beam_at = rig.beam.slope * edge_x + rig.beam.intercept_mm
+    slope_s = float(rig.law.latency_s(speed + 1) - rig.law.latency_s(speed - 1)) / 2
+    se_s = latency_bound_s(
+        edge_s,
+        edge_x,
+        edge_v,
+        np.where(edge_y > beam_at, 1.0, -1.0),
+        event_s,
+        run.target.velocity_mm_s(event_s)[1],
+        run.target.position_mm(event_s)[1] - middle,
+        TouchNoise(rig.noise_mm, rig.noise_slow_share, rig.noise_slow_s, rig.resolution_mm),
+        HandSpectrum(
+            human.wander_mm, human.wander_hz, human.timing_sd_s, gain_sd=human.gain_sd, tremor_mm=human.tremor_mm
+        ),
+        float(np.mean(beam_at)) - middle,
+        _uneven(human, rig, speed, speed * slope_s),
+    )
+    return PlannedPrecision(run.id, speed, int(edge_s.size), latency_s, se_s, run.note)
+
+
+def _uneven(human: Human, rig: Rig, speed_mm_s: float, law_slope_s: float) -> UnevenSpeed:
+    """Tremor (8 to 12 Hz) along the path as a share of the speed, less what touch events of this noise can follow."""
+    tremor_mm_s = 2 * np.pi * 10.0 * human.tremor_mm
+    signal = human.tremor_mm**2 / 4.0  # mm² per Hz over the 4 Hz of its band
+    noise = rig.noise_mm**2 * (1 - rig.noise_slow_share) / (rig.touch_rate_hz / 2)
+    unseen = np.sqrt(noise / max(signal + noise, 1e-12))
+    return UnevenSpeed(law_slope_s, float(unseen * tremor_mm_s / speed_mm_s))
+
+
+def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> FloatArray | None:
+    """Standard error of Eq. 5 through the runs at ``speed``, with what differs from run to run."""
+    good = [run for run in circles if np.isfinite(run.se_s)]
+    form = FORMS[FORM]
+    law = rig.law
+    if len(good) <= form.n_parameters:
+        return None
+    values = np.array([law.a2_s_per_mm, law.a5_s_per_mm, law.a1_ms, law.a4_ms, law.a7_ms])
+    at = np.array([run.nominal_speed_mm_s for run in good])
+    variance = np.array([run.se_s for run in good]) ** 2 + rig.run_latency_sd_s**2
+    normal_from, wanted = (_derivatives(values, v) for v in (at, speed))
+    normal = (normal_from / variance[:, None]).T @ normal_from
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    spread = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", wanted, spread, wanted), 0)))
+
+
+def _derivatives(values: FloatArray, speed: FloatArray) -> FloatArray:
+    """dL/d(values) of Eq. 5, (n, 5), L in s."""
+    a2, a5, a1, a4, _ = values
+    fast, slow = np.exp(-a2 * speed), np.exp(-a5 * speed)
+    return 1e-3 * np.column_stack([-a1 * speed * fast, -a4 * speed * slow, fast, slow, np.ones_like(speed)])
