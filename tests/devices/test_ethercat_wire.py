@@ -153,6 +153,37 @@ def test_each_reason_not_to_start_has_its_own_sentence_and_remedy(
     assert len({error.remedy for error in refusals.values()}) == len(refusals)
 
 
+@pytest.mark.parametrize("register", [0x0981, 0x0600, 0x0610], ids=["latch unit", "first mapping", "second mapping"])
+def test_a_terminal_that_does_not_keep_its_set_up_is_not_used(segment: Segment, register: int) -> None:
+    segment.order("stubborn", address=register, length=1 if register == 0x0981 else 16)
+    assert "does not keep its set-up" in _refusal(f"ethercat:{segment.iface}?channel=1").problem
+
+
+def test_the_segment_has_the_trap_that_the_driver_avoids(segment: Segment) -> None:
+    """What a master without the two extra steps sees: a true input, a right counter, and no stamps."""
+    import pysoem
+
+    master = pysoem.Master()
+    master.open(segment.iface)
+    try:
+        master.manual_state_change = 1
+        assert master.config_init() == 2
+        for state in (pysoem.PREOP_STATE, pysoem.SAFEOP_STATE, pysoem.OP_STATE):
+            if state == pysoem.SAFEOP_STATE:
+                assert master.config_map() == 37
+                assert master.config_dc()
+            master.state = state
+            master.write_state()
+            assert master.state_check(state, 200_000) == state
+        segment.order("edges", edges=[[0, 1, 1]])
+        master.send_processdata()
+        assert master.receive_processdata(100_000) == master.expected_wkc == 2
+        assert master.slaves[1].input == b"\x01" + bytes(34)
+        assert segment.order("log")["edges"][-1][3] is None
+    finally:
+        master.close()
+
+
 def test_a_foreign_master_on_the_interface_is_noticed(segment: Segment) -> None:
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(0x88A4)) as foreign:
         foreign.bind((segment.iface, 0x88A4))

@@ -6,6 +6,7 @@ and reads it. Nothing is imported here, so that the process stays small.
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 
 def open_source(address: Address, role: str) -> Source:
     """The laser at an address; claimed by its own ``open()``. Raises DeviceError on options that make no sense."""
+    if sys.platform != "linux":
+        from draglag_devices.source import DeviceError
+
+        raise DeviceError(address.text, "EtherCAT works on Linux only", "record on a Linux computer")
     from draglag_devices.ethercat_laser.source import ethercat_source
 
     return ethercat_source(address, role)
@@ -23,6 +28,8 @@ def open_source(address: Address, role: str) -> Source:
 
 def discover() -> list[Found]:
     """Wired interfaces on which EtherCAT devices answer, or could."""
+    if sys.platform != "linux":
+        return []
     from draglag_devices.ethercat_laser.look import look_for_buses
 
     return look_for_buses()

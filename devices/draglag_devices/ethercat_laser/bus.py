@@ -92,7 +92,7 @@ class Bus:
         self._enter(pysoem.OP_STATE)
         self._wanted = wanted
         self.expected_wkc = int(master.expected_wkc)
-        if not self.as_set_up():
+        if len(self.terminal.input) != IMAGE.size or not self.as_set_up():
             raise Refusal(
                 "set_up",
                 f"the EL1252 on {self.interface} does not keep its set-up (mapping or latch unit)",

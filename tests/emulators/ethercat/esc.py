@@ -46,6 +46,7 @@ class Esc:
     fmmus: tuple[Fmmu, ...] = ()
     powered_ns: int = 0
     trim_ns: float = 0.0
+    stubborn: tuple[tuple[int, int], ...] = ()  # (from, to) of registers that do not take what is written
     ports: int = 0x01  # bit per port with a link
 
     def power_on(self, t_ns: int) -> None:
@@ -115,7 +116,7 @@ class Esc:
         if address <= DC_PORT_TIME < end:
             self._latch_receive_times(t_ns)
         kept = [(max(a, address), self.memory[max(a, address) : min(b, end)])
-                for a, b in _READ_ONLY if a < end and b > address]  # fmt: skip
+                for a, b in (*_READ_ONLY, *self.stubborn) if a < end and b > address]  # fmt: skip
         self.memory[address:end] = data
         for start, old in kept:
             self.memory[start : start + len(old)] = old

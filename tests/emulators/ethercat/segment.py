@@ -167,6 +167,10 @@ class Line:
         found = self.terminal.read(address, int(order["length"]), t_ns)
         return {"value": (found or b"").hex()}
 
+    def _do_stubborn(self, order: Order, t_ns: int) -> None:
+        """A register of the EL1252 does not take what is written to it."""
+        self.terminal.stubborn = ((int(order["address"]), int(order["address"]) + int(order.get("length", 1))),)
+
     def _do_edges(self, order: Order, t_ns: int) -> Order:
         """Edges to come: [[host ns, channel, level], …], or with ``relative`` ns from now on."""
         base = t_ns if order.get("relative") else 0
