@@ -13,7 +13,18 @@ from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
-from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, session_argument, table
+from draglag.latency.estimate import WINDOW_S
+from draglag.recording import Session
+from draglag_app.cli.common import (
+    json_option,
+    load_session,
+    number,
+    print_json,
+    progress,
+    refuse_existing,
+    session_argument,
+    table,
+)
 
 
 @click.command("analyze")
