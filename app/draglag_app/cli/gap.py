@@ -73,7 +73,7 @@ def _tell(result: GapReport, report: Path | None) -> None:
     words = {
         "no_gap": "No gap: what is left is noise.",
         "explained": "Explained: with these effects only noise is left.",
-        "unexplained": f"Unexplained: a gap remains that follows {result.unexplained_by} and has no name in the library.",
+        "unexplained": f"Unexplained: a gap remains that follows {result.unexplained_by}; no known effect makes it.",
     }
     click.echo(words[result.verdict or "no_gap"])
     click.echo(

@@ -165,6 +165,21 @@ def fit_session(
     )
 
 
+def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
+    """The fit's log-likelihood on some of its edges, so that a refit that lost a few can be compared.
+
+    Args:
+        edges: mask over all placed edges, a subset of ``fit.use``.
+    """
+    parts = scatter(fit.runs, fit.placed, edges)
+    keep = edges[fit.use]
+    values = [
+        _profile(whitener(parts, w.components), fit.residual_mm[keep], fit.design[keep], fit.prior)[0]
+        for w in fit.whiteners
+    ]
+    return float(max(values))
+
+
 @dataclass(frozen=True)
 class _State:
     """One point of the search: parameters, and the session seen from there."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.finding import Candidate, Finding
-from draglag.gap.fit import Fit, Term, fit_session
+from draglag.gap.fit import Fit, Term, fit_session, log_likelihood_on
 from draglag.gap.heldout import gap_mm, shrinks
 from draglag.gap.signatures import SIGNATURES
 from draglag.recording import Session
@@ -40,6 +40,16 @@ def refit(session: Session, before: Fit, terms: Sequence[Term], plateau: bool) -
         return None
 
 
+def gained(before: Fit, after: Fit) -> float:
+    """Twice the log-likelihood that ``after`` gains on the edges that both use."""
+    lost = int(before.use.sum() - (before.use & after.use).sum())
+    if lost > 0.1 * before.use.sum():
+        return -np.inf
+    if lost:
+        return 2 * (after.log_likelihood - log_likelihood_on(before, before.use & after.use))
+    return 2 * (after.log_likelihood - before.log_likelihood)
+
+
 def name(
     session: Session, before: Fit, finding: Finding, candidates: Collection[str], plateau: bool
 ) -> tuple[list[Name], Candidate | None]:
@@ -61,14 +71,12 @@ def name(
             fit = refit(session, before, [*before.terms, Term(effect, theta)], plateau)
         if fit is None:
             continue
-        gain = 2 * (fit.log_likelihood - before.log_likelihood) - 6 * n_columns - 2 * np.log(n_grid)
-        # Edges that fall out of the refit would make it look better than it is.
-        gain -= 8 * max(0, int(before.use.sum() - fit.use.sum()))
+        gain = gained(before, fit) - 6 * n_columns - 2 * np.log(n_grid)
         names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit)))
     names.sort(key=lambda n: -n.gain)
     names = [n for n in names if n.gain > 0 and n.improves]
     unnamed = next((c for c in finding.significant if c.effect is None), None)
     best = names[0].gain if names else 0.0
-    if unnamed is not None and unnamed.score > best + UNNAMED_MARGIN:
+    if unnamed is not None and unnamed.score > best + UNNAMED_MARGIN:  # nothing at all has a gain of 0
         return names, unnamed
     return names, None

@@ -75,7 +75,9 @@ def which_drift(session: Session, fit: Fit, drift: float, candidates: frozenset[
     when_s = float(np.median(at_s))
     if_clock, if_thermal = release - asymptote_s, release - (asymptote_s - drift * when_s)
     apart = abs(drift * when_s)
-    words = f"release taps lie {1e3 * if_clock:+.1f} ms off the asymptote if it is the clock, {1e3 * if_thermal:+.1f} ms if not"
+    words = (
+        f"release taps lie {1e3 * if_clock:+.1f} ms off the asymptote if the clock drifts, else {1e3 * if_thermal:+.1f}"
+    )
     return _verdict(
         abs(if_clock) < abs(if_thermal), apart > 0.006 and min(abs(if_clock), abs(if_thermal)) < 0.3 * apart, words
     )

@@ -13,7 +13,7 @@ from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm
 from draglag.gap.model import base_prior
-from draglag.gap.naming import PLATEAU, TOO_CLOSE, Name, name, refit
+from draglag.gap.naming import PLATEAU, TOO_CLOSE, UNNAMED_MARGIN, Name, gained, name, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
 from draglag.gap.signatures import SIGNATURES
@@ -141,7 +141,7 @@ def close_gap(
             unexplained = unnamed
             break
         if not names:
-            unexplained = next((c for c in finding.significant if c.score > 0), None)
+            unexplained = next((c for c in finding.significant if c.score > UNNAMED_MARGIN), None)
             break
         step = _step(session, names, finding, allowed)
         plateau = plateau or names[0].effect == PLATEAU
@@ -150,9 +150,10 @@ def close_gap(
         fit, steps = _without_proxies(repaired, fit, steps)
         finding = find(fit, without=_left_out(allowed) | {s.effect for s in steps})
     steps = [_settled(step, fit) for step in steps]
-    steps += _offset_step(session, fit, steps, allowed)
-    if unexplained is None and finding.significant and finding.significant[0].score > 0:
+    if unexplained is None and finding.significant and finding.significant[0].score > UNNAMED_MARGIN:
         unexplained = finding.significant[0]
+    if unexplained is None:
+        steps += _offset_step(session, fit, steps, allowed)
     last_mm = gap_mm(fit)
     verdict = "unexplained" if unexplained else ("explained" if steps else "no_gap")
     tell(1.0, "done")
@@ -244,7 +245,7 @@ def _without_proxies(session: Session, fit: Fit, steps: list[Step]) -> tuple[Fit
         without = refit(session, fit, others, fit.law.plateau_mm_s > 0)
         if without is None:
             continue
-        if 2 * (fit.log_likelihood - without.log_likelihood) < 8 * sizes.size:
+        if -gained(fit, without) < 8 * sizes.size:
             fit = without
             steps = [s for s in steps if TERM_OF.get(s.effect, s.effect) != term.effect]
     return fit, steps
