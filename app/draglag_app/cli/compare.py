@@ -1,0 +1,74 @@
+"""``draglag compare``: the latency curves of several sessions, and how they differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from draglag.errors import DataError, EstimateError
+from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, table
+
+
+@click.command("compare")
+@click.argument("sessions", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Write a page with the figures.")
+@json_option
+def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> None:
+    """Fit the curve of every session (session files, exchange folders or models) and show how each differs from the
+    first, with a 95 % band.
+
+    \b
+    Example:
+        draglag compare monday.h5 tuesday.h5 --report difference.html
+    """
+    from draglag.analysis import analyze
+    from draglag.curve.compare import curve_difference
+    from draglag.model_file import load_model
+
+    if len(sessions) < 2:
+        raise click.UsageError("Give at least two sessions.")
+    if report is not None:
+        refuse_existing(report)
+    curves = []
+    with progress("Comparing") as tell:
+        for k, path in enumerate(sessions):
+            if tell:
+                tell(k / len(sessions), path.name)
+            if path.suffix == ".json" and path.name != "session.json":
+                curves.append((str(path), load_model(path).curve))
+                continue
+            curve = analyze(load_session(path)).curve
+            if curve is None:
+                raise EstimateError(f"{path}: no curve", "See draglag analyze for the verdict on its runs")
+            curves.append((str(path), curve))
+    first = curves[0][1]
+    apart = [(name, curve_difference(first, curve)) for name, curve in curves[1:]]
+    result = {
+        "first": curves[0][0],
+        "curves": [{"session": name, **curve.to_dict()} for name, curve in curves],
+        "differences": [{"session": name, **(d.to_dict() if d else {"at": []})} for name, d in apart],
+    }
+    if report is not None:
+        from draglag.reproduction.drawings import comparison_page
+
+        try:
+            report.write_text(comparison_page(curves), "utf-8")
+        except OSError as error:
+            raise DataError(f"{report}: cannot be written ({error.strerror})", "Check the folder") from error
+    if as_json:
+        print_json(result)
+        return
+    for name, difference in apart:
+        if difference is None:
+            click.echo(f"{name} and {curves[0][0]} share no speeds.")
+            continue
+        rows = [
+            [number(float(v), 0), number(1e3 * float(d), 2), f"{1e3 * a:.2f} to {1e3 * b:.2f}"]
+            for v, d, a, b in zip(
+                difference.speed_mm_s, difference.difference_s, difference.low_s, difference.high_s, strict=True
+            )
+        ]
+        word = "they differ" if difference.p_value < 0.05 else "no difference beyond chance"
+        click.echo(f"{name} minus {curves[0][0]}: {word} (p = {difference.p_value:.2g})")
+        click.echo(table(["speed mm/s", "difference ms", "95 % band ms"], rows, left=0) + "\n")

@@ -1,0 +1,152 @@
+"""``draglag compensate``: a latency model put to work on recorded touch data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from draglag.errors import DataError
+from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table
+
+MOST_ROWS = 20_000_000
+
+
+@click.command("compensate")
+@click.argument("model_path", metavar="MODEL.json", type=click.Path(path_type=Path))
+@click.argument("source", metavar="[IN.csv", required=False, type=click.Path(path_type=Path))
+@click.argument("out", metavar="OUT.csv]", required=False, type=click.Path(path_type=Path))
+@click.option("--extrapolate", is_flag=True, help="Follow the curve beyond its measured speeds, not hold its ends.")
+@click.option("--lookup", type=click.Path(path_type=Path), help="Also write the model as a table: .csv or MATLAB .mat.")
+@click.option("--tracking", is_flag=True, help="Show what the lag does to a tracking task (gain and phase, Table 1).")
+@click.option("--figure", type=click.Path(path_type=Path), help="Draw gain and phase into this .svg or .png file.")
+@json_option
+def compensate(
+    model_path: Path,
+    source: Path | None,
+    out: Path | None,
+    extrapolate: bool,
+    lookup: Path | None,
+    tracking: bool,
+    figure: Path | None,
+    as_json: bool,
+) -> None:
+    """Take the drag latency out of recorded touch events. IN.csv has the columns t_s, x_mm, y_mm; OUT.csv repeats
+    them and adds when the stylus was where the event shows it (stylus_t_s, latency_ms), where it was at t_s itself
+    (x_stylus_mm, y_stylus_mm), its speed, and whether that speed lies outside the model's range.
+
+    \b
+    Examples:
+        draglag compensate model.json touch.csv compensated.csv
+        draglag compensate model.json --lookup latency.mat --tracking
+    """
+    from draglag.model_file import load_model, save_lookup
+
+    if (source is None) != (out is None) or not (source or lookup or tracking or figure):
+        raise click.UsageError("Give IN.csv and OUT.csv, or --lookup, --tracking or --figure.")
+    model = load_model(model_path)
+    result: dict[str, Any] = {"model": str(model_path), "form": model.form}
+    if source is not None and out is not None:
+        from draglag.compensation import compensate as apply
+
+        refuse_existing(out)
+        t_s, x_mm, y_mm = _read(source)
+        done = apply(t_s, x_mm, y_mm, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s)
+        columns = {
+            "t_s": t_s,
+            "x_mm": x_mm,
+            "y_mm": y_mm,
+            "stylus_t_s": done.stylus_t_s,
+            "latency_ms": 1e3 * done.latency_s,
+            "x_stylus_mm": done.x_stylus_mm,
+            "y_stylus_mm": done.y_stylus_mm,
+            "speed_mm_s": done.speed_mm_s,
+            "extrapolated": done.extrapolated.astype(float),
+        }
+        form = ["%.6f", "%.4f", "%.4f", "%.6f", "%.4f", "%.4f", "%.4f", "%.2f", "%d"]
+        try:
+            rows = np.column_stack(list(columns.values()))
+            np.savetxt(out, rows, delimiter=",", header=",".join(columns), comments="", fmt=form)
+        except OSError as error:
+            raise DataError(
+                f"{out}: cannot be written ({error.strerror})", "Check the folder and free space"
+            ) from error
+        result["compensated"] = {**done.report(), "not_compensated": list(model.not_compensated)}
+    if lookup is not None:
+        save_lookup(model, lookup)
+        result["lookup"] = str(lookup)
+    if tracking or figure:
+        from draglag.tracking import tracking_response
+
+        response = tracking_response(lambda v: model.latency_s(v, extrapolate=extrapolate))
+        result["tracking"] = response.to_dict()
+        if figure is not None:
+            from draglag.reproduction.drawings import save_tracking
+
+            save_tracking({model.provenance.screen or "model": response}, figure)
+            result["figure"] = str(figure)
+    if as_json:
+        print_json(result)
+    else:
+        click.echo("\n\n".join(_words(result, out)))
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns t_s, x_mm, y_mm of a CSV file; what is no number becomes NaN. Raises DataError."""
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            header = [name.strip() for name in file.readline().split(",")]
+            missing = [name for name in ("t_s", "x_mm", "y_mm") if name not in header]
+            if missing:
+                raise DataError(f"{path}: no column {missing[0]} in its first line", "Head the columns t_s,x_mm,y_mm")
+            places = [header.index(name) for name in ("t_s", "x_mm", "y_mm")]
+            rows = np.genfromtxt(
+                file, delimiter=",", usecols=places, invalid_raise=False, max_rows=MOST_ROWS, encoding="utf-8"
+            )
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read ({error})", "Check the name; the file must be UTF-8 text") from error
+    except ValueError as error:
+        raise DataError(f"{path}: rows of different length", "Every row needs the columns of the first line") from error
+    rows = np.atleast_2d(rows)
+    if rows.shape[1] != 3 or rows.size == 0:
+        raise DataError(f"{path}: holds no events", "Give one row t_s,x_mm,y_mm for each event")
+    return rows[:, 0], rows[:, 1], rows[:, 2]
+
+
+def _words(result: dict[str, Any], out: Path | None) -> list[str]:
+    blocks = []
+    if "compensated" in result:
+        done = result["compensated"]
+        latency, moved = done["latency_ms_min_median_max"], done["moved_mm_min_median_max"]
+        lines = [f"{out}: {done['n_retimed']} of {done['n_events']} events re-timed, {done['n_placed']} placed"]
+        if latency:
+            lines.append(f"  latency {latency[0]:.1f} to {latency[2]:.1f} ms, median {latency[1]:.1f} ms")
+        if moved:
+            lines.append(
+                f"  moved by up to {moved[2]:.1f} mm, median {moved[1]:.1f} mm, RMS {done['moved_rms_mm']:.1f} mm"
+            )
+        if done["n_extrapolated"]:
+            lines.append(f"  {done['n_extrapolated']} at speeds the model was not measured at: marked 'extrapolated'")
+        if done["not_compensated"]:
+            lines.append(
+                f"  the model also names what a law of speed cannot undo: {', '.join(done['not_compensated'])}"
+            )
+        blocks.append("\n".join(lines))
+    if "lookup" in result:
+        blocks.append(f"{result['lookup']}: speed_mm_s, latency_s and its 95 % band")
+    if "tracking" in result:
+        head = ["rad/s", "amplitude mm", "gain", "phase °", "delay ms"]
+        rows = [
+            [
+                number(row["frequency_rad_s"], 3),
+                number(row["amplitude_mm"], 2),
+                number(row["gain"], 3),
+                number(row["phase_deg"], 1),
+                number(row["delay_ms"], 1),
+            ]
+            for row in result["tracking"]
+        ]
+        blocks.append("Tracking the multi-sine of Table 1 through this screen\n" + table(head, rows, left=0))
+    return blocks

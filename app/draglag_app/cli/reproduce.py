@@ -1,0 +1,42 @@
+"""``draglag reproduce``: the paper's tables and figures from simulated screens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from draglag.errors import DataError
+from draglag_app.cli.common import json_option, print_json, progress, table
+
+
+@click.command("reproduce")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write reproduction.html and figures here.")
+@click.option("--seed", type=click.IntRange(min=0), default=3, show_default=True, help="Another hand, other noise.")
+@json_option
+def reproduce(out: Path | None, seed: int, as_json: bool) -> None:
+    """Measure simulated Screens 1 and 2 and set Tables 2 and 3 and Figures 4 to 8 beside the paper's.
+
+    \b
+    Example:
+        draglag reproduce --out reproduction
+    """
+    from draglag.reproduction import reproduce as measure
+    from draglag.reproduction.write import table_2, table_3, words, write_reproduction
+
+    if out is not None and (out / "reproduction.html").exists():
+        raise DataError(f"{out / 'reproduction.html'}: exists already and is not overwritten", "Choose another folder")
+    with progress("Reproducing") as tell:
+        result = measure(seed, tell)
+    written = None if out is None else write_reproduction(result, out)
+    if as_json:
+        print_json(
+            {**result.to_dict(), "words": list(words(result)), "page": None if written is None else str(written)}
+        )
+        return
+    click.echo("Table 2\n" + table(*table_2(result), left=2))
+    click.echo("\nTable 3\n" + table(*table_3(result), left=2) + "\n")
+    for text in words(result):
+        click.echo(f"- {text}")
+    if written is not None:
+        click.echo(f"\n{written}")

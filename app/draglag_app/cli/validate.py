@@ -1,0 +1,96 @@
+"""``draglag validate``: how much of a session's misalignment a latency model removes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from draglag.errors import EstimateError
+from draglag.recording import FloatArray
+from draglag_app.cli.common import json_option, load_session, number, print_json, progress, session_argument, table
+
+BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
+
+
+@click.command("validate")
+@session_argument
+@click.option("--model", "model_path", required=True, type=click.Path(path_type=Path), help="Made by --save-model.")
+@click.option("--all", "all_runs", is_flag=True, help="Circles too, not only runs whose speed varies.")
+@click.option("--hold-ends", is_flag=True, help="Hold the curve at its slowest and fastest speed, not extrapolate.")
+@click.option("--raw", is_flag=True, help="Interpolate the touch events as the paper does, without smoothing.")
+@json_option
+def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, raw: bool, as_json: bool) -> None:
+    """Apply the latency model of one session to the runs of another and say how much of the misalignment of their
+    edges it removes (the paper's Eq. 4), per run and averaged over repeats.
+
+    \b
+    Examples:
+        draglag analyze monday.h5 --save-model model.json
+        draglag validate tuesday.h5 --model model.json
+    """
+    from draglag.analysis import has_constant_speed, mean_by_protocol
+    from draglag.latency.estimate import prepare
+    from draglag.model_file import load_model
+    from draglag.validation import Validation, validate_run
+
+    model = load_model(model_path)
+    data = load_session(session)
+    runs = [run for run in data.runs if all_runs or not has_constant_speed(run)] or list(data.runs)
+
+    def law(speed_mm_s: FloatArray) -> FloatArray:
+        return model.latency_s(speed_mm_s, extrapolate=not hold_ends)
+
+    done: list[Validation] = []
+    problems: list[str] = []
+    with progress("Validating") as tell:
+        for k, run in enumerate(runs):
+            if tell:
+                tell(k / len(runs), run.id)
+            try:
+                ready = prepare(run, data.stylus.diameter_mm)
+                done.append(validate_run(ready, law, model.speed_range_mm_s, raw))
+            except EstimateError as error:
+                problems.append(str(error))
+    if not done:
+        raise EstimateError(f"{session}: no run could be validated", problems[0] if problems else "It holds no runs")
+    counts = {item.run: np.histogram(item.speeds_mm_s, [*BINS_MM_S, np.inf])[0] for item in done}
+    result = {
+        "session": data.name,
+        "model": {"file": str(model_path), "form": model.form, "session": model.provenance.session},
+        "validation": [
+            {**item.to_dict(), "speed_histogram": {"from_mm_s": BINS_MM_S, "count": counts[item.run].tolist()}}
+            for item in done
+        ],
+        "validation_mean": mean_by_protocol(done),
+        "not_compensated": list(model.not_compensated),
+        "problems": problems,
+    }
+    if as_json:
+        print_json(result)
+        return
+    rows = [
+        [
+            item.run,
+            item.protocol,
+            str(item.n_edges),
+            number(item.j0_per_edge_mm2, 2),
+            number(item.j_per_edge_mm2, 4),
+            number(item.delta_j_percent, 2),
+            "{:.0f} to {:.0f}".format(*np.percentile(item.speeds_mm_s, [5, 95])),
+            ", ".join(item.flags) or "ok",
+        ]
+        for item in done
+    ]
+    head = ["run", "target", "edges", "J(0)/N mm²", "J/N mm²", "ΔJ %", "speeds mm/s", "verdict"]
+    click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}\n")
+    click.echo(table(head, rows, left=2))
+    means = [
+        f"  {row['protocol']}: ΔJ {number(row['delta_J_percent'], 2)} %, J(0)/N {number(row['J0_per_edge_mm2'], 2)} mm²"
+        f" over {row['n_runs']} runs"
+        for row in mean_by_protocol(done)
+    ]
+    click.echo("\nMean of each target\n" + "\n".join(means))
+    for problem in problems:
+        click.echo(f"not done: {problem}", err=True)

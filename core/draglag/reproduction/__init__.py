@@ -1,0 +1,5 @@
+"""The paper's tables and figures from simulated Screens 1 and 2, beside the paper's own numbers."""
+
+from draglag.reproduction.measure import Reproduction, reproduce
+
+__all__ = ["Reproduction", "reproduce"]

@@ -1,0 +1,163 @@
+"""Figures of the reproduction, of comparisons and of the tracking response, as files and as pages."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from draglag.curve import CurveFit
+from draglag.errors import DataError
+from draglag.report import style
+from draglag.reproduction.measure import Reproduction
+from draglag.reproduction.published import RELEASE_TAP_MS
+from draglag.tracking import TrackingResponse
+
+LOOKS = ((style.BLUE, "s"), (style.VERMILION, "o"), (style.GREEN, "^"), (style.PURPLE, "D"), (style.ORANGE, "v"))
+
+
+def figure_5(result: Reproduction) -> Any:
+    """Latency against speed for both screens, with fitted curves and release taps (Fig. 5)."""
+    figure = style.new_figure()
+    axes = figure.add_subplot()
+    for row, (colour, marker) in zip(result.table_2, LOOKS, strict=False):
+        points = row.curve.points
+        if points is not None:
+            axes.plot(points.speed_mm_s, 1e3 * points.latency_s, marker, color=colour, label=f"{row.screen}, runs")
+        speed = np.geomspace(*row.curve.speed_range_mm_s, 300)
+        axes.plot(speed, 1e3 * row.curve.predict_s(speed), color=colour, label=f"{row.screen}, Eq. 5")
+    for screen, median_ms in RELEASE_TAP_MS.items():
+        axes.axhline(median_ms, color=style.GREY, linestyle=":", linewidth=1)
+        del screen
+    axes.set(xlabel="drag speed, mm/s", ylabel="latency, ms")
+    axes.set_ylim(bottom=0)
+    axes.legend()
+    return figure
+
+
+def figure_7(result: Reproduction) -> Any:
+    """Stylus width by Eq. 3 against speed (Fig. 7)."""
+    figure = style.new_figure(7.2, 3.2)
+    axes = figure.add_subplot()
+    for row, (colour, marker) in zip(result.table_2, LOOKS, strict=False):
+        runs = [run for run in row.analysis.runs if run.stylus_diameter_mm is not None]
+        speeds, widths = [run.speed_mm_s for run in runs], [run.stylus_diameter_mm for run in runs]
+        axes.plot(speeds, widths, marker, color=colour, label=row.screen)
+    axes.axhline(7.0, color=style.BLACK, linestyle="--", label="true width")
+    axes.set(xlabel="drag speed, mm/s", ylabel="stylus width, mm", ylim=(5.5, 8.5))
+    axes.legend(ncols=2)
+    return figure
+
+
+def figure_8(result: Reproduction, screen: str = "Screen 2") -> Any:
+    """Speeds at the crossings of each validation target, on the curve that corrects them (Fig. 8 b, d, f)."""
+    figure = style.new_figure(7.2, 3.4)
+    axes = figure.add_subplot()
+    cells = [cell for cell in result.table_3 if cell.screen == screen]
+    for cell, (colour, _) in zip(cells, LOOKS, strict=False):
+        speeds = np.concatenate([run.speeds_mm_s for run in cell.runs])
+        label = f"{cell.target} ({cell.reading})" if cell.reading else cell.target
+        axes.hist(speeds, bins=np.arange(0, 1100, 25), histtype="step", density=True, color=colour, label=label)
+    axes.set(xlabel="speed at the crossing, mm/s", ylabel="share of crossings, per mm/s")
+    right = axes.twinx()
+    row = next(r for r in result.table_2 if r.screen.startswith(screen))
+    speed = np.geomspace(*row.curve.speed_range_mm_s, 300)
+    right.plot(speed, 1e3 * row.curve.predict_s(speed), color=style.BLACK)
+    right.set_ylabel("latency of the curve, ms")
+    right.grid(visible=False)
+    axes.legend(loc="upper right")
+    return figure
+
+
+def tracking_figure(responses: Mapping[str, TrackingResponse]) -> Any:
+    """Gain and phase at the frequencies of Table 1."""
+    figure = style.new_figure(7.2, 4.4)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for (name, response), (colour, marker) in zip(responses.items(), LOOKS, strict=False):
+        upper.semilogx(response.frequency_rad_s, response.gain, marker + "-", color=colour, label=name)
+        lower.semilogx(response.frequency_rad_s, response.phase_deg, marker + "-", color=colour, label=name)
+    upper.set(ylabel="gain", ylim=(0, 1.25))
+    lower.set(xlabel="frequency, rad/s", ylabel="phase, °")
+    lower.legend()
+    return figure
+
+
+def save_tracking(responses: Mapping[str, TrackingResponse], path: Path) -> None:
+    """Write gain and phase as .svg or .png. Raises DataError for other endings or where it cannot be written."""
+    if path.suffix not in (".svg", ".png"):
+        raise DataError(f"{path}: the ending says neither SVG nor PNG", "Name it .svg or .png")
+    if path.exists():
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+    try:
+        with style.house_style():
+            tracking_figure(responses).savefig(path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder") from error
+
+
+def embed(figure: Any) -> str:
+    """A figure as a data address."""
+    import io
+
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def comparison_page(curves: Sequence[tuple[str, CurveFit]]) -> str:
+    """A page with all curves and their differences from the first."""
+    from draglag.curve.compare import curve_difference
+
+    with style.house_style():
+        both = style.new_figure(7.2, 6.4)
+        upper, lower = both.subplots(2, 1, sharex=True)
+        for (name, curve), (colour, _) in zip(curves, LOOKS * 4, strict=False):
+            speed = np.geomspace(*curve.speed_range_mm_s, 300)
+            upper.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=name)
+            upper.fill_between(speed, *(1e3 * v for v in curve.band_s(speed)), color=colour, alpha=0.2, linewidth=0)
+        for (name, curve), (colour, _) in zip(curves[1:], (LOOKS * 4)[1:], strict=False):
+            apart = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
+            if apart is not None:
+                band = (1e3 * apart.low_s, 1e3 * apart.high_s)
+                lower.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=colour, label=name)
+                lower.fill_between(apart.speed_mm_s, *band, color=colour, alpha=0.2, linewidth=0)
+        lower.axhline(0, color=style.BLACK, linewidth=0.8)
+        upper.set(ylabel="latency, ms")
+        lower.set(xlabel="drag speed, mm/s", ylabel=f"minus {curves[0][0]}, ms")
+        upper.legend()
+        picture = embed(both)
+    rows = []
+    for name, curve in curves[1:]:
+        apart = curve_difference(curves[0][1], curve)
+        for k in range(0 if apart is None else apart.speed_mm_s.size):
+            assert apart is not None
+            values = (apart.speed_mm_s[k], *(1e3 * v[k] for v in (apart.difference_s, apart.low_s, apart.high_s)))
+            rows.append([name, "{:.0f}".format(*values), f"{values[1]:.2f}", f"{values[2]:.2f} to {values[3]:.2f}"])
+    body = f'<img src="{picture}" alt="Curves and their differences">'
+    body += table_html(["session", "mm/s", "difference, ms", "95 % band, ms"], rows)
+    return page("Comparison of latency curves", body)
+
+
+def table_html(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table; every cell is escaped."""
+    cells = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
+    lines = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<div class=wide><table><tr>{cells}</tr>{lines}</table></div>"
+
+
+def page(title: str, body: str) -> str:
+    """One self-contained page."""
+    look = (
+        ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;"
+        "padding:0 1rem}table{border-collapse:collapse;font-variant-numeric:tabular-nums}th,td{padding:.3rem .7rem;"
+        "border-bottom:1px solid #8884;text-align:right}th:first-child,td:first-child{text-align:left}"
+        "img{max-width:100%;background:#fff;margin:1rem 0}.wide{overflow-x:auto}"
+    )
+    return (
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        f"<style>{look}</style></head><body><h1>{html.escape(title)}</h1>{body}</body></html>"
+    )

@@ -1,0 +1,158 @@
+"""The reproduction as a page: the paper's tables and figures, ours beside them, and the differences in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.report import figures, style
+from draglag.reproduction.drawings import (
+    embed,
+    figure_5,
+    figure_7,
+    figure_8,
+    page,
+    table_html,
+    tracking_figure,
+)
+from draglag.reproduction.measure import Cell3, Coefficient, Reproduction
+from draglag.tracking import tracking_response
+
+
+def write_reproduction(result: Reproduction, out: Path) -> Path:
+    """Write reproduction.html and figures/*.svg, *.png into a folder; returns the page.
+
+    Raises DataError where the page exists or cannot be written.
+    """
+    path = out / "reproduction.html"
+    if path.exists():
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another folder")
+    try:
+        (out / "figures").mkdir(parents=True, exist_ok=True)
+        body = "<p>Simulated Screens 1 and 2, measured and analysed with draglag, beside the published numbers.</p>"
+        body += "<h2>Table 2: the curve</h2>" + table_html(*table_2(result))
+        body += "<h2>Table 3: validation</h2>" + table_html(*table_3(result))
+        body += "<h2>Differences, in words</h2><ul>" + "".join(f"<li>{w}</li>" for w in words(result)) + "</ul>"
+        with style.house_style():
+            for name, caption, figure in _figures(result):
+                style.save(figure, out / "figures", name)
+                body += f'<h2>{caption}</h2><img src="{embed(figure)}" alt="{caption}">'
+        path.write_text(page("Reproduction of the drag-latency paper", body), "utf-8")
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+    return path
+
+
+def table_2(result: Reproduction) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of Table 2."""
+    rows = []
+    for row in result.table_2:
+        for c in row.coefficients:
+            interval = "open" if c.ci95 is None else f"{c.ci95[0]:.4g} to {c.ci95[1]:.4g}"
+            rows.append([row.screen, c.name, f"{c.paper:.4g}", f"{c.value:.4g}", interval, _verdict(c)])
+        good = "no worse" if row.rms_ms <= row.paper_rms_ms else "worse"
+        rows.append([row.screen, "RMS(L − L̂), ms", f"{row.paper_rms_ms:.2f}", f"{row.rms_ms:.2f}", "", good])
+    return ["screen", "coefficient", "paper", "here", "95 % interval", "verdict"], rows
+
+
+def _verdict(c: Coefficient) -> str:
+    if c.agrees is None:
+        return "not determined by these speeds"
+    return "agrees" if c.agrees else "differs"
+
+
+def table_3(result: Reproduction) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of Table 3."""
+    head = [
+        "screen", "target", "J(0)/N paper", "J(0)/N here", "about the corrected lines", "expected, no line fit",
+        "ΔJ paper, %", "ΔJ here, %", "verdict",
+    ]  # fmt: skip
+    return head, [_row_3(cell) for cell in result.table_3]
+
+
+def _row_3(cell: Cell3) -> list[str]:
+    target = f"{cell.target}, 20 % of the width as {cell.reading}" if cell.reading else cell.target
+    return [
+        cell.screen,
+        target,
+        f"{cell.paper_j0_mm2:.2f}",
+        f"{cell.j0_per_edge_mm2:.2f}",
+        f"{cell.j0_fixed_lines_mm2:.2f}",
+        "" if cell.expected_j0_mm2 is None else f"{cell.expected_j0_mm2:.1f}",
+        f"{cell.paper_delta_j_percent:.2f}",
+        f"{cell.delta_j_percent:.2f}",
+        "at least the paper's" if cell.as_good else "less than the paper's",
+    ]
+
+
+def words(result: Reproduction) -> Iterator[str]:
+    """Why numbers differ from the published ones."""
+    open_ones = [f"{row.screen} {c.name}" for row in result.table_2 for c in row.coefficients if c.agrees is None]
+    outside = [f"{row.screen} {c.name}" for row in result.table_2 for c in row.coefficients if c.agrees is False]
+    yield (
+        "The paper's RMS is larger throughout: its events are held at 100 Hz and interpolated unsmoothed; here they "
+        "carry the kernel's stamps and the estimator weighs them."
+    )
+    if open_ones:
+        yield (
+            f"Not determined: {', '.join(open_ones)}. In the paper's uncorrected fit of Screen 2 the first exponential "
+            "has decayed to 1 % of its 9.9 ms at 58 mm/s, below the slowest run off the plateau; what is left of it "
+            "and the asymptote cannot be told apart."
+        )
+    if outside:
+        yield f"Outside its own interval: {', '.join(outside)}. Of twenty coefficients one is expected to be."
+    yield (
+        "Table 3's chirp depends on how '20 % of the screen's lateral resolution' is read. As the circle's diameter, "
+        "the paper's own curves imply J(0)/N near 206 mm² (Screen 1) and 80 mm² (Screen 2), close to its 206.71 and 82.94; "
+        "as the radius, which the text says, near 366 and 96 mm². The published figures fit the diameter."
+    )
+    yield (
+        "Measured J(0)/N of a chirp lies below that expectation: a circle crosses downwards on one side and upwards on "
+        "the other, so a line that is free to tilt absorbs part of the lag. About the lines of the corrected edges the "
+        "expectation returns."
+    )
+    yield (
+        "J(0)/N of multi-sine and step follows from amplitude and duration, which the paper leaves open; here the "
+        "multi-sine peaks at a quarter of the screen's height and a step covers 40 % of it in 0.4 s."
+    )
+    yield (
+        "Screen 2 holds its latency below 50 mm/s (the paper's plateau; 200 ms is its highest figure), in the "
+        "simulation and in the model that validates it. Eq. 5 alone would rise to 470 ms at rest."
+    )
+    yield (
+        "The stylus is 7 mm wide: the paper's 70 mm in Section II.B is a slip, and the width that reads 1 mm low is "
+        "Screen 1's, not Screen 2's. Simulated screens have no such bias, so both read 7 mm here."
+    )
+
+
+def _figures(result: Reproduction) -> Iterator[tuple[str, str, Any]]:
+    for row, speed in ((result.table_2[0], 500.0), (result.table_2[-1], 570.0)):
+        known = [run for run in row.analysis.runs if run.alignment is not None and run.speed_mm_s is not None]
+        run = min(known, key=lambda r: abs((r.speed_mm_s or 0.0) - speed))
+        assert run.alignment is not None
+        title = f"{row.screen}: {run.speed_mm_s:.0f} mm/s, latency {run.latency_ms:.2f} ms"
+        name = "figure-4-" + row.screen.lower().replace(" ", "-").replace("(", "").replace(")", "")
+        drawn = figures.alignment_figure(row.session.run(run.id), run.alignment, title, row.session)
+        yield name, f"Figure 4, {row.screen}", drawn
+    yield "figure-5", "Figure 5: latency against speed", figure_5(result)
+    for row in (result.table_2[0], result.table_2[-1]):
+        number = 1 if row is result.table_2[0] else 2
+        yield f"figure-6-screen-{number}", f"Figure 6, Screen {number}: taps", figures.taps_figure(row.analysis)
+    yield "figure-7", "Figure 7: stylus width", figure_7(result)
+    session = result.validation_sessions["Screen 2"]
+    for cell in result.table_3:
+        if cell.screen == "Screen 2" and cell.reading != "radius":
+            one = cell.runs[0]
+            title = f"{cell.target}: {one.delta_j_percent:.2f} % of the misalignment removed"
+            drawn = figures.alignment_figure(session.run(one.run), one.alignment, title, session)
+            yield f"figure-8-{cell.target}", f"Figure 8: {cell.target}", drawn
+    yield "figure-8-speeds", "Figure 8: speeds at the crossings", figure_8(result)
+    responses = {
+        row.screen: tracking_response(lambda v, row=row: row.curve.predict_s(np.clip(v, 50.0, None)))  # type: ignore[misc]
+        for row in (result.table_2[0], result.table_2[-1])
+    }
+    yield "tracking", "What the lag does to the multi-sine task: gain and phase", tracking_figure(responses)

@@ -1,0 +1,77 @@
+"""Speed and precision, printed: ``./run bench [RUNS]`` (default 500 simulated runs at each speed)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from bench.rigs import bound_of, circle_run, rig_with_latency
+from bench.walt_style import walt_style_latency_s
+from draglag.analysis import analyze
+from draglag.latency import estimate_run
+from draglag.protocols import load_protocol
+from draglag.simulation import simulate_session
+
+TRUE_S = {50.0: 0.140, 250.0: 0.090, 1000.0: 0.035}
+
+
+def precision(n_runs: int) -> None:
+    print(f"RMSE over the Cramér–Rao bound and coverage of the 95 % interval, {n_runs} simulated runs at each speed")
+    print("(one latency at all speeds, the simulated participant, 120 Hz, 0.15 mm noise of which a fifth correlated)")
+    print(f"{'mm/s':>6} {'edges':>6} {'bound ms':>9} {'efficient':>10} {'coverage':>9} {'none':>5} {'Eq. 2 raw':>10}")
+    for speed, true_s in TRUE_S.items():
+        rig = rig_with_latency(true_s, sensor_response_s=0.0)
+        error, paper_error, covered, bounds, edges = [], [], [], [], []
+        for seed in range(n_runs):
+            run, truth, target, _ = circle_run(speed, seed, rig)
+            if seed < 20:
+                bounds.append(bound_of(run, truth, target, rig))
+            found = estimate_run(run, 7.0)
+            edges.append(found.n_edges)
+            if found.latency_s is not None and found.latency_ci95_s is not None:
+                error.append(found.latency_s - true_s)
+                covered.append(found.latency_ci95_s[0] <= true_s <= found.latency_ci95_s[1])
+            if seed < n_runs // 5:
+                other = estimate_run(run, 7.0, "paper")
+                paper_error.append((other.latency_s or np.nan) - true_s)
+        bound = float(np.sqrt(np.mean(np.square(bounds))))
+        ratio, other_ratio = (float(np.sqrt(np.nanmean(np.square(e)))) / bound for e in (error, paper_error))
+        none = n_runs - len(error)
+        print(
+            f"{speed:6.0f} {np.mean(edges):6.0f} {1e3 * bound:9.3f} {ratio:10.2f} {100 * np.mean(covered):8.1f}% "
+            f"{none:5d} {other_ratio:10.2f}"
+        )
+
+
+def speed() -> None:
+    protocol = load_protocol("latency-sweep")
+    session = simulate_session("screen-1", protocol, seed=1)
+    session = replace(session, runs=session.runs[:15])
+    analyze(session)  # once for imports and caches
+    start = time.perf_counter()
+    analyze(session)
+    ours = time.perf_counter() - start
+    start = time.perf_counter()
+    for run in session.runs:
+        walt_style_latency_s(run)
+    peer = time.perf_counter() - start
+    print(f"\nanalyze, 15 runs: {ours:.3f} s; WALT-style minimisation of the same runs: {peer:.3f} s")
+    print(f"ratio {ours / peer:.3f} (bar: 0.25)")
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run([Path(sys.executable).with_name("draglag"), "--help"], capture_output=True, check=True)
+        times.append(time.perf_counter() - start)
+    print(f"draglag --help: {min(times):.3f} s (bar: 0.3)")
+
+
+if __name__ == "__main__":
+    speed()
+    precision(int(sys.argv[1]) if len(sys.argv) > 1 else 500)
