@@ -55,6 +55,7 @@ FAULTS = (
     Fault("everything power-cycled", {"do": "power", "which": "all"}, "EL1252 does not answer"),
     Fault("SAFE-OP with error", {"do": "al_error"}, "EL1252 is in SAFE-OP"),
     Fault("16 answers late", {"do": "late", "next": 40, "ns": 150 * MS}, ""),
+    Fault("every answer slow", {"do": "delay", "ns": 20 * MS}, "line does not answer", {"do": "delay", "ns": 0}),
     Fault("old answers from then on", {"do": "stale"}, "carry old data"),
     Fault("all frames lost", {"do": "loss", "share": 1.0}, "line does not answer", {"do": "loss"}),
     Fault("working counter short", {"do": "cheat", "next": 30}, "EL1252 does not answer"),

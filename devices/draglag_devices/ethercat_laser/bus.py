@@ -16,6 +16,7 @@ from draglag_devices.ethercat_laser.refusal import Refusal
 
 BECKHOFF = 0x2
 EK1101, EL1252 = 0x044D2C52, 0x04E43052  # revisions differ between lots and do not matter
+_SYSTEM_TIME, _AGREE_NS = 0x0910, 1_000_000
 _FMMU0, _CYCLIC_UNIT, _LATCH_MODE = 0x0600, 0x0980, 0x09A8
 _INPUTS, _LATCHES = 0x1000, 0x09AE
 _FMMU = struct.Struct("<IHBBHBBB3x")
@@ -81,7 +82,10 @@ class Bus:
         self._enter(pysoem.PREOP_STATE)
         master.config_map()
         wanted = self._split_mapping()
-        master.config_dc()
+        for _ in range(_TRIES):
+            master.config_dc()
+            if self._clocks_agree():
+                break
         # After config_init, which clears 0x0981; not by dc_sync, which would also switch SYNC0 on.
         self._write(_LATCH_MODE, b"\x00\x00")
         self._write(_CYCLIC_UNIT, _LATCH_ON)
@@ -104,6 +108,12 @@ class Bus:
         found = [(slave.man, slave.id) for slave in slaves]
         if (BECKHOFF, EK1101) in found and (BECKHOFF, EL1252) in found:
             return slaves[found.index((BECKHOFF, EL1252))]
+        if any(product == 0 for _, product in found):
+            raise Refusal(
+                "unsteady",
+                f"the EtherCAT devices on {self.interface} do not tell what they are: answers get lost",
+                "check the cable and the supply of the coupler",
+            )
         names = ", ".join(f"{s.name or 'unnamed'} (vendor 0x{s.man:X}, product 0x{s.id:08X})" for s in slaves)
         raise Refusal(
             "wrong_slaves",
@@ -123,6 +133,12 @@ class Bus:
         self._write(_FMMU0, inputs)
         self._write(_FMMU0 + 16, latches)
         return inputs + latches
+
+    def _clocks_agree(self) -> bool:
+        """Whether the terminal's clock follows the bus's: config_dc does not notice a lost frame of its own."""
+        first, own, second = self.cycle(), self._read(_SYSTEM_TIME, 8), self.cycle()
+        own_ns = int.from_bytes(own, "little")
+        return first.pair.dc_ns - _AGREE_NS <= own_ns <= second.pair.dc_ns + _AGREE_NS
 
     def _enter(self, state: int) -> None:
         master = self._master

@@ -14,8 +14,6 @@ from draglag_devices.ethercat_laser.preflight import ETHERTYPE, has_rights, link
 
 _SIOCGIFHWADDR, _SIOCGIFADDR, _ETHERNET, _UP = 0x8927, 0x8915, 1, 0x1
 _WAIT_S = 0.03
-# One datagram: BRD of the two type bytes, index 0x7F, last in the frame.
-_QUESTION = struct.pack("<HBBHHHHHH", 0x1000 | 14, 7, 0x7F, 0, 0, 2, 0, 0, 0)
 
 
 def probe_all() -> list[dict[str, Any]]:
@@ -28,7 +26,7 @@ def _probe(interface: str, rights: bool) -> dict[str, Any]:
     flags, carrier = link_state(interface)
     busy = other_master(interface)
     # The answer to our question would confuse a master that is at work there.
-    slaves = _count_slaves(interface) if rights and carrier and flags & _UP and not busy else 0
+    slaves = count_slaves(interface) if rights and carrier and flags & _UP and not busy else 0
     return {"name": interface, "up": bool(flags & _UP), "carrier": carrier, "rights": rights, "busy": busy,
             "has_ip": _has_ip(interface), "slaves": slaves}  # fmt: skip
 
@@ -52,15 +50,19 @@ def _has_ip(interface: str) -> bool:
     return True
 
 
-def _count_slaves(interface: str) -> int:
-    """Working counter of one broadcast read, 0 without an answer."""
+def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = 0x7F) -> int:
+    """Working counter of one broadcast read of the two type bytes, 0 without an answer in time.
+
+    ``index`` tells the answer from a late one to an earlier question.
+    """
+    question = struct.pack("<HBBHHHHHH", 0x1000 | 14, 7, index, 0, 0, 2, 0, 0, 0)
     with contextlib.suppress(OSError), socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as wire:
         wire.bind((interface, ETHERTYPE))
-        frame = b"\xff" * 6 + b"\x02\x44\x4c\x00\x00\x01" + struct.pack(">H", ETHERTYPE) + _QUESTION
+        frame = b"\xff" * 6 + b"\x02\x44\x4c\x00\x00\x01" + struct.pack(">H", ETHERTYPE) + question
         wire.send(frame.ljust(60, b"\0"))
-        until = time.monotonic() + _WAIT_S
+        until = time.monotonic() + within_s
         while (left := until - time.monotonic()) > 0 and select.select([wire], [], [], left)[0]:
             answer, sender = wire.recvfrom(2048)
-            if sender[2] != socket.PACKET_OUTGOING and answer[16:18] == b"\x07\x7f":
+            if sender[2] != socket.PACKET_OUTGOING and answer[16:18] == bytes((7, index)):
                 return int(struct.unpack_from("<H", answer, 28)[0])
     return 0

@@ -9,6 +9,7 @@ import pysoem
 
 from draglag_devices.ethercat_laser import preflight
 from draglag_devices.ethercat_laser.bus import Bus
+from draglag_devices.ethercat_laser.probe import count_slaves
 from draglag_devices.ethercat_laser.refusal import Refusal
 from draglag_devices.ethercat_laser.watch import BAD_CYCLES, WORDS, Epoch
 from draglag_devices.ethercat_laser.wire import Wire
@@ -18,7 +19,9 @@ _STATE_NS, _CLOCK_NS, _TICK_NS, _SUMMARY_NS = 100_000_000, 250_000_000, 10_000_0
 # First cycles of an epoch: only for the narrowest clock pair, and for the latches to be up to date.
 _BASELINE_CYCLES = 20
 _BASELINE_TRIES = 200
-_PAUSES_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+_FIRST_TRIES = 5
+_PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2, 0.5)
+_PROMPT_S = 0.005
 # The latches keep the last edge of each direction: a short blackout loses none, a longer one may.
 _BLACKOUT_NS = 20_000_000
 _DEAD_GAP_NS = 1_000_000_000
@@ -164,10 +167,13 @@ class Runner:
             self._still_dead()
             try:
                 preflight.check_interface(self.interface)
-                return Bus(self.interface)
+                # SOEM may take many seconds to give up on a line that is dead or slow; two frames tell sooner.
+                if all(count_slaves(self.interface, _PROMPT_S, (2 * attempt + k) % 128) for k in (0, 1)):
+                    return Bus(self.interface)
             except (Refusal, OSError):
-                self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])
-                attempt += 1
+                pass  # not this time either: the loss has been told, and the next try comes
+            self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])
+            attempt += 1
 
     def _still_dead(self) -> None:
         now = time.monotonic_ns()
@@ -212,8 +218,8 @@ def _count(n: int, noun: str) -> str:
 
 
 def first_bus(interface: str) -> Bus:
-    """The bus, with a second and third try where a lost frame may be to blame. Raises Refusal."""
-    for _ in range(2):
+    """The bus, tried again where lost frames may be to blame. Raises Refusal."""
+    for _ in range(_FIRST_TRIES - 1):
         try:
             return Bus(interface)
         except Refusal as refusal:
