@@ -400,6 +400,22 @@ def test_a_port_that_is_not_there_names_those_that_are(monkeypatch):
         port.SerialPort("/dev/ttyACM0")
 
 
+def test_a_walt_that_comes_back_under_another_number_is_found_by_its_serial_number(monkeypatch, tmp_path):
+    class Info:
+        def __init__(self, name, number):
+            self.device, self.vid, self.pid, self.serial_number = str(tmp_path / name), 0x16C0, 0x0483, number
+
+    old = tmp_path / "ttyACM0"
+    old.touch()
+    monkeypatch.setattr(port.list_ports, "comports", lambda: [Info("ttyACM0", "77"), Info("ttyACM3", "88")])
+    identity = port.usb_identity(str(old))
+    assert port.port_of(identity, str(old)) == str(old)
+    old.unlink()
+    monkeypatch.setattr(port.list_ports, "comports", lambda: [Info("ttyACM3", "88"), Info("ttyACM1", "77")])
+    assert port.port_of(identity, str(old)) == str(tmp_path / "ttyACM1")
+    assert port.port_of(None, str(old)) == str(old)
+
+
 def test_discovery_lists_ports_of_its_usb_vendor_with_rights(monkeypatch, tmp_path):
     class Info:
         def __init__(self, device, vid):

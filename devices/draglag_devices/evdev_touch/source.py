@@ -141,6 +141,7 @@ class EvdevTouch:
         device = self._open_device(path)
         try:
             device.use_monotonic()
+            device.events(0.0)  # what was queued before carries stamps of another clock
             self._decoder = FrameDecoder(device.description.multitouch)
             slots, current = device.slots()
         except OSError:

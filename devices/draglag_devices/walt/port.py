@@ -82,6 +82,24 @@ class SerialPort:
             return  # an unplugged port cannot be closed any better
 
 
+def usb_identity(path: str) -> tuple[int, int, str] | None:
+    """Vendor, product and serial number of the device behind a port, or None where it is not known."""
+    for port in list_ports.comports():
+        if port.device == os.path.realpath(path) and port.vid is not None and port.serial_number:
+            return port.vid, port.pid, port.serial_number
+    return None
+
+
+def port_of(identity: tuple[int, int, str] | None, path: str) -> str:
+    """Where a device is now: replugged, it may have got another number. ``path`` where it is not found elsewhere."""
+    if identity is None or os.path.exists(path):
+        return path
+    for port in list_ports.comports():
+        if (port.vid, port.pid, port.serial_number) == identity:
+            return str(port.device)
+    return path
+
+
 def _refusal(address: str, path: str, error: serial.SerialException) -> DeviceError:
     code = error.errno
     text = str(error)

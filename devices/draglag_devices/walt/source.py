@@ -16,7 +16,7 @@ from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
 from draglag_devices.walt.connect import greet
 from draglag_devices.walt.edges import EdgeCounter
 from draglag_devices.walt.link import Link, NoAnswer
-from draglag_devices.walt.port import Port, PortGone, SerialPort
+from draglag_devices.walt.port import Port, PortGone, SerialPort, port_of, usb_identity
 from draglag_devices.walt.protocol import LASER_ON, SHOCK, Unwrapped, parse_shock
 from draglag_devices.walt.sync import Bound, as_bounds, ask_time, compare, zero
 
@@ -91,6 +91,7 @@ class WaltSource:
         self._any_firmware = address.choice("firmware", ("known", "any"), "known") == "any"
         self._open_port, self._now, self._pause = open_port, now, pause
         self._device: _Device | None = None
+        self._identity: tuple[int, int, str] | None = None
         self._epoch = -1
         self._notices: list[Notice] = []
         self._until_s = 0.0
@@ -151,7 +152,9 @@ class WaltSource:
     # --- connection -------------------------------------------------------------------------------------------
 
     def _connect(self) -> _Device:
+        self._path = port_of(self._identity, self._path)
         link = Link(self._open_port(self._path), self._now, self._pause)
+        self._identity = self._identity or usb_identity(self._path)
         try:
             version = greet(link, self.address, self._any_firmware)
             self._epoch += 1
