@@ -15,6 +15,7 @@ from draglag.store import read_session
 from draglag.taps import summarise_taps
 from draglag.targets import Circle, Tap
 from draglag_devices.sim.world import World
+from emulators import ethercat
 from emulators.play import play_laser, play_taps, play_touch
 from emulators.touch import live
 from emulators.walt.wires import WaltOnPty
@@ -47,14 +48,29 @@ def recorder(panel, tmp_path: Path, protocol: str, *arguments: str) -> subproces
     return subprocess.Popen(command, env=panel.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def test_a_circle_over_touch_and_the_laser_of_the_walt_has_the_latency_of_the_world(panel, pen, tmp_path):
-    protocol = '[[runs]]\nkind = "circle"\nspeeds_mm_s = [200]\nradius_fraction = 0.1\nduration_s = 6.0\n'
+@pytest.fixture(params=["walt", "ethercat"])
+def laser(request, pen):
+    """Arguments for ``record`` and where edges are played: the WALT's laser, or the field bus beside a WALT."""
+    if request.param == "walt":
+        yield ("--laser", f"serial:{pen.path}?role=laser"), {"walt": pen}
+        return
+    reason = ethercat.why_not()
+    if reason:
+        pytest.skip(reason)
+    with ethercat.start_segment("wires") as segment:
+        addresses = ("--laser", f"ethercat:{segment.iface}?channel=1", "--walt", f"serial:{pen.path}")
+        yield addresses, {"segment": segment}
+
+
+def test_a_circle_over_touch_and_laser_has_the_latency_of_the_world(panel, laser, tmp_path):
+    addresses, played = laser
+    protocol = '[[runs]]\nkind = "circle"\nspeeds_mm_s = [200]\nradius_fraction = 0.1\nduration_s = 5.0\n'
     world = World(seed=5, start_s=time.monotonic())
     # The hand draws all the time; the recording takes its part of it, whenever it begins.
     circle = Circle(150.0, 140.0, 50.0, 200.0, duration_s=18.0, sideways_mm_s=12.0)
     world.begin_run(PlannedRun("truth", circle, 200.0, 50.0), time.monotonic() + 0.5, "truth")
-    process = recorder(panel, tmp_path, protocol, "--laser", f"serial:{pen.path}?role=laser")
-    play_laser(world.truth[-1], 0.0, walt=pen)
+    process = recorder(panel, tmp_path, protocol, *addresses)
+    play_laser(world.truth[-1], 0.0, **played)
     play_touch(panel, world.truth[-1], 0.0, units_per_mm=20.0)
     out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, out + err
