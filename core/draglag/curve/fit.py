@@ -139,12 +139,12 @@ def fit_form(points: CurvePoints, form_name: str, tied_asymptote_s: float | None
         )
     # From loose to tight: with the runs' own standard errors alone the fastest runs would pin the first descent.
     between_s, values, measured = 5e-4, np.empty(0), points
-    for _ in range(6):
+    for _ in range(4):
         weight = 1 / np.sqrt(points.se_s**2 + between_s**2)
         values = _solve(form, points, weight, tied_asymptote_s, values if values.size else None)
         points = measured.with_speed_error(_slope(form, values, measured.speed_mm_s))
         updated = _between_runs(points, _evaluate(form, values, points.speed_mm_s) * 1e-3, free)
-        settled = abs(updated - between_s) < 0.02 * max(updated, 1e-6)
+        settled = abs(updated - between_s) < 0.1 * max(updated, 1e-6)
         between_s = updated
         if settled:
             break
@@ -241,7 +241,10 @@ def _solve(
         scale,
         bounds=(np.log(form.lower) - 1e-9, np.log(form.upper) + 1e-9),
         x_scale=0.3,
-        max_nfev=40,
+        max_nfev=12,
+        ftol=1e-7,
+        xtol=1e-6,
+        gtol=1e-9,
     )
     theta = np.exp(polished.x)
     if k >= 2 and theta[0] > theta[1]:
@@ -341,10 +344,9 @@ def _held_out_rms_s(points: CurvePoints, fit: CurveFit) -> float:
     if n <= form.n_parameters:
         return float("inf")
     se_s = points.with_speed_error(_slope(form, fit.values, points.speed_mm_s)).se_s
-    weight = 1 / np.sqrt(se_s**2 + fit.between_runs_s**2)
-    errors = []
-    for k in range(n):
-        keep = np.arange(n) != k
-        values = _solve(form, points.take(keep), weight[keep], fit.tied_asymptote_s, fit.values)
-        errors.append(points.latency_s[k] - 1e-3 * _evaluate(form, values, points.speed_mm_s[k : k + 1])[0])
-    return float(np.sqrt(np.mean(np.square(errors))))
+    # Leaving one run out of a (locally) linear fit multiplies its residual by 1 / (1 − leverage).
+    variance = se_s**2 + fit.between_runs_s**2
+    jacobian = 1e-3 * _jacobian(form, fit.values, points.speed_mm_s)
+    leverage = np.einsum("ni,ij,nj->n", jacobian, fit.covariance, jacobian) / variance
+    error_s = points.latency_s - 1e-3 * _evaluate(form, fit.values, points.speed_mm_s)
+    return float(np.sqrt(np.mean((error_s / np.maximum(1 - leverage, 0.02)) ** 2)))

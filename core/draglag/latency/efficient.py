@@ -25,7 +25,7 @@ from draglag.recording import FloatArray
 
 SPEED_SLOPE_SD_S = 0.08  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
-SCATTER_LASTS_S = 0.04
+SCATTER_LASTS_S = 0.03
 WIDER = (1.0, 1.3, 1.7, 2.2, 2.8, 3.6)  # bandwidths tried beyond the one that predicts events best
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
 
@@ -63,10 +63,11 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     narrow_s = half_s
     if (rough := solve(ready, guess_s, half_s, noise_mm)) is not None:
         half_s = _bandwidth_for_edges(ready, rough, half_s)
+    starts = {} if rough is None else {minima[0]: rough.latency_s}
     solutions = [
         solution
         for k in _worth_refining(coarse, minima)
-        if (solution := solve(ready, float(coarse.latency_s[k]), half_s, noise_mm)) is not None
+        if (solution := solve(ready, starts.get(k, float(coarse.latency_s[k])), half_s, noise_mm)) is not None
     ]
     if not solutions:
         return replace(blank, flags=("unidentifiable",))
@@ -140,7 +141,9 @@ def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> 
         design, response = _linearise(fit, side, across)
         covariance = noise_mm**2 * _overlap(fit)
         extra = _extra_scatter(edges.t_s)
-        estimate, spread, residual, tau = _weighted_fit(design, response, covariance, extra)
+        # The extra scatter hardly moves between steps: it is sought at the start and whenever edges have gone.
+        known = state[3] if state is not None and state[2].size == side.size and step > 1 else None
+        estimate, spread, residual, tau = _weighted_fit(design, response, covariance, extra, known)
         slope = float(estimate[1])
         state = (estimate, spread, residual, tau)
         latency_s += float(np.clip(estimate[0], -0.03, 0.03))
@@ -150,7 +153,7 @@ def solve(ready: Prepared, latency_s: float, half_s: float, noise_mm: float) -> 
         if step >= 1 and outlier.any() and edges.t_s.size - np.count_nonzero(outlier) >= FEWEST_EDGES:
             edges = edges.take(~outlier)
             continue
-        if abs(estimate[0]) < 1e-6 and step >= 2:
+        if abs(estimate[0]) < 2e-6 and step >= 2:
             break
     if state is None or state[2].size != edges.t_s.size:
         return None
@@ -210,11 +213,16 @@ def _extra_scatter(edge_t_s: FloatArray) -> FloatArray:
     Noise that the digitiser's own filter left correlated, tremor that a window averages away: both last tens of
     milliseconds, so the two edges of a fast crossing share them.
     """
-    return np.asarray(np.exp(-np.abs(edge_t_s[:, None] - edge_t_s[None, :]) / SCATTER_LASTS_S))
+    lag = (edge_t_s[:, None] - edge_t_s[None, :]) / SCATTER_LASTS_S
+    return np.asarray(np.exp(-0.5 * lag**2) + 0.02 * np.eye(edge_t_s.size))
 
 
 def _weighted_fit(
-    design: FloatArray, response: FloatArray, covariance: FloatArray, extra: FloatArray
+    design: FloatArray,
+    response: FloatArray,
+    covariance: FloatArray,
+    extra: FloatArray,
+    known_tau_mm: float | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Generalised least squares with the extra scatter τ that makes χ² equal its expectation (Paule–Mandel)."""
     n = response.size
@@ -233,10 +241,13 @@ def _weighted_fit(
         chi2 = float(residual @ cho_solve(factor, residual)) + float(prior @ estimate**2)
         return chi2, estimate, spread, residual
 
+    if known_tau_mm is not None:
+        _, estimate, spread, residual = fitted(known_tau_mm**2)
+        return estimate, spread, residual, known_tau_mm
     chi2, estimate, spread, residual = fitted(0.0)
     low, high, tau2 = 0.0, 4 * float(np.mean(residual**2)) + 1e-12, 0.0
     if chi2 > dof:
-        for _ in range(12):
+        for _ in range(9):
             tau2 = 0.5 * (low + high)
             chi2, estimate, spread, residual = fitted(tau2)
             low, high = (tau2, high) if chi2 > dof else (low, tau2)

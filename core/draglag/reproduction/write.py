@@ -107,7 +107,7 @@ def words(result: Reproduction) -> Iterator[str]:
         yield f"Outside its own interval: {', '.join(outside)}. Of twenty coefficients one is expected to be."
     yield (
         "Table 3's chirp depends on how '20 % of the screen's lateral resolution' is read. As the circle's diameter, "
-        "the paper's own curves imply J(0)/N near 206 mm² (Screen 1) and 80 mm² (Screen 2), close to its 206.71 and 82.94; "
+        "the paper's own curves imply J(0)/N near 206 mm² (Screen 1) and 80 mm² (Screen 2), close to its own; "
         "as the radius, which the text says, near 366 and 96 mm². The published figures fit the diameter."
     )
     yield (

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from draglag.curve import CurvePoints, fit_best, fit_form
+from draglag.curve.compare import curve_difference
+from draglag.errors import EstimateError
+from draglag.simulation import LatencyLaw
+
+SPEEDS = np.geomspace(44, 1000, 16)
+TABLE_2 = [(90.53, 4e-3, 182.9, 2.9e-2, 28.49), (9.57, 3.3e-3, 440.7, 1.98e-2, 28.22)]
+
+
+def points(law: tuple[float, ...], noise_s: float = 0.0, seed: int = 0) -> CurvePoints:
+    latency = LatencyLaw(*law).latency_s(SPEEDS)
+    latency = latency + noise_s * np.random.default_rng(seed).standard_normal(SPEEDS.size)
+    return CurvePoints(SPEEDS, latency, np.full(SPEEDS.size, max(noise_s, 1e-6)))
+
+
+@pytest.mark.parametrize("law", TABLE_2)
+def test_table_2_is_recovered_from_clean_points(law: tuple[float, ...]) -> None:
+    curve = fit_form(points(law), "double_exponential")
+    found = [curve.parameters[n] for n in ("a1_ms", "a2_s_per_mm", "a4_ms", "a5_s_per_mm", "a7_ms")]
+    assert found == pytest.approx(law, rel=5e-3)
+    assert curve.rms_s < 1e-5
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(a1=st.floats(20, 150), a2=st.floats(2e-3, 6e-3), a4=st.floats(80, 400), a5=st.floats(1.5e-2, 4e-2))
+def test_eq_5_predicts_what_it_was_given(a1: float, a2: float, a4: float, a5: float) -> None:
+    law = (a1, a2, a4, a5, 28.0)
+    curve = fit_form(points(law), "double_exponential")
+    assert curve.predict_s(SPEEDS) == pytest.approx(LatencyLaw(*law).latency_s(SPEEDS), abs=3e-5)
+
+
+def test_the_band_covers_the_truth() -> None:
+    law = TABLE_2[0]
+    inside = []
+    for seed in range(60):
+        curve = fit_form(points(law, 5e-4, seed), "double_exponential")
+        low, high = curve.band_s(SPEEDS)
+        truth = LatencyLaw(*law).latency_s(SPEEDS)
+        inside.append(np.mean((low <= truth) & (truth <= high)))
+    assert np.mean(inside) > 0.88  # 95 % pointwise; 60 correlated curves scatter it by a few percent
+
+
+def test_a_tied_asymptote_stays_tied() -> None:
+    curve = fit_form(points(TABLE_2[1]), "double_exponential", tied_asymptote_s=0.02814)
+    assert curve.parameters["a7_ms"] == pytest.approx(28.14)
+    assert curve.standard_errors["a7_ms"] == 0
+
+
+def test_simple_forms_win_where_they_are_true() -> None:
+    flat = CurvePoints(SPEEDS, 0.05 + 2e-4 * np.random.default_rng(1).standard_normal(16), np.full(16, 2e-4))
+    assert fit_best(flat).form in ("constant", "single_exponential", "adaptive_low_pass", "double_exponential")
+    assert fit_best(flat).predict_s(np.array([300.0]))[0] == pytest.approx(0.05, abs=5e-4)
+    assert fit_best(points(TABLE_2[0], 3e-4)).form == "double_exponential"
+
+
+def test_a_speed_error_counts_where_the_curve_is_steep() -> None:
+    given_points = points(TABLE_2[0], 3e-4)
+    wide = replace(given_points, speed_se_mm_s=np.full(SPEEDS.size, 3.0))
+    low, high = fit_form(given_points, "double_exponential").band_s(np.array([50.0]))
+    low2, high2 = fit_form(wide, "double_exponential").band_s(np.array([50.0]))
+    assert (high2 - low2)[0] > 1.5 * (high - low)[0]
+
+
+def test_too_few_points_are_refused() -> None:
+    few = points(TABLE_2[0]).take(np.arange(16) < 3)
+    with pytest.raises(EstimateError, match="cannot determine"):
+        fit_form(few, "double_exponential")
+
+
+def test_inside_marks_extrapolation() -> None:
+    curve = fit_form(points(TABLE_2[0]), "double_exponential")
+    assert curve.inside(np.array([10.0, 100.0, 2000.0])).tolist() == [False, True, False]
+
+
+def test_curves_that_differ_are_told_apart_and_equal_ones_are_not() -> None:
+    a, b = (fit_form(points(TABLE_2[0], 3e-4, seed), "double_exponential") for seed in (1, 2))
+    c = fit_form(points(TABLE_2[1], 3e-4, 3), "double_exponential")
+    same, other = curve_difference(a, b), curve_difference(a, c)
+    assert same is not None
+    assert other is not None
+    assert same.p_value > 1e-3
+    assert other.p_value < 1e-6
