@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from draglag.compensation import compensate
+from draglag.curve import CurvePoints, fit_form
+from draglag.errors import DataError
+from draglag.model_file import LatencyModel, load_model, lookup_table, model_of, save_lookup, save_model
+from draglag.simulation import LatencyLaw
+from draglag.tracking import tracking_response
+
+LAW = LatencyLaw(90.53, 4e-3, 182.9, 2.9e-2, 28.49)
+SPEEDS = np.geomspace(44, 1000, 16)
+
+
+@pytest.fixture
+def model() -> LatencyModel:
+    points = CurvePoints(SPEEDS, LAW.latency_s(SPEEDS), np.full(16, 1e-4))
+    return model_of(fit_form(points, "double_exponential"), effects=[("clock_drift", {"ppm": 60.0})])
+
+
+def test_a_model_survives_its_file(model: LatencyModel, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    save_model(model, path)
+    back = load_model(path)
+    assert back == model
+    assert back.latency_s(SPEEDS) == pytest.approx(LAW.latency_s(SPEEDS), abs=3e-5)
+    assert back.curve.band_s(SPEEDS)[0] == pytest.approx(model.curve.band_s(SPEEDS)[0])
+    assert back.not_compensated == ("clock_drift",)
+    with pytest.raises(DataError, match="not overwritten"):
+        save_model(model, path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"version": 9}, "version 9"),
+        ({"form": "cubic"}, "unknown curve form"),
+        ({"parameters": {"a1_ms": 1.0}}, "has the parameters"),
+        ({"covariance": [[1.0]]}, "covariance"),
+        ({"extra": 1}, "extra"),
+        ({"speed_range_mm_s": [100, 10]}, "low to high"),
+    ],
+)
+def test_a_wrong_model_is_refused_by_name(
+    model: LatencyModel, tmp_path: Path, change: dict[str, object], words: str
+) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text(json.dumps({**model.model_dump(mode="json"), **change}))
+    with pytest.raises(DataError, match=words):
+        load_model(path)
+
+
+def test_what_is_no_json_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    path.write_text("{nonsense")
+    with pytest.raises(DataError, match="not JSON"):
+        load_model(path)
+
+
+def test_outside_its_range_a_model_holds_its_ends(model: LatencyModel) -> None:
+    assert model.latency_s(np.array([1.0])) == pytest.approx(model.latency_s(np.array([44.0])))
+    assert model.latency_s(np.array([1.0]), extrapolate=True)[0] > 0.25
+
+
+def test_lookup_tables(model: LatencyModel, tmp_path: Path) -> None:
+    from scipy.io import loadmat
+
+    table = lookup_table(model)
+    save_lookup(model, tmp_path / "t.mat")
+    save_lookup(model, tmp_path / "t.csv")
+    mat = loadmat(tmp_path / "t.mat")
+    csv = np.genfromtxt(tmp_path / "t.csv", delimiter=",", names=True)
+    assert np.all(np.diff(table["speed_mm_s"]) > 0)
+    assert mat["latency_s"].ravel() == pytest.approx(table["latency_s"])
+    assert csv["latency_s"] == pytest.approx(table["latency_s"], rel=1e-7)
+    with pytest.raises(DataError, match="neither"):
+        save_lookup(model, tmp_path / "t.xls")
+
+
+def drag(latency_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    t_s = np.arange(0, 5, 1 / 120)
+    angle = 4 * (t_s - latency_s)
+    return t_s, 50 * np.cos(angle), 50 * np.sin(angle)
+
+
+def test_a_known_lag_is_taken_out() -> None:
+    t_s, x_mm, y_mm = drag(0.08)
+    done = compensate(t_s, x_mm, y_mm, lambda v: np.full(np.shape(v), 0.08))
+    known = np.isfinite(done.x_stylus_mm)
+    assert known.mean() > 0.95
+    assert done.x_stylus_mm[known] == pytest.approx(50 * np.cos(4 * t_s[known]), abs=0.05)
+    assert done.latency_s == pytest.approx(0.08)
+    # 200 mm/s for 80 ms is 16 mm along the path.
+    assert done.report()["moved_mm_min_median_max"][1] == pytest.approx(16, abs=0.3)  # type: ignore[index]
+
+
+def test_time_never_runs_backwards_and_nan_stays_nan() -> None:
+    rng = np.random.default_rng(0)
+    t_s, x_mm, y_mm = drag(0.0)
+    stop = t_s > 2.5
+    x_mm[stop], y_mm[stop] = x_mm[~stop][-1], y_mm[~stop][-1]
+    x_mm = x_mm + 0.1 * rng.standard_normal(x_mm.size)
+    x_mm[100:103] = np.nan
+    done = compensate(t_s, x_mm, y_mm, LAW.latency_s, (44.0, 1000.0))
+    good = np.isfinite(done.stylus_t_s)
+    assert not good[100:103].any()
+    assert good.sum() == t_s.size - 3
+    assert np.all(np.diff(done.stylus_t_s[good]) >= 0)
+    assert done.extrapolated[-100:-5].all()  # the last few events have no speed
+
+
+def test_too_few_events_are_refused() -> None:
+    with pytest.raises(DataError, match="too few"):
+        compensate(np.arange(4.0), np.arange(4.0), np.arange(4.0), LAW.latency_s)
+
+
+def test_a_constant_lag_is_pure_delay_in_tracking() -> None:
+    response = tracking_response(lambda v: np.full(np.shape(v), 0.1))
+    assert response.gain == pytest.approx(1, abs=1e-3)
+    assert response.delay_ms == pytest.approx(100, abs=0.1)
+    assert response.phase_deg[-1] == pytest.approx(-np.degrees(24.083 * 0.1), rel=1e-3)
