@@ -10,8 +10,8 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import Fit, Term, fit_session, log_likelihood_on
-from draglag.gap.heldout import gap_mm, shrinks
-from draglag.gap.signatures import SIGNATURES
+from draglag.gap.heldout import gap_mm, shrinks, shrinks_with
+from draglag.gap.signatures import SIGNATURES, shape_free
 from draglag.recording import Session
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
@@ -75,7 +75,11 @@ def name(
         names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit)))
     names.sort(key=lambda n: -n.gain)
     names = [n for n in names if n.gain > 0 and n.improves]
-    unnamed = next((c for c in finding.significant if c.effect is None), None)
+    smooth = shape_free(before.view)
+    unnamed = next(
+        (c for c in finding.significant if c.effect is None and shrinks_with(before, smooth[c.covariate, c.role])),
+        None,
+    )
     best = names[0].gain if names else 0.0
     if unnamed is not None and unnamed.score > best + UNNAMED_MARGIN:  # nothing at all has a gain of 0
         return names, unnamed

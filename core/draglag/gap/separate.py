@@ -8,7 +8,6 @@ import numpy as np
 from scipy.stats import norm
 
 from draglag.gap.fit import Fit
-from draglag.gap.model import base_prior
 from draglag.recording import FloatArray, Run, Session
 from draglag.taps import LONGEST_S, summarise_taps
 
@@ -109,8 +108,7 @@ def clock_offset(session: Session, fit: Fit, creep_s_per_s: float = 0.0) -> Offs
     summary = summarise_taps(session.taps).get("release")
     if summary is None or summary.n < 15 or session.taps is None:
         return None
-    n_law = base_prior(fit.law).size - 4
-    a7_variance = fit.covariance[4, 4] if n_law > 4 else 0.0
+    a7_variance = fit.covariance[4, 4]
     # The law tends to its asymptote only beyond the measured speeds: what is left at the fastest is its uncertainty.
     origin_s = min(run.t_s[0] for run in fit.runs)
     expected_s = fit.law.a7_s + creep_s_per_s * (float(np.median(session.taps.registered_s)) - origin_s)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
+from draglag.recording import Run, Session, TouchTrace
 
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
@@ -41,13 +41,15 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     if batched is not None:
         found.append(batched)
         runs = tuple(replace(r, touch=_spread(r.touch, round(batched.value))) for r in runs)
+    elif quantum is not None:
+        # A grid of stamps without repeated positions is a coarse clock; with them it is a loop that holds.
+        found.append(quantum)
+        runs = tuple(replace(r, touch=_evened(r.touch)) for r in runs)
     elif held is not None:
         found.append(held)
         runs = tuple(replace(r, touch=_first_of_repeats(r.touch)) for r in runs)
-    elif quantum is not None:
-        found.append(quantum)
     dropped = _drops(touches)
-    if dropped is not None and batched is None and held is None:
+    if dropped is not None and batched is None and held is None and quantum is None:
         found.append(dropped)
     lost, runs = _filled_losses(runs)
     if lost is not None:
@@ -106,52 +108,69 @@ def _repeats(touch: TouchTrace) -> np.ndarray:
     return np.asarray((np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0))
 
 
-def _grid_share(stamps: FloatArray, period_s: float) -> float:
-    """Share of stamps within 2 % of a period of one common phase."""
-    phase = np.angle(np.mean(np.exp(2j * np.pi * stamps / period_s)))
-    off = np.angle(np.exp(1j * (2 * np.pi * stamps / period_s - phase))) / (2 * np.pi)
-    return float(np.mean(np.abs(off) < 0.02))
-
-
 def _hold(touches: list[TouchTrace]) -> StreamEffect | None:
-    """A host loop that writes the last event at each of its ticks: an exact tick grid, repeats if it is the faster."""
+    """A host loop that writes the last event at each tick: even stamps, and positions that repeat or advance unevenly.
+
+    A loop faster than the touch repeats positions; a slower one skips events, now one, now two, so the path advances
+    in steps of two sizes at even stamps.
+    """
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
     period_s = float(np.median(intervals))
-    regular = np.abs(intervals - period_s * np.maximum(np.round(intervals / period_s), 1)) < 0.004 * period_s
-    repeated = np.concatenate([_repeats(t) for t in touches])
-    share = float(np.mean(repeated))
-    exact = float(np.mean(regular))
-    if exact < 0.97 or not (share > 0.02 or _beats(touches)):
+    if period_s <= 0:
         return None
-    whole = np.round(intervals / period_s)
+    whole = np.maximum(np.round(intervals / period_s), 1)
+    regular = np.abs(intervals - period_s * whole) < 0.015 * period_s
+    share = float(np.mean(np.concatenate([_repeats(t) for t in touches])))
+    beating = _beats(touches)
+    if float(np.mean(regular)) < 0.97 or not (share > 0.02 or beating > 0.025):
+        return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
-    spread = float(np.std(intervals[regular] / np.maximum(whole[regular], 1))) / np.sqrt(max(intervals.size, 1))
+    spread = float(np.std(intervals[regular] / whole[regular])) / np.sqrt(intervals.size)
     rate = 1 / period_s
     reach = max(1.96 * spread * rate**2, 1e-4 * rate)
+    what = f"{100 * share:.0f} % of positions repeat the one before"
+    if share <= 0.02:
+        what = f"{100 * beating:.0f} % of steps along the path are of another size"
     return StreamEffect(
         "sample_hold",
         "rate_hz",
         rate,
         (rate - reach, rate + reach),
         "every tick of the host's loop",
-        f"stamps lie on a grid of {1e3 * period_s:.2f} ms and {100 * share:.0f} % of positions repeat the one before",
-        max(share, 0.02),
+        f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
+        max(share, beating),
     )
 
 
-def _beats(touches: list[TouchTrace]) -> bool:
-    """Whether steps along the path beat as they do when a slower loop skips events: some are twice the others."""
-    ratios = []
+def _beats(touches: list[TouchTrace]) -> float:
+    """Share of steps that differ from their neighbours by far more than noise, in runs fast enough to tell."""
+    shares = []
     for touch in touches:
+        dt = np.diff(touch.t_s)
         step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
-        if step.size < 200 or np.median(step) < 2.0:
+        if step.size < 200 or np.median(step) < 2.5:
             continue
-        local = np.convolve(step, np.ones(9) / 9, mode="same")
-        ratios.append(step[10:-10] / np.maximum(local[10:-10], 1e-6))
-    if not ratios:
-        return False
-    ratio = np.concatenate(ratios)
-    return bool(np.mean(ratio > 1.5) > 0.03 and np.mean(ratio < 1.2) > 0.5)
+        speed = step / np.maximum(dt, 1e-6)
+        local = np.convolve(speed, np.full(15, 1 / 15), mode="valid")
+        ratio = speed[7:-7] / np.maximum(local, 1e-6)
+        noise = 1.4826 * float(np.median(np.abs(ratio - np.median(ratio))))
+        shares.append(float(np.mean(np.abs(ratio - 1) > max(0.2, 5 * noise))))
+    return float(np.median(shares)) if shares else 0.0
+
+
+def _evened(touch: TouchTrace) -> TouchTrace:
+    """Stamps of an even frame clock through coarse ones: frames counted, the stamps' slow course kept."""
+    t = touch.t_s
+    if t.size < 100:
+        return touch
+    frame_s = float((t[-1] - t[0]) / (t.size - 1))
+    typical = np.diff(t)
+    frame_s = float(np.mean(typical[typical < 2.5 * frame_s]))
+    count = np.concatenate([[0], np.cumsum(np.where(typical < 2.5 * frame_s, 1, np.round(typical / frame_s)))])
+    late = t - frame_s * count
+    slow = np.convolve(np.pad(late, 30, mode="edge"), np.full(61, 1 / 61), mode="valid")
+    even = frame_s * count + slow
+    return replace(touch, t_s=np.maximum.accumulate(even + 1e-9 * np.arange(t.size)))
 
 
 def _first_of_repeats(touch: TouchTrace) -> TouchTrace:
@@ -199,6 +218,8 @@ def _drops(touches: list[TouchTrace]) -> StreamEffect | None:
     for touch in touches:
         dt = np.diff(touch.t_s)
         frame_s = float(np.median(dt))
+        if frame_s <= 0:
+            continue
         whole = np.round(dt / frame_s)
         near = np.abs(dt - whole * frame_s) < 0.2 * frame_s
         lost += int(np.sum((whole - 1)[near & (whole >= 2) & (whole <= 6)]))
@@ -306,7 +327,3 @@ def _filled_losses(runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Ru
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
-
-
-def has_edges(laser: LaserTrace) -> bool:
-    return laser.t_s.size > 0

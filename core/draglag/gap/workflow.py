@@ -11,12 +11,12 @@ from draglag.errors import EstimateError
 from draglag.gap.edges import gather
 from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit, fit_session
-from draglag.gap.heldout import floor_mm, gap_mm
+from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.model import base_prior
 from draglag.gap.naming import PLATEAU, TOO_CLOSE, UNNAMED_MARGIN, Name, gained, name, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
-from draglag.gap.signatures import SIGNATURES
+from draglag.gap.signatures import SIGNATURES, shape_free
 from draglag.gap.streams import StreamEffect, inspect
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
@@ -141,7 +141,7 @@ def close_gap(
             unexplained = unnamed
             break
         if not names:
-            unexplained = next((c for c in finding.significant if c.score > UNNAMED_MARGIN), None)
+            unexplained = _still_there(fit, finding)
             break
         step = _step(session, names, finding, allowed)
         plateau = plateau or names[0].effect == PLATEAU
@@ -150,8 +150,8 @@ def close_gap(
         fit, steps = _without_proxies(repaired, fit, steps)
         finding = find(fit, without=_left_out(allowed) | {s.effect for s in steps})
     steps = [_settled(step, fit) for step in steps]
-    if unexplained is None and finding.significant and finding.significant[0].score > UNNAMED_MARGIN:
-        unexplained = finding.significant[0]
+    if unexplained is None and finding.significant:
+        unexplained = _still_there(fit, finding)
     if unexplained is None:
         steps += _offset_step(session, fit, steps, allowed)
     last_mm = gap_mm(fit)
@@ -288,6 +288,9 @@ def _offset_step(session: Session, fit: Fit, steps: list[Step], allowed: frozens
     offset = clock_offset(session, fit, creep)
     if offset is None or held:
         return []
+    # A low-pass delays as well as it shrinks: taps then lie below the asymptote by about its time constant.
+    if any(s.effect == "smoothing_shrink" for s in steps) and offset.value_s < 0:
+        return []
     after = gap_mm(fit)
     before = float(np.sqrt(after**2 + np.mean((fit.view.v_across * offset.value_s) ** 2)))
     return [
@@ -302,6 +305,17 @@ def _offset_step(session: Session, fit: Fit, steps: list[Step], allowed: frozens
             after,
         )
     ]
+
+
+def _still_there(fit: Fit, finding: Finding) -> Candidate | None:
+    """The strongest structure left that held-out runs confirm and that is worth more than its price."""
+    smooth = shape_free(fit.view)
+    for candidate in finding.significant:
+        if candidate.score <= UNNAMED_MARGIN:
+            return None
+        if candidate.effect is None and shrinks_with(fit, smooth[candidate.covariate, candidate.role]):
+            return candidate
+    return None
 
 
 def _covariate(candidate: Candidate) -> str:
