@@ -1,0 +1,127 @@
+"""The gap workflow on sessions whose truth is known: recorded samples with labels, and our own simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from draglag.exchange import read_exchange
+from draglag.gap import close_gap
+from draglag.gap.signatures import shape_free
+from draglag.gap.streams import inspect
+from draglag.protocols import load_protocol
+from draglag.recording import Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
+
+SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+
+
+@pytest.fixture(scope="module")
+def sound() -> Session:
+    return read_exchange(SAMPLES / "none-A")
+
+
+def simulated(*effects: str, seed: int = 5) -> Session:
+    return simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect(e) for e in effects], seed=seed)
+
+
+def test_a_sound_session_has_no_gap(sound: Session) -> None:
+    report = close_gap(sound)
+    assert report.verdict == "no_gap"
+    assert report.steps == ()
+    assert report.gap_last_mm is not None
+    assert report.noise_floor_mm is not None
+    assert report.gap_last_mm < 1.15 * report.noise_floor_mm
+
+
+def test_a_plateau_is_found_named_sized_and_closed() -> None:
+    report = close_gap(read_exchange(SAMPLES / "low_speed_plateau"))
+    assert report.verdict == "explained"
+    assert [s.effect for s in report.steps] == ["low_speed_plateau"]
+    value, (low, high) = report.steps[0].parameters["speed_mm_s"]
+    assert low - 2 < 125 < high + 2, f"the label says 125 mm/s, found {value}"
+    assert report.gap_first_mm is not None
+    assert report.gap_last_mm is not None
+    assert report.noise_floor_mm is not None
+    assert report.gap_last_mm < 0.5 * report.gap_first_mm
+    assert report.gap_last_mm < 1.15 * report.noise_floor_mm
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "truth", "within"),
+    [
+        ("clock_drift=30", "drift_ppm", 30.0, 3.0),
+        ("laser_hysteresis=0.0018", "delay_s", 0.0018, 0.0001),
+        ("scan_skew=0.008", "across_s", 0.008, 0.0015),
+    ],
+)
+def test_a_simulated_effect_is_named_and_sized(effect: str, parameter: str, truth: float, within: float) -> None:
+    report = close_gap(simulated(effect))
+    assert report.steps, report.unexplained_by
+    assert report.steps[0].effect == effect.split("=")[0]
+    assert report.steps[0].parameters[parameter][0] == pytest.approx(truth, abs=within)
+
+
+def test_an_effect_outside_the_library_is_owned_up_to() -> None:
+    allowed = ["clock_drift", "thermal_drift", "low_speed_plateau"]
+    report = close_gap(simulated("direction_asymmetry=0.008"), candidates=allowed)
+    assert report.verdict == "unexplained"
+    assert report.unexplained_by
+
+
+def test_a_poor_session_gets_words_instead_of_a_verdict(sound: Session) -> None:
+    report = close_gap(replace(sound, runs=sound.runs[:2]))
+    assert report.verdict is None
+    assert "circle runs" in report.missing[0]
+    assert report.to_dict()["missing"] == list(report.missing)
+
+
+def test_the_report_has_the_contract_s_keys(sound: Session) -> None:
+    found = close_gap(sound, max_effects=0).to_dict()
+    keys = {"session", "verdict", "noise_floor_mm", "steps", "unexplained_by", "gap_first_mm", "gap_last_mm"}
+    assert keys <= found.keys()
+
+
+def test_streams_tell_a_coarse_clock_from_a_holding_loop_and_from_batches(sound: Session) -> None:
+    def changed(make: str) -> Session:
+        runs = []
+        for run in sound.runs:
+            t = run.touch.t_s
+            if make == "quantum":
+                touch = replace(run.touch, t_s=np.ceil(t / 0.004) * 0.004)
+            elif make == "hold":
+                ticks = np.arange(np.ceil(t[0] * 250), np.floor(t[-1] * 250)) / 250
+                last = np.searchsorted(t, ticks, side="right") - 1
+                touch = replace(
+                    run.touch,
+                    t_s=ticks,
+                    x_mm=run.touch.x_mm[last],
+                    y_mm=run.touch.y_mm[last],
+                    contact_id=np.empty(0, int),
+                )
+            else:
+                last = np.minimum(np.arange(t.size) // 2 * 2 + 1, t.size - 1)
+                touch = replace(run.touch, t_s=t[last] + 1e-5 * (np.arange(t.size) % 2))
+            runs.append(replace(run, touch=touch))
+        return replace(sound, runs=tuple(runs))
+
+    for make, effect, value in (
+        ("quantum", "timestamp_quantisation", 0.004),
+        ("hold", "sample_hold", 250.0),
+        ("batch", "frame_batching", 2.0),
+    ):
+        found, repaired = inspect(changed(make))
+        assert [f.effect for f in found][:1] == [effect]
+        assert found[0].value == pytest.approx(value, rel=0.02)
+        assert len(repaired.runs) == len(sound.runs)
+    assert inspect(sound)[0] == ()
+
+
+def test_shape_free_terms_cover_every_covariate_of_the_design(sound: Session) -> None:
+    report = close_gap(sound, max_effects=0)
+    assert report.last is not None
+    names = {covariate for covariate, _ in shape_free(report.last.view)}
+    assert {"session_time", "time_in_run", "x", "speed", "acceleration", "normal_acceleration"} <= names
