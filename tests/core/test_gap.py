@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.signatures import shape_free
