@@ -30,7 +30,7 @@ SIZES = {"small": (1280, 800), "large": (1920, 1080)}
 SIMULATED = RigSettings(touch="sim:", laser="sim:", walt="sim:", fast=True, display="offscreen")
 
 
-def wait(application: QApplication, until: Callable[[], bool], limit_s: float = 60.0) -> None:
+def wait(application: QApplication, until: Callable[[], bool], limit_s: float = 240.0) -> None:
     """Let the window live until something is so. Raises SystemExit when it never is."""
     end_s = time.monotonic() + limit_s
     while not until():
@@ -49,8 +49,8 @@ def shoot(widget: QWidget, path: Path) -> None:
     widget.grab().save(str(path))
 
 
-SHOWN = {"results-dark-small", "results-light-small", "protocol-dark-small", "bench-light-small"}
-"""What is kept of the pages when not all are asked for."""
+SHOWN = {"results-dark-small": "window-results"}
+"""What is kept of the pages, under which name, when not all are asked for."""
 
 
 def pages(application: QApplication, window: OperatorWindow, out: Path, sizes: list[str]) -> None:
@@ -63,8 +63,9 @@ def pages(application: QApplication, window: OperatorWindow, out: Path, sizes: l
             for name in window.pages:
                 window.go(name)
                 wait(application, lambda: not window.space.tasks.running)
-                if len(sizes) > 1 or f"{name}-{theme}-{size}" in SHOWN:
-                    shoot(window, out / f"{name}-{theme}-{size}.png")
+                file = f"{name}-{theme}-{size}"
+                if len(sizes) > 1 or file in SHOWN:
+                    shoot(window, out / f"{SHOWN.get(file, file)}.png")
 
 
 def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
@@ -82,7 +83,7 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     wait(application, lambda: len(window.space.live) == 1, 40)
     end_s = time.monotonic() + 10
     wait(application, lambda: time.monotonic() > end_s)
-    shoot(window, out / "record-live-dark-small.png")
+    shoot(window, out / "window-recording.png")
     participant = window.space.recording.window
     if participant is not None:
         shoot(participant, out / "participant.png")

@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 
 from PySide6.QtCore import QTimer
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QWidget
 
 from draglag_app.session import events
 from draglag_app.windows import words
@@ -30,6 +30,7 @@ class Header(QFrame):
         row.setContentsMargins(16, 0, 16, 0)
         row.setSpacing(8)
         self.session = label("", "sessionName")
+        self.session.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         row.addWidget(self.session, 1)
         self.lights: dict[str, Light] = {}
         names = {"touch": self.tr("touch"), "laser": self.tr("laser"), "walt": self.tr("WALT")}

@@ -32,8 +32,8 @@ class TableTranslator(QTranslator):
         return not self._table
 
     def translate(self, context: str, sourceText: str, disambiguation: str | None = None, n: int = -1) -> str:
-        # An empty answer means: no translation.
-        return self._table.get(sourceText, "")
+        # Not an empty text: from Python that counts as a translation, and Qt's own words would vanish.
+        return self._table.get(sourceText, sourceText)
 
 
 def language_of(setting: str) -> str:

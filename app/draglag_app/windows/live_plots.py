@@ -11,6 +11,15 @@ from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.session_thread import Order
 from draglag_app.windows.theme import theme
 
+# More points than this cannot be told apart on a screen, but cost time that the participant's target needs.
+_MOST_DRAWN = 1500
+
+
+def _thinned(table: np.ndarray) -> np.ndarray:
+    """At most about ``_MOST_DRAWN`` rows, the last one among them."""
+    step = max(1, -(-len(table) // _MOST_DRAWN))
+    return table[::-1][::step][::-1]
+
 
 class TracePlot(Plot):
     """The screen under test: target's path, touch trace, beam and the touch positions at its edges."""
@@ -44,7 +53,7 @@ class TracePlot(Plot):
             across = np.array([0.0, screen.width_mm])
             self.line(tr("beam"), across, beam.slope * across + beam.intercept_mm, colours.bad, 1.5, dash=True)
         if planned is not None:
-            t_s = np.linspace(0, planned.duration_s, 3000)
+            t_s = np.linspace(0, planned.duration_s, _MOST_DRAWN)
             self.line(tr("target"), *planned.target.position_mm(t_s), colours.line, 1)
 
     def draw(self, live: LiveRun) -> None:
@@ -52,7 +61,8 @@ class TracePlot(Plot):
         colours, trace = theme(), live.trace()
         if not len(trace):
             return
-        self.line(tr("touch"), trace[:, 1], trace[:, 2], colours.blue, 1.5)
+        thin = _thinned(trace)
+        self.line(tr("touch"), thin[:, 1], thin[:, 2], colours.blue, 1)
         self.dots(tr("stylus"), trace[-1:, 1], trace[-1:, 2], colours.text, "+", 16, legend=False)
         edges = live.edges_on_screen()
         for name, light, symbol, colour in (
@@ -78,5 +88,6 @@ class SpeedPlot(Plot):
         t_s = np.linspace(0, live.planned.duration_s, 800)
         target = live.target_speed_mm_s(t_s)
         self.line(tr("target"), t_s, target, theme().muted, 2, dash=True)
-        self.line(tr("stylus"), speed[:, 0], speed[:, 1], theme().blue, 1.5)
+        thin = _thinned(speed)
+        self.line(tr("stylus"), thin[:, 0], thin[:, 1], theme().blue, 1)
         self.setYRange(0, 1.25 * float(target.max()), padding=0)

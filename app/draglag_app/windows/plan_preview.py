@@ -24,7 +24,7 @@ class PlanPreview(QWidget):
         box.setContentsMargins(0, 0, 0, 0)
         self.words = label("", "verdict", wrap=True)
         self.plot = Plot("", tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol")
-        self.plot.setMinimumHeight(170)
+        self.plot.setMinimumHeight(130)
         box.addWidget(self.words)
         box.addWidget(self.plot, 1)
         workspace.settings_changed.connect(self.refresh)

@@ -105,6 +105,7 @@ class ProtocolForm(Panel):
 
 def _beside(*widgets: QWidget) -> QHBoxLayout:
     row = QHBoxLayout()
+    row.setSpacing(8)
     for widget in widgets:
         row.addWidget(widget, 1)
     return row

@@ -53,7 +53,7 @@ class Form(QFormLayout):
     def row(self, text: str, field: QWidget | QLayout) -> None:
         """Add a row."""
         name = label(text)
-        name.setMinimumHeight(38)
+        name.setMinimumHeight(34)
         if isinstance(field, QWidget):
             name.setBuddy(field)
             field.setAccessibleName(text)

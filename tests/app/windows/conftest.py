@@ -41,7 +41,7 @@ def settle(qapp: QApplication) -> None:
         QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 
 
-def wait_until(qapp: QApplication, so: Callable[[], bool], limit_s: float = 60.0) -> None:
+def wait_until(qapp: QApplication, so: Callable[[], bool], limit_s: float = 120.0) -> None:
     """Run the event loop until something is so."""
     end_s = time.monotonic() + limit_s
     while not so():

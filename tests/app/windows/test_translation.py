@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from PySide6.QtCore import QCoreApplication
+from PySide6.QtGui import QKeySequence
 from PySide6.QtWidgets import QApplication
 
 import draglag_app.windows
@@ -54,6 +56,11 @@ def test_windows_speak_dutch(qapp: QApplication, open_window: Callable) -> None:
         window = open_window(language="nl")
         assert window.tabs["record"].text() == table_of("nl")["Record"]
         assert window.actions_table.made["start"].text() == table_of("nl")["Start measuring"]
+        assert (
+            window.actions_table.made["go_bench"].shortcut().toString(QKeySequence.SequenceFormat.NativeText)
+            == "Ctrl+1"
+        )
+        assert QCoreApplication.translate("QFileDialog", "A text of Qt's own") == "A text of Qt's own"
         assert "laserstraal" in window.pages["help"][1].manual.toPlainText()
     finally:
         use_language(qapp, "en")

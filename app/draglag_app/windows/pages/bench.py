@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
 from draglag_app.windows.session_thread import display_choices
@@ -106,7 +106,8 @@ class BenchPage(QWidget):
             self.lights[role] = Light()
             box = self.boxes[role] = QComboBox()
             box.setEditable(True)
-            box.setMinimumWidth(330)
+            box.setMinimumContentsLength(32)
+            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setAccessibleName(names[role])
             box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
             box.activated.connect(lambda index, role=role: self._address_chosen(role))
@@ -147,11 +148,10 @@ class BenchPage(QWidget):
 
     def _others(self) -> Panel:
         panel = Panel(self.tr("On this computer"))
-        self.list = label("", wrap=True)
-        self.list.setTextFormat(Qt.TextFormat.RichText)
-        self.list.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.list = QTextBrowser()
+        hint = self.tr("Look for devices lists what is here, and what to do where something is missing.")
+        self.list.setPlaceholderText(hint)
         panel.body.addWidget(self.list)
-        panel.body.addStretch(1)
         return panel
 
     # --- what is chosen -------------------------------------------------------------------------------------
@@ -217,7 +217,7 @@ class BenchPage(QWidget):
             state = "✓" if device.usable else "✕"
             line = f"<b>{state} {device.address}</b> &nbsp; {device.description}"
             rows.append(line + (f"<br>&nbsp;&nbsp;&nbsp;→ {device.remedy}" if device.remedy else ""))
-        self.list.setText("<br>".join(rows))
+        self.list.setHtml("<br>".join(rows))
 
     def check(self) -> None:
         """Open every chosen device and read for a moment."""

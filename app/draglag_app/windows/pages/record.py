@@ -5,7 +5,16 @@ from __future__ import annotations
 import time
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit, QProgressBar, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QGridLayout,
+    QHBoxLayout,
+    QLineEdit,
+    QProgressBar,
+    QSizePolicy,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
 
 from draglag_app.live import LiveRun
 from draglag_app.session import events
@@ -19,8 +28,8 @@ from draglag_app.windows.theme import theme
 from draglag_app.windows.widgets import Fact, Panel, button, label, restyle
 from draglag_app.windows.workspace import Workspace
 
-# Live plots are drawn this often; samples that came in between are drawn together.
-_REDRAW_MS = 66
+# One of the two live plots is drawn this often, by turns: together they would cost the participant a frame.
+_REDRAW_MS = 100
 
 
 class RecordPage(QWidget):
@@ -36,6 +45,7 @@ class RecordPage(QWidget):
         self._due_s = 0.0
         self._span_s = 0.0
         self._phase: Phase | None = None
+        self._turns: list[TracePlot | SpeedPlot] = []
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
@@ -45,6 +55,7 @@ class RecordPage(QWidget):
         right = QSplitter(Qt.Orientation.Vertical)
         self.speed = SpeedPlot()
         self.curve = CurvePlot(self.tr("Latency so far"))
+        self._turns = [self.trace, self.speed]
         right.addWidget(self.speed)
         right.addWidget(self.curve)
         right.setSizes([200, 260])
@@ -72,6 +83,9 @@ class RecordPage(QWidget):
         words_box.setSpacing(0)
         self.big = label("", "big")
         self.small = label("", "medium")
+        for words_label in (self.big, self.small):
+            # Long words are cut off rather than making the window wider.
+            words_label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         words_box.addWidget(self.big)
         words_box.addWidget(self.small)
         row.addLayout(words_box, 1)
@@ -212,8 +226,7 @@ class RecordPage(QWidget):
         self._live = LiveRun(event.run_id, event.planned, event.start_s)
 
     def _run_finished(self, event: events.RunFinished) -> None:
-        self._fresh = True
-        self._draw()
+        self._draw_both()
         self.table.add_run(event.run, event.outcome)
 
     # --- data -----------------------------------------------------------------------------------------------
@@ -234,7 +247,13 @@ class RecordPage(QWidget):
         if self._phase in (Phase.COUNTDOWN, Phase.RECORDING):
             self._show_state()
         if self._fresh and self._live is not None and self.isVisible():
-            self._fresh = False
+            plot = self._turns.pop(0)
+            self._turns.append(plot)
+            plot.draw(self._live)
+            self._fresh = plot is not self.speed
+
+    def _draw_both(self) -> None:
+        if self._live is not None:
             self.trace.draw(self._live)
             self.speed.draw(self._live)
 
@@ -252,6 +271,5 @@ class RecordPage(QWidget):
         """Draw in the present theme."""
         for plot in (self.trace, self.speed, self.curve):
             plot.restyle()
-        self._fresh = True
-        self._draw()
+        self._draw_both()
         self._live_changed()
