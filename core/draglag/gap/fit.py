@@ -79,17 +79,21 @@ def fit_session(
     terms: Sequence[Term] = (),
     plateau: bool = False,
     start: Fit | None = None,
+    law: LawParameters | None = None,
 ) -> Fit:
     """Fit law, beam and terms jointly.
 
     ``start`` is a fit of a smaller model: its edges are judged by, so that the two can be compared, and it sizes the
-    new terms. Raises EstimateError when the session cannot carry the law.
+    new terms. ``law`` is where to begin instead of the runs' own latencies.
+
+    Raises EstimateError when the session cannot carry the law.
     """
     width = session.screen.width_mm
     less = None
     if start is not None and terms:
         less = _run_latency(start, terms)
-    law = starting_law(runs, less, plateau)
+    if law is None or (law.plateau_mm_s > 0) != plateau:
+        law = starting_law(runs, less, plateau)
     slopes = [(d.estimate.alignment.slope, d.estimate.alignment) for d in runs if d.estimate and d.estimate.alignment]
     slope = float(np.median([s for s, _ in slopes]))
     middle = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for _, a in slopes]))

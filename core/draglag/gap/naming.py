@@ -11,8 +11,11 @@ from draglag.errors import EstimateError
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import Fit, Term, fit_session, log_likelihood_on
 from draglag.gap.heldout import gap_mm, shrinks, shrinks_with
+from draglag.gap.model import LawParameters
+from draglag.gap.parameters import parameters_of
 from draglag.gap.signatures import SIGNATURES, shape_free
 from draglag.recording import Session
+from draglag.simulation.effects import EFFECTS
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
@@ -32,10 +35,12 @@ class Name:
     improves: bool
 
 
-def refit(session: Session, before: Fit, terms: Sequence[Term], plateau: bool) -> Fit | None:
+def refit(
+    session: Session, before: Fit, terms: Sequence[Term], plateau: bool, law: LawParameters | None = None
+) -> Fit | None:
     """The model with these terms, on the edges of ``before``; None where it cannot be fitted."""
     try:
-        return fit_session(session, before.runs, terms, plateau, before)
+        return fit_session(session, before.runs, terms, plateau, before, law)
     except (EstimateError, np.linalg.LinAlgError):
         return None
 
@@ -48,6 +53,17 @@ def gained(before: Fit, after: Fit) -> float:
     if lost:
         return 2 * (after.log_likelihood - log_likelihood_on(before, before.use & after.use))
     return 2 * (after.log_likelihood - before.log_likelihood)
+
+
+def _possible(effect: str, fit: Fit) -> bool:
+    """Whether the size lies within the bounds of the effect's class: a low-pass cannot swell, a clock not run wild."""
+    numbers = parameters_of(effect, fit)
+    if effect == "smoothing_shrink" and next(t.sizes[0] for t in fit.terms if t.effect == effect) <= 0:
+        return False
+    for spec in EFFECTS[effect].parameters:
+        if spec.name in numbers and not spec.lower <= numbers[spec.name][0] <= spec.upper:
+            return False
+    return True
 
 
 def name(
@@ -70,6 +86,8 @@ def name(
         else:
             fit = refit(session, before, [*before.terms, Term(effect, theta)], plateau)
         if fit is None:
+            continue
+        if not _possible(effect, fit):
             continue
         gain = gained(before, fit) - 6 * n_columns - 2 * np.log(n_grid)
         names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit)))

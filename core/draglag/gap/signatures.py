@@ -121,7 +121,7 @@ def direction_asymmetry(v: View) -> list[Signature]:
 
 
 def acceleration_lag(v: View) -> list[Signature]:
-    return [Signature(latency=_column(v.accel / v.speed))]
+    return [Signature(latency=_column(v.accel))]
 
 
 def lagging_law(v: View) -> list[Signature]:

@@ -22,6 +22,7 @@ from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
+SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 Progress = Callable[[float, str], None]
 
 COVARIATE = {
@@ -134,9 +135,18 @@ def close_gap(
     plateau = False
     finding = find(fit, without=_left_out(allowed))
     unexplained: Candidate | None = None
+    retries = 2
     while finding.significant and len(steps) < max_effects:
         tell(0.2 + 0.12 * len(steps), "naming")
         names, unnamed = name(repaired, fit, finding, allowed, plateau)
+        better = refit(repaired, fit, fit.terms, plateau, names[0].fit.law) if names and retries else None
+        if better is not None and gained(fit, better) > SAME_MODEL_BETTER:
+            # The model itself had not found its best point: an effect must not be named for that.
+            retries -= 1
+            fit = better
+            first, first_mm = (first, first_mm) if steps else (fit, gap_mm(fit))
+            finding = find(fit, without=_left_out(allowed) | {s.effect for s in steps})
+            continue
         if unnamed is not None and not (names and _path_closes(repaired, names[0], allowed, plateau, max_effects)):
             unexplained = unnamed
             break
