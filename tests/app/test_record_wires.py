@@ -67,11 +67,11 @@ def test_a_circle_over_touch_and_laser_has_the_latency_of_the_world(panel, laser
     protocol = '[[runs]]\nkind = "circle"\nspeeds_mm_s = [200]\nradius_fraction = 0.1\nduration_s = 5.0\n'
     world = World(seed=5, start_s=time.monotonic())
     # The hand draws all the time; the recording takes its part of it, whenever it begins.
-    circle = Circle(150.0, 140.0, 50.0, 200.0, duration_s=18.0, sideways_mm_s=12.0)
+    circle = Circle(150.0, 140.0, 50.0, 200.0, duration_s=24.0, sideways_mm_s=12.0)
     world.begin_run(PlannedRun("truth", circle, 200.0, 50.0), time.monotonic() + 0.5, "truth")
-    process = recorder(panel, tmp_path, protocol, *addresses)
     play_laser(world.truth[-1], 0.0, **played)
     play_touch(panel, world.truth[-1], 0.0, units_per_mm=20.0)
+    process = recorder(panel, tmp_path, protocol, *addresses)
     out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, out + err
     session = read_session(tmp_path / "session.h5")

@@ -92,11 +92,13 @@ def test_light_low_inverts_what_an_edge_means(segment: Segment) -> None:
 
 def test_edges_too_fast_for_one_stamp_per_cycle_are_counted(segment: Segment) -> None:
     bursts = 20
-    script = [(20 * MS * (k + 1) + at, 1, level) for k in range(bursts)
+    # 137 us more than whole cycles: bursts fall all over the cycle, and most of them inside one.
+    period_ns = 20 * MS + 137_000
+    script = [(period_ns * (k + 1) + at, 1, level) for k in range(bursts)
               for at, level in ((0, 1), (40_000, 0), (80_000, 1), (10 * MS, 0))]  # fmt: skip
     with Recording(segment) as rec:
         start_ns = segment.edges(script, relative=True)
-        rec.read_past(start_ns + 20 * MS * (bursts + 1) + 10 * MS)
+        rec.read_past(start_ns + period_ns * (bursts + 1) + 10 * MS)
         true = rec.true_edges()
     assert len(rec.laser.light) + rec.laser.missed == len(true) == 4 * bursts
     assert rec.laser.missed > 0

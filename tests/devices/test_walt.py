@@ -53,7 +53,7 @@ class Script:
         pass
 
 
-@pytest.mark.parametrize(("role", "last"), [("laser", "L"), ("walt", "G")])
+@pytest.mark.parametrize(("role", "last"), [("laser", "LJP"), ("walt", "G")])
 def test_opening_is_this_conversation_and_no_other(role, last):
     wire = SteppedWire()
     info = on_wire(wire, role).open()
@@ -211,6 +211,25 @@ def test_edges_too_fast_for_it_are_counted_and_the_gap_is_marked():
     assert laser.missed == 2
     assert laser.gaps_s - start_s == pytest.approx(np.array([[0.2, 0.30001]]), abs=2e-4)
     assert any("2 edges of the laser were lost" in text for text in notices_of(batches))
+
+
+@pytest.mark.parametrize("before", [1, 2, 5])
+def test_edges_before_it_sends_them_are_not_lost_ones(before):
+    wire = SteppedWire()
+    start_s = wire.t_s
+    # The beam is crossed while the clocks are compared, long before the source is open.
+    for k in range(before):
+        wire.at(start_s + 0.02 + 0.01 * k, lambda firmware, t, k=k: firmware.edge(t, k % 2))
+    source = on_wire(wire)
+    source.open()
+    assert wire.t_s > start_s + 0.02 + 0.01 * before
+    opened_s = wire.t_s
+    for k in range(4):
+        wire.at(opened_s + 0.1 * (k + 1), lambda firmware, t, k=k: firmware.edge(t, (before + k) % 2))
+    laser = edges_of(read_until(source, wire, opened_s + 1))
+    assert laser.missed == 0
+    assert len(laser.gaps_s) == 0
+    assert laser.light.tolist() == [(before + k) % 2 for k in range(4)]
 
 
 def test_a_line_spoiled_on_the_wire_is_a_missed_edge():

@@ -18,18 +18,20 @@ class Segment(Protocol):
 
 
 def play_touch(panel: LiveTouch, run: Run, shift_s: float, units_per_mm: float = 10.0) -> None:
-    """Touch events at their times, shifted; whole units, as a panel has them. Blocks only to hand them over."""
+    """Touch events at their times, shifted; whole units, as a panel has them."""
     touch = run.touch
     ids = touch.contact_id if len(touch.contact_id) == len(touch.t_s) else np.zeros(len(touch.t_s), int)
     x, y = (np.rint(units_per_mm * mm).astype(int) for mm in (touch.x_mm, touch.y_mm))
+    timed: list[tuple[float, list[list[int]]]] = []
     for k, at_s in enumerate((touch.t_s + shift_s).tolist()):
         new = k == 0 or ids[k] != ids[k - 1]
         if new and k:
-            panel.frame(lifted(0), at_s - 1e-3)
+            timed.append((at_s - 1e-3, lifted(0)))
         put = contact(0, int(ids[k]) % 65536, int(x[k]), int(y[k])) if new else moved(0, int(x[k]), int(y[k]))
-        panel.frame(put, at_s)
+        timed.append((at_s, put))
     if len(touch.t_s):
-        panel.frame(lifted(0), float(touch.t_s[-1]) + shift_s + 0.01)
+        timed.append((float(touch.t_s[-1]) + shift_s + 0.01, lifted(0)))
+    panel.frames(timed)
 
 
 def play_laser(run: Run, shift_s: float, *, walt: WaltOnPty | None = None, segment: Segment | None = None) -> None:
@@ -46,5 +48,6 @@ def play_taps(panel: LiveTouch, walt: WaltOnPty, taps: Taps, shift_s: float) -> 
     """Shocks of the pen, and the touches that the panel reports later."""
     walt.shocks(np.sort(taps.physical_s) + shift_s)
     events = sorted(zip((taps.registered_s + shift_s).tolist(), taps.down.tolist(), strict=True))
-    for k, (at_s, down) in enumerate(events):
-        panel.frame(contact(0, k % 65536, 1000, 1000) if down else lifted(0), at_s)
+    panel.frames(
+        [(at_s, contact(0, k % 65536, 1000, 1000) if down else lifted(0)) for k, (at_s, down) in enumerate(events)]
+    )

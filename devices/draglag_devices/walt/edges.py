@@ -16,10 +16,15 @@ class EdgeCounter:
 
     A line with ``count`` n stands for n edges of which the last is stamped. Two lines of the same value mean that
     a line between them was lost; both are counted and the time between the lines is marked.
+
+    Attributes:
+        before: edges that the device had counted, unreported, when the first line could come; the first line
+            includes them, and none of them is lost.
     """
 
     last_value: int | None = None
     last_s: float | None = None
+    before: int = 0
 
     def take(
         self,
@@ -41,6 +46,9 @@ class EdgeCounter:
             at_s = host_s(device_s)
             if not plausible_s[0] <= at_s <= plausible_s[1] or value not in (0, 1) or count < 1:
                 continue  # the next line has the same value and tells
+            if count > self.before:
+                count -= self.before
+            self.before = 0
             lost = count - 1
             if self.last_value is not None and (count + value - self.last_value) % 2:
                 lost += 1

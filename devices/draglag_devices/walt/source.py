@@ -17,7 +17,7 @@ from draglag_devices.walt.connect import greet
 from draglag_devices.walt.edges import EdgeCounter
 from draglag_devices.walt.link import Link, NoAnswer
 from draglag_devices.walt.port import Port, PortGone, SerialPort, port_of, usb_identity
-from draglag_devices.walt.protocol import LASER_ON, SHOCK, Unwrapped, parse_shock
+from draglag_devices.walt.protocol import LASER_LAST, LASER_ON, SHOCK, Unwrapped, parse_shock
 from draglag_devices.walt.sync import Bound, as_bounds, ask_time, compare, zero
 
 # Quick comparison of clocks; it also keeps the 32-bit count unwrapped and notices a device that hangs.
@@ -162,6 +162,7 @@ class WaltSource:
             self._zero(device)
             if self.role == "laser":
                 link.acknowledged(LASER_ON)
+                device.edges = _counted_so_far(link)
             else:
                 link.ask(SHOCK, parse_shock)  # arms the trigger; what it felt before is of no interest
         except (NoAnswer, PortGone) as fault:
@@ -324,6 +325,16 @@ class WaltSource:
             rows, device.rows = device.rows, []
             clock = as_bounds(self.role, rows, device.epoch)
         return Batch(self._until_s, laser=laser, taps=taps, clock=clock, notices=notices, alive=alive)
+
+
+def _counted_so_far(link: Link) -> EdgeCounter:
+    """Edges since the reset, when autosending has begun: the first line counts them too."""
+    link.send(LASER_LAST)
+    link.settle()
+    lines = [trigger for trigger in link.take_triggers() if trigger.tag == "L"]
+    if not lines or (lines[-1].us == 0 and lines[-1].count == 0):
+        return EdgeCounter()
+    return EdgeCounter(last_value=lines[-1].value, before=max(0, lines[-1].count))
 
 
 def _rejected(reason: str) -> Taps:

@@ -81,3 +81,7 @@ class LiveTouch:
 
     def frame(self, events: list[list[int]], at_s: float | None = None) -> None:
         self.do("frame", events=events, at=at_s)
+
+    def frames(self, timed: list[tuple[float, list[list[int]]]]) -> None:
+        """Events at their times, handed over at once."""
+        self.do("frames", frames=timed)

@@ -3,6 +3,7 @@
 Reads one JSON object a line on stdin and answers each with one on stdout:
   {"do": "frame", "events": [[type, code, value], …], "at": seconds}   send events, stamped ``at`` on the monotonic
                                                 clock (default now) once that time has come
+  {"do": "frames", "frames": [[at, events], …]} many of them, in order of time
   {"do": "lose", "events": […]}                 the slots change, but the buffer overflows: SYN_DROPPED is sent
   {"do": "unplug"} · {"do": "plug", "number": N} · {"do": "state"} · {"do": "busy", "on": true}
 """
@@ -130,6 +131,9 @@ def main():
         answer = {}
         if what == "frame":
             bed.frame(command["events"], command.get("at"))
+        elif what == "frames":
+            for at_s, events in command["frames"]:
+                bed.frame(events, at_s)
         elif what == "lose":
             bed.lose(command["events"])
         elif what == "unplug":
