@@ -43,10 +43,11 @@ def segment(wired: Segment) -> Segment:
 def test_every_edge_arrives_with_the_very_stamp_the_terminal_gave_it(segment: Segment) -> None:
     rng = np.random.default_rng(5)
     script, at_ns = [], 20 * MS
-    for _ in range(60):
+    for _ in range(25):
         for level in (1, 0):
             script.append((at_ns, 1, level))
-            at_ns += int(rng.integers(3 * MS, 12 * MS))
+            # Longer than a busy computer keeps the bus waiting; what is lost when it does is counted, below.
+            at_ns += int(rng.integers(40 * MS, 70 * MS))
     with Recording(segment) as rec:
         start_ns = segment.edges(script, relative=True)
         rec.read_past(start_ns + at_ns)

@@ -219,10 +219,10 @@ def test_edges_before_it_sends_them_are_not_lost_ones(before):
     start_s = wire.t_s
     # The beam is crossed while the clocks are compared, long before the source is open.
     for k in range(before):
-        wire.at(start_s + 0.02 + 0.01 * k, lambda firmware, t, k=k: firmware.edge(t, k % 2))
+        wire.at(start_s + 0.01 + 0.005 * k, lambda firmware, t, k=k: firmware.edge(t, k % 2))
     source = on_wire(wire)
     source.open()
-    assert wire.t_s > start_s + 0.02 + 0.01 * before
+    assert wire.t_s > start_s + 0.01 + 0.005 * before
     opened_s = wire.t_s
     for k in range(4):
         wire.at(opened_s + 0.1 * (k + 1), lambda firmware, t, k=k: firmware.edge(t, (before + k) % 2))
