@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from draglag.clocks import remapped
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
-from draglag.errors import EstimateError
-from draglag.latency import RunEstimate, estimate_run
+from draglag.errors import DataError, EstimateError
+from draglag.latency import RunEstimate, estimate_on_clock
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
+from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
@@ -39,7 +41,10 @@ class AnalysisOptions:
 
 @dataclass(frozen=True)
 class Analysis:
-    """All estimates of one session. ``curve`` is None when no run gave a latency; ``problems`` says what failed."""
+    """All estimates of one session. ``curve`` is None when no run gave a latency.
+
+    ``problems`` says what failed, ``warnings`` what the clocks do to the figures.
+    """
 
     session: str
     options: AnalysisOptions
@@ -51,6 +56,7 @@ class Analysis:
     asymptote: tuple[AsymptoteCheck, ...] = ()
     width: WidthCheck | None = None
     clocks: tuple[ClockDrift, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """The design's ``analyze --json`` (section 5)."""
@@ -70,6 +76,7 @@ class Analysis:
             },
             "excluded": dict(self.options.exclude),
             "problems": list(self.problems),
+            "warnings": list(self.warnings),
         }
 
 
@@ -92,10 +99,18 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     for k, run in enumerate(steady):
         tell(k / max(len(session.runs), 1), run.id)
         estimates.append(
-            estimate_run(run, session.stylus.diameter_mm, options.estimator, options.update_rate_hz, options.window_s)
+            estimate_on_clock(
+                run,
+                session.clocks,
+                session.stylus.diameter_mm,
+                options.estimator,
+                options.update_rate_hz,
+                options.window_s,
+            )
         )
     problems = [f"{e.id}: no latency ({', '.join(e.flags)})" for e in estimates if e.latency_s is None]
-    taps = summarise_taps(session.taps)
+    tap_bound_s = tap_uncertainty_s(session.taps, session.clocks)
+    taps = summarise_taps(session.taps, tap_bound_s)
     curve, trouble = _curve(estimates, taps, options)
     problems += trouble
     validation, trouble = _validate(session, curve, options, tell)
@@ -112,6 +127,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         tuple(asymptote_check(curve, taps)) if curve is not None else (),
         width_check(estimates, session.stylus.diameter_mm),
         tuple(clock_drifts(session)),
+        tuple(warnings_of(session, estimates, {"WALT": tap_bound_s})),
     )
 
 
@@ -168,6 +184,13 @@ def _curve(
         return None, [*problems, str(error)]
 
 
+def _with_hindsight(run: Run, session: Session) -> Run:
+    try:
+        return remapped(run, nearby(run, session.clocks))
+    except DataError:
+        return run
+
+
 def _validate(
     session: Session, curve: CurveFit | None, options: AnalysisOptions, tell: Progress
 ) -> tuple[list[Validation], list[str]]:
@@ -178,7 +201,7 @@ def _validate(
     for run in varying:
         tell(1 - len(varying) / max(len(session.runs), 1), run.id)
         try:
-            ready = prepare(run, session.stylus.diameter_mm, options.update_rate_hz)
+            ready = prepare(_with_hindsight(run, session), session.stylus.diameter_mm, options.update_rate_hz)
             out.append(validate_run(ready, curve.predict_s, curve.speed_range_mm_s, options.estimator == "paper"))
         except EstimateError as error:
             problems.append(str(error))

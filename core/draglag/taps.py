@@ -14,7 +14,11 @@ LONGEST_S = 0.2  # the public tool's limit: later events belong to something els
 
 @dataclass(frozen=True)
 class TapSummary:
-    """Latency of one kind of tap event. ci95_s: distribution-free interval of the median (order statistics)."""
+    """Latency of one kind of tap event.
+
+    ``ci95_s``: distribution-free interval of the median (order statistics), each half-width h widened to √(h² + b²) by
+    the bound b = ``clock_uncertainty_s`` of what the WALT's clock may shift all taps by.
+    """
 
     n: int
     n_rejected: int
@@ -22,6 +26,7 @@ class TapSummary:
     iqr_s: tuple[float, float]
     ci95_s: tuple[float, float]
     latency_s: FloatArray
+    clock_uncertainty_s: float = 0.0
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -30,11 +35,15 @@ class TapSummary:
             "median_ms": 1e3 * self.median_s,
             "median_ci95_ms": [1e3 * v for v in self.ci95_s],
             "iqr_ms": [1e3 * v for v in self.iqr_s],
+            "clock_uncertainty_ms": 1e3 * self.clock_uncertainty_s,
         }
 
 
-def summarise_taps(taps: Taps | None) -> dict[str, TapSummary]:
-    """Summaries of "touch" and "release" events; kinds without a usable tap are left out."""
+def summarise_taps(taps: Taps | None, clock_uncertainty_s: float = 0.0) -> dict[str, TapSummary]:
+    """Summaries of "touch" and "release" events; kinds without a usable tap are left out.
+
+    ``clock_uncertainty_s``: half-width of what the clock of the taps leaves open.
+    """
     if taps is None:
         return {}
     out = {}
@@ -46,13 +55,16 @@ def summarise_taps(taps: Taps | None) -> dict[str, TapSummary]:
         # The k-th order statistics whose ranks enclose the median with 95 % probability.
         k = int(binom.ppf(0.025, good.size, 0.5))
         interval = (float(good[max(k - 1, 0)]), float(good[min(good.size - k, good.size - 1)]))
+        median = float(np.median(good))
+        low, high = (float(np.hypot(end - median, clock_uncertainty_s)) for end in interval)
         quartiles = np.percentile(good, [25, 75])
         out[name] = TapSummary(
             int(good.size),
             int(latency_s.size - good.size) + taps.rejected.get(name, 0),
-            float(np.median(good)),
+            median,
             (float(quartiles[0]), float(quartiles[1])),
-            interval,
+            (median - low, median + high),
             good,
+            clock_uncertainty_s,
         )
     return out

@@ -179,6 +179,8 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
         blocks.append("Checks\n" + "\n".join(f"  {line}" for line in checks))
     if result["validation"]:
         blocks.append(_validation(result["validation"]))
+    if analysis.warnings:
+        blocks.append("Warnings\n" + "\n".join(f"  {warning}" for warning in analysis.warnings))
     if analysis.problems:
         blocks.append("Not done\n" + "\n".join(f"  {problem}" for problem in analysis.problems))
     return blocks

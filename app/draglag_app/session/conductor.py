@@ -150,7 +150,7 @@ class Conductor:
         if run is None:
             run = self._empty_run(planned, run_id, start_s)
         outcome = state.outcome or "failed"
-        self._tell(events.RunFinished(replace(run, outcome=outcome), outcome))
+        self._tell(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
 
     def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
         self._display.prompt(f"{run_id}: follow the target")

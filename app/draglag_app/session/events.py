@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from draglag.protocols import PlannedRun
-from draglag.recording import FloatArray, IntArray, Run
+from draglag.recording import ClockBounds, FloatArray, IntArray, Run
 from draglag_app.session.machine import Phase
 
 
@@ -44,10 +44,14 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class RunFinished:
-    """A run is in the file, whole, with its one outcome. ``run`` is what was recorded."""
+    """A run is in the file, whole, with its one outcome. ``run`` is what was recorded.
+
+    ``clocks``: comparisons of clocks that the session holds so far outside its runs.
+    """
 
     run: Run
     outcome: str
+    clocks: tuple[ClockBounds, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,7 @@ class Saver:
         self._pairer: TapPairer | None = None
         self._taps = {"down": 0, "release": 0, "rejected": 0}
         self._losses: dict[str, int] = {}
+        self._clocks: list[ClockBounds] = []
         self._untold: list[events.Event] = []
         self._flushed = time.monotonic()
         self.thread = threading.Thread(target=self._work, name="draglag-writer", daemon=True)
@@ -109,6 +110,11 @@ class Saver:
         with self._progress:
             self._progress.wait_for(lambda: not self.behind(t_s, roles) or self.failure is not None, timeout_s)
             return [] if self.failure is not None else self.behind(t_s, roles)
+
+    @property
+    def clocks(self) -> tuple[ClockBounds, ...]:
+        """Comparisons of clocks that were saved outside runs, so far."""
+        return tuple(self._clocks)
 
     # --- actions: they run in the writer's thread, through ``call`` ------------------------------------------
 
@@ -240,6 +246,8 @@ class Saver:
         self._save(lambda: self._writer.append_clock(bounds, run_id))
         if opened is not None:
             opened.sync.setdefault(bounds.stream, []).append(bounds)
+        else:
+            self._clocks.append(bounds)
 
     def _pair(self, until_s: float) -> None:
         if self._pairer is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from PySide6.QtCore import QCoreApplication
 
 from draglag.curve import FORMS
@@ -79,6 +81,21 @@ def flag_name(flag: str) -> str:
 def flag_meanings(flags: tuple[str, ...]) -> str:
     """What the flags mean, a line each."""
     return "\n".join(f"{flag_name(flag)}: {say(MEANING.get(flag, flag))}" for flag in flags)
+
+
+def clock_words(estimates: Sequence[RunEstimate]) -> str:
+    """What the clocks do to the latencies, where the operator should know; else nothing."""
+    unsure = [e for e in estimates if "clock_uncertain" in e.flags and e.clock_uncertainty_s is not None]
+    unknown = [e for e in estimates if "clock_unknown" in e.flags]
+    said = []
+    if unsure:
+        worst = max(e.clock_uncertainty_s or 0.0 for e in unsure)
+        text = say("The laser's clock is known to ±{worst} ms only in {runs}: above 1 ms it matters.")
+        said.append(text.format(worst=ms(worst, 2), runs=", ".join(e.id for e in unsure[-3:])))
+    if unknown:
+        text = say("The laser's clock was not compared with the computer's in {runs}.")
+        said.append(text.format(runs=", ".join(e.id for e in unknown[-3:])))
+    return " ".join(said)
 
 
 def size(n_bytes: float) -> str:

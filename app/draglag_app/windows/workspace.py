@@ -14,7 +14,7 @@ from PySide6.QtGui import QUndoCommand, QUndoStack
 from draglag.analysis import Analysis, AnalysisOptions, analyze, curve_points, has_constant_speed
 from draglag.curve import CurveFit, fit_best
 from draglag.errors import DraglagError, EstimateError
-from draglag.latency import RunEstimate, estimate_run
+from draglag.latency import RunEstimate, estimate_on_clock
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
@@ -193,7 +193,9 @@ class Workspace(QObject):
         run, stylus_mm, options = event.run, order.options.stylus.diameter_mm, self.options
 
         def work(progress: Progress) -> RunEstimate:
-            return estimate_run(run, stylus_mm, options.estimator, options.update_rate_hz, options.window_s)
+            return estimate_on_clock(
+                run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
+            )
 
         self.tasks.start(self.tr("Estimating"), work, self._estimated, self._fault)
 

@@ -57,7 +57,8 @@ class Alignment:
 class RunEstimate:
     """Latency of one run with its 95 % interval and its verdict; ``latency_s`` is None where there is none.
 
-    ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words.
+    ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words. ``clock_uncertainty_s``
+    is what the laser's clock may shift the latency by (the interval holds it); None where that is not known.
     """
 
     id: str
@@ -79,6 +80,7 @@ class RunEstimate:
     travel_per_diameter: float | None = None
     flags: tuple[str, ...] = ()
     alignment: Alignment | None = None
+    clock_uncertainty_s: float | None = 0.0
 
     @property
     def latency_ms(self) -> float | None:
@@ -98,6 +100,7 @@ class RunEstimate:
             "speed_filtered_mm_s": self.speed_filtered_mm_s,
             "latency_ms": self.latency_ms,
             "latency_ci95_ms": None if self.latency_ci95_ms is None else list(self.latency_ci95_ms),
+            "clock_uncertainty_ms": None if self.clock_uncertainty_s is None else 1e3 * self.clock_uncertainty_s,
             "stamps": self.stamps,
             "n_edges": self.n_edges,
             "n_rejected": self.n_rejected,

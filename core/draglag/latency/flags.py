@@ -12,4 +12,6 @@ MEANING = {
     "excess_scatter": "the edges scatter more than the touch noise explains",
     "missed_edges": "the sensor reported edges that it could not stamp",
     "device_gap": "a device was away during the run",
+    "clock_uncertain": "the laser's clock may shift the latency by more than 1 ms: compare the clocks again",
+    "clock_unknown": "the laser's clock was never compared with the host's: a shift of the latency would not show",
 }

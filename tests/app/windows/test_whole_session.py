@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
 
 from draglag.analysis import analyze
 from draglag.exchange import read_exchange
+from draglag.latency import estimate_on_clock
 from draglag.store import partial_files, read_analyses, read_session
 from draglag_app.windows import files
 from draglag_app.windows.window import OperatorWindow
@@ -243,3 +245,30 @@ class TestStart:
         assert window.header.lights["touch"].state == "ready"
         assert window.header.lights["laser"].state == "fault"
         assert "/nowhere" in window.bench.words["laser"].text()
+
+
+def test_an_uncertain_laser_clock_is_told_on_record_and_results(opened: OperatorWindow, until: Callable) -> None:
+    """Three milliseconds of doubt: on the page of the run, in its verdict, and above the curve."""
+    space = opened.space
+    session = space.session
+    wide = tuple(
+        replace(
+            run,
+            sync=tuple(
+                replace(part, host_min_s=part.host_min_s - 3e-3, host_max_s=part.host_max_s + 3e-3) for part in run.sync
+            ),
+        )
+        for run in session.runs
+    )
+    record, results = opened.record, opened.pages["results"][1]
+    assert record.clock_warning.isHidden()
+    assert "clock" not in results.summary.text()
+    diameter = session.stylus.diameter_mm
+    space._estimated(estimate_on_clock(wide[0], session.clocks, diameter))
+    assert not record.clock_warning.isHidden()
+    assert "±3." in record.clock_warning.text()
+    assert wide[0].id in record.clock_warning.text()
+    space.take(replace(session, runs=wide), None)
+    until(lambda: space.analysis is not None and not space.tasks.running)
+    assert "clock shifts the latency" in results.summary.text()
+    assert any("clock uncertain" in text for text in column(opened, "results", 5))

@@ -50,6 +50,9 @@ class RecordPage(QWidget):
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
         outer.addWidget(self._state_band())
+        self.clock_warning = label("", "warning", wrap=True)
+        self.clock_warning.hide()
+        outer.addWidget(self.clock_warning)
         plots = QSplitter(Qt.Orientation.Horizontal)
         self.trace = TracePlot()
         right = QSplitter(Qt.Orientation.Vertical)
@@ -258,6 +261,10 @@ class RecordPage(QWidget):
             self.speed.draw(self._live)
 
     def _live_changed(self) -> None:
+        said = words.clock_words(self._space.live)
+        self.clock_warning.setText("▲ " + said)
+        self.clock_warning.setStyleSheet(f"color: {theme().warning};")
+        self.clock_warning.setVisible(bool(said))
         self.curve.draw(self._space.live, self._space.live_curve)
         self.table.show_estimates(self._space.live)
 

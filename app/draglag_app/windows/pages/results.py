@@ -161,7 +161,8 @@ class ResultsPage(QWidget):
     def _summary(self, analysis: Analysis) -> str:
         curve = analysis.curve
         if curve is None:
-            return self.tr("{name}: no curve. ").format(name=analysis.session) + " ".join(analysis.problems)
+            text = self.tr("{name}: no curve. ").format(name=analysis.session)
+            return text + " ".join((*analysis.problems, *analysis.warnings))
         low, high = curve.speed_range_mm_s
         text = self.tr(
             "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; runs it was not fitted to: {held:.2f} ms."
@@ -169,7 +170,8 @@ class ResultsPage(QWidget):
             form=words.form_name(curve.form).capitalize(), n=curve.n_points, low=low, high=high,
             rms=1e3 * curve.rms_s, held=1e3 * curve.held_out_rms_s,
         )  # fmt: skip
-        return text + ("  ▲ " + " ".join(analysis.problems) if analysis.problems else "")
+        trouble = (*analysis.problems, *analysis.warnings)
+        return text + ("  ▲ " + " ".join(trouble) if trouble else "")
 
     def _draw_curve(self) -> None:
         analysis = self._space.analysis

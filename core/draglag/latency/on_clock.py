@@ -1,0 +1,140 @@
+"""The clock's share of a latency: edges mapped with hindsight, the interval widened by what the clock leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.clocks import WARN_S, clock_warnings, fit_clocks, latency_uncertainty_s, remapped
+from draglag.errors import DataError
+from draglag.latency.estimate import WINDOW_S, RunEstimate, estimate_run
+from draglag.recording import ClockBounds, FloatArray, Run, Session, Taps
+
+# Comparisons this long before and after a run still tell of its clock: over longer times no quartz is a straight line.
+NEARBY_S = 120.0
+# A run whose own comparisons reach this close to its first and last edge needs no others.
+REACH_S = 2.0
+
+
+def nearby(run: Run, clocks: Sequence[ClockBounds]) -> tuple[ClockBounds, ...]:
+    """Comparisons of a session that fall around a run: none where its own do, all of them where none is close."""
+    own = [part for part in run.sync if part.stream == "laser" and len(part.device_s)]
+    if own and len(run.laser.t_s):
+        first_s = min(float(part.host_min_s.min()) for part in own) - REACH_S
+        last_s = max(float(part.host_max_s.max()) for part in own) + REACH_S
+        if first_s <= run.laser.t_s.min() and run.laser.t_s.max() <= last_s:
+            return ()
+    close = []
+    for part in clocks:
+        # One side of a comparison may be open.
+        seen_s = np.where(np.isfinite(part.host_max_s), part.host_max_s, part.host_min_s)
+        here = (seen_s >= run.start_s - NEARBY_S) & (seen_s <= run.start_s + run.duration_s + NEARBY_S)
+        if here.any():
+            epoch = part.epoch[here] if len(part.epoch) else part.epoch
+            close.append(
+                ClockBounds(part.stream, part.device_s[here], part.host_min_s[here], part.host_max_s[here], epoch)
+            )
+    return tuple(close) if close else tuple(clocks)
+
+
+def estimate_on_clock(
+    run: Run,
+    clocks: Sequence[ClockBounds],
+    stylus_diameter_mm: float,
+    estimator: str = "efficient",
+    update_rate_hz: float | None = None,
+    window_s: tuple[float, float] = WINDOW_S,
+) -> RunEstimate:
+    """``estimate_run`` on edges mapped with all comparisons around the run; the interval holds what they leave open.
+
+    Args:
+        clocks: comparisons of the session that are not in the run itself.
+
+    See ``with_clock`` for how the interval grows, ``estimate_run`` for the rest. Never raises for bad data.
+    """
+    around = nearby(run, clocks)
+    try:
+        run, bound_s = remapped(run, around), latency_uncertainty_s(run, around)
+    except DataError:  # comparisons that cannot be read as such tell nothing
+        bound_s = None
+    return with_clock(estimate_run(run, stylus_diameter_mm, estimator, update_rate_hz, window_s), bound_s)
+
+
+def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
+    """An estimate whose interval holds what the clock leaves open.
+
+    ``bound_s`` (``draglag.clocks.latency_uncertainty_s``) bounds one shift common to all edges of the run, which
+    more edges do not average away. Each half-width h of the 95 % interval becomes √(h² + bound²): the bound is taken
+    whole, as if it were a half-width itself, since it is one that is never exceeded. The standard error, which weighs
+    the run in the curve, takes the shift as even between the bounds: √(se² + bound²/3). An unknown bound (None: stamps
+    of a clock that was never compared) widens nothing and is flagged.
+    """
+    if bound_s is None:
+        return replace(estimate, clock_uncertainty_s=None, flags=(*estimate.flags, "clock_unknown"))
+    flags = (*estimate.flags, "clock_uncertain") if bound_s > WARN_S else estimate.flags
+    estimate = replace(estimate, clock_uncertainty_s=bound_s, flags=flags)
+    latency_s = estimate.latency_s
+    if latency_s is None or bound_s == 0.0:
+        return estimate
+    if estimate.latency_se_s is not None:
+        estimate = replace(estimate, latency_se_s=float(np.hypot(estimate.latency_se_s, bound_s / np.sqrt(3.0))))
+    if estimate.latency_ci95_s is not None:
+        low, high = (float(np.hypot(end - latency_s, bound_s)) for end in estimate.latency_ci95_s)
+        estimate = replace(estimate, latency_ci95_s=(latency_s - low, latency_s + high))
+    return estimate
+
+
+def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float:
+    """By how much the WALT's clock may shift all taps, a half-width in s; 0.0 where it was never compared."""
+    parts = [part for part in clocks if part.stream == "walt" and len(part.device_s)]
+    if taps is None or not parts or not len(taps.physical_s):
+        return 0.0
+    try:
+        epochs = list(fit_clocks(parts)["walt"].epochs.values())
+    except DataError:
+        return 0.0
+    widths: list[FloatArray] = []
+    for clock in epochs:
+        # The file keeps taps on the host's clock; the mapping back needs no more than the offset.
+        device_s = np.asarray(taps.physical_s - clock.offset_s, np.float64)
+        device_s = device_s[(device_s >= clock.first_s - 1.0) & (device_s <= clock.last_s + 1.0)]
+        if len(device_s):
+            widths.append(clock.to_host(device_s)[1])
+    return float(max(width.max() for width in widths)) if widths else 0.0
+
+
+def warnings_of(session: Session, estimates: Sequence[RunEstimate], tap_bounds: Mapping[str, float]) -> list[str]:
+    """Plain sentences about the session's clocks, as far as they touch its figures; empty where all is well."""
+    said = []
+    unsure = {e.id: e.clock_uncertainty_s for e in estimates if "clock_uncertain" in e.flags}
+    if unsure:
+        worst = max(bound for bound in unsure.values() if bound is not None)
+        said.append(
+            f"The laser's clock shifts the latency of {_listed(list(unsure))} by up to ±{1e3 * worst:.2f} ms (more "
+            f"than {1e3 * WARN_S:.0f} ms); the intervals hold it. Use another port and close other programs."
+        )
+    unknown = [e.id for e in estimates if "clock_unknown" in e.flags]
+    if unknown:
+        said.append(
+            f"The laser's clock was never compared with the host's in {_listed(unknown)}: a shift of the latency would "
+            "not show. Record again with the clocks compared."
+        )
+    for name, bound_s in tap_bounds.items():
+        if bound_s > WARN_S:
+            said.append(f"The {name}'s clock shifts the tap latencies by up to ±{1e3 * bound_s:.2f} ms.")
+    everything = [*session.clocks, *(part for run in session.runs for part in run.sync)]
+    try:
+        fits = fit_clocks(everything)
+    except DataError as error:
+        return [*said, f"The clock comparisons cannot be read: {error.problem}."]
+    # Of the width each run has had its say above.
+    for fit in fits.values():
+        said += [text for text in clock_warnings(fit) if " is known to " not in text]
+    return said
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(names[:4])
+    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"
