@@ -16,7 +16,7 @@ from draglag.errors import DraglagError
 from draglag.protocols import PlannedRun
 from draglag.recording import ClockBounds, Screen
 from draglag.targets import Circle
-from draglag_devices.rig import Rig, make_rig
+from draglag_devices.rig import Rig, give_panel, make_rig
 from draglag_devices.source import Batch, Notice, Source, SourceInfo
 
 State = Literal["ok", "warning", "fault"]
@@ -97,8 +97,9 @@ def preflight(
         yield fault
         return
     try:
+        if screen is not None:
+            give_panel(rig.sources, screen)
         for source in rig.sources:
-            _give_panel(source, screen)
             try:
                 opened[source.role] = source, _Seen(source.open())
             except DraglagError as error:
@@ -122,12 +123,6 @@ def _rig(addresses: Mapping[str, str], screen_name: str) -> tuple[Rig | None, Ch
         return make_rig(addresses, screen_name), Check("addresses", "ok", "")
     except DraglagError as error:
         return None, Check("addresses", "fault", error.problem, remedy=error.remedy)
-
-
-def _give_panel(source: Source, screen: Screen | None) -> None:
-    use_panel = getattr(source, "use_panel", None)
-    if use_panel is not None and screen is not None:
-        use_panel(screen.width_mm, screen.height_mm)
 
 
 def _disk(folder: Path) -> Check:

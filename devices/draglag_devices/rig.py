@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from draglag.recording import Screen
 from draglag_devices.addresses import Address, open_source, parse_address
 from draglag_devices.source import DeviceError, Source
 from draglag_devices.stage import Stage
@@ -57,6 +58,17 @@ def make_rig(
         _seed(simulated, seed),
     )
     return Rig(tuple(open_source(address, role, stage) for role, address in parsed.items()), stage)
+
+
+def give_panel(sources: Iterable[Source], screen: Screen) -> None:
+    """Tell sources that ask for it (``use_panel``) how large the panel under test is; before they are opened.
+
+    A touchscreen that does not say how many units make a millimetre has no other way to know.
+    """
+    for source in sources:
+        use_panel = getattr(source, "use_panel", None)
+        if use_panel is not None:
+            use_panel(screen.width_mm, screen.height_mm)
 
 
 def _agreed(addresses: list[Address], option: str, default: str) -> str:

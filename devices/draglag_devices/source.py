@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from draglag.errors import DraglagError
 from draglag.recording import AxisInfo, ClockBounds, FloatArray, IntArray, LaserTrace, Taps, TouchTrace
@@ -89,4 +90,16 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Release the device. Never raises."""
+        ...
+
+
+@runtime_checkable
+class Synchronises(Protocol):
+    """A source that can compare its clock with the host's in full when it is asked to, before and after a block."""
+
+    def synchronise(self) -> threading.Event:
+        """Compare in the next ``read``, whatever else is going on; from any thread.
+
+        Returns an event that is set when that has been tried, just before the read returns the comparisons.
+        """
         ...

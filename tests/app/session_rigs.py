@@ -65,6 +65,20 @@ class DiesAt(Wrapped):
         return batch
 
 
+class NeedsPanel(Wrapped):
+    """A touchscreen whose axes say nothing about millimetres."""
+
+    panel_mm = None
+
+    def use_panel(self, width_mm, height_mm):
+        self.panel_mm = (width_mm, height_mm)
+
+    def open(self):
+        if self.panel_mm is None:
+            raise DeviceError(self.address, "its size is not known", "add ?width_mm=W&height_mm=H, or calibrate")
+        return super().open()
+
+
 class DoesNotOpen(Wrapped):
     def open(self):
         raise DeviceError(self.address, f"no {self.role} there", f"connect the {self.role}")

@@ -1,6 +1,7 @@
 """Which shock belongs to which event."""
 
 import numpy as np
+import pytest
 
 from draglag.recording import Taps
 from draglag_app.session.taps import TapPairer
@@ -41,3 +42,30 @@ def test_nothing_is_paired_before_both_sources_have_reported():
     assert paired(pairer, 1.0) == []
     pairer.add(shocks(1.0))
     assert paired(pairer, 1.1) == [(1.0, 1.03, 1)]
+
+
+def test_what_a_source_rejected_is_added_up():
+    pairer = TapPairer()
+    ringing = Taps(np.empty(0), np.empty(0), np.empty(0, np.int64), {"ringing": 1})
+    for _ in range(3):
+        pairer.add(ringing)
+    assert pairer.take(1.0).rejected == {"ringing": 3}
+    assert pairer.take(2.0).rejected == {}
+
+
+@pytest.mark.parametrize("wrong_s", [1.7e9, 60.0, -5.0])
+def test_one_stamp_of_another_clock_holds_nobody_up(wrong_s):
+    pairer = TapPairer()
+    pairer.add(changes=changes((wrong_s, 1)), until_s=1.0)
+    pairer.add(shocks(1.0, 1.2), changes((1.03, 1), (1.23, 0)), until_s=1.3)
+    taps = pairer.take(1.3)
+    assert taps.physical_s.tolist() == [1.0, 1.2]
+    assert taps.down.tolist() == [1, 0]
+    assert sum(taps.rejected.values()) == 1
+
+
+def test_a_shock_of_another_clock_neither():
+    pairer = TapPairer()
+    pairer.add(shocks(1.7e9), until_s=1.0)
+    pairer.add(shocks(1.0), changes((1.03, 1)), until_s=1.3)
+    assert paired(pairer, 1.3) == [(1.0, 1.03, 1)]

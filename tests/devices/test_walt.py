@@ -456,3 +456,35 @@ def test_the_role_in_the_address_must_agree():
         open_source("serial:/dev/ttyACM0?role=laser", "walt")
     with pytest.raises(DeviceError, match="unknown"):
         open_source("serial:/dev/ttyACM0?rolle=laser", "laser")
+
+
+@pytest.mark.parametrize("role", ["walt", "laser"])
+def test_it_compares_in_full_when_it_is_asked_however_busy_it_is(role):
+    wire = SteppedWire()
+    source = on_wire(wire, role)
+    source.open()
+    start_s = wire.t_s
+    for k in range(200):  # never quiet
+        wire.at(start_s + 0.05 * k, lambda firmware, t, k=k: firmware.edge(t, k % 2))
+        wire.at(start_s + 0.05 * k, lambda firmware, t: firmware.shock(t))
+    read_until(source, wire, start_s + 4)
+    done = source.synchronise()
+    assert not done.is_set()
+    batch = source.read(0.1)
+    assert done.is_set()
+    assert len(batch.clock.device_s) == 8  # a quick one and seven repeats
+    later = read_until(source, wire, start_s + 10)
+    assert all(len(b.clock.device_s) == 1 for b in later if b.clock is not None)
+    if role == "laser":
+        assert sum(b.laser.missed for b in later if b.laser is not None) == 0
+
+
+def test_asking_a_walt_that_is_away_does_not_wait_for_it():
+    wire = SteppedWire()
+    source = on_wire(wire)
+    source.open()
+    wire.gone = PortGone("hung up")
+    source.read(0.1)
+    done = source.synchronise()
+    source.read(0.1)
+    assert done.is_set()

@@ -24,7 +24,7 @@ from draglag_devices.rig import Rig, make_rig
 from draglag_devices.sim.world import World
 
 SIMULATED = ("sim", "replay", "csv")
-_OnScreen = Callable[[int, Callable[[Display], Path], Screen], Path]
+_OnScreen = Callable[[int, Callable[[Display], Path], Screen, Control], Path]
 _ON_SCREEN = "draglag_app.windows.screen_display"
 
 
@@ -128,7 +128,10 @@ def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, opt
         return run_session(protocol, rig, display, out, options, listener, control)
 
     with stop_on_interrupt(control):
-        path = measure(OffscreenDisplay()) if number is None else _on_screen(number)(number, measure, options.screen)
+        if number is None:
+            path = measure(OffscreenDisplay())
+        else:
+            path = _on_screen(number)(number, measure, options.screen, control)
     if problem:
         raise DataError(f"the session ended early: {problem}", f"what was recorded is in {path}")
     return path

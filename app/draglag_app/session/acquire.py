@@ -17,7 +17,7 @@ from draglag_app.session.display import Display
 from draglag_app.session.options import SessionOptions
 from draglag_app.session.readers import open_all
 from draglag_app.session.recorder import Recorder
-from draglag_devices.rig import Rig
+from draglag_devices.rig import Rig, give_panel
 from draglag_devices.source import DeviceError, SourceInfo
 
 
@@ -51,6 +51,7 @@ def run_session(
     _check_roles(protocol, roles)
     if out.exists():
         raise DataError(f"{out}: exists already and is not overwritten", "Choose another name")
+    give_panel(rig.sources, options.screen)
     infos = open_all(rig.sources)
     writer = None
     try:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import shutil
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
 from draglag_app.session.recorder import Recorder
 from draglag_devices.rig import Rig
+from draglag_devices.source import Synchronises
 
 # Touch events and edges later than this after the target's end belong to something else.
 TAIL_S = 0.5
@@ -32,11 +34,23 @@ _STEP_S = 1.0
 _TICK_S = 0.05
 _STUCK_S = 30.0
 _DRAIN_S = 3.0
+# A comparison takes 0.15 s, and several seconds where a hub delays every answer.
+_COMPARE_S = 8.0
 _DISK_EVERY_S = 5.0
 _DISK_LOW = 200_000_000
 
 RUN_ROLES = ("touch", "laser")
 TAP_ROLES = ("touch", "walt")
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """The run that was recorded last, and how often."""
+
+    planned: PlannedRun
+    number: int
+    count: int
+    attempt: int = 1
 
 
 class Conductor:
@@ -67,6 +81,8 @@ class Conductor:
         self._disk_warned = False
         self.axes: tuple[AxisInfo, ...] = ()
         self.problem = ""
+        self._last: _Recorded | None = None
+        self._comparing = {source.role: source for source in rig.sources if isinstance(source, Synchronises)}
 
     def everything(self, plan: tuple[PlannedRun, ...]) -> None:
         """Clock check, taps, runs, taps, clock check, with rests between."""
@@ -76,17 +92,32 @@ class Conductor:
             steps.append(lambda: self._clock_check(check.duration_s))
         if taps is not None and taps.when in ("start", "both"):
             steps.append(lambda: self._taps(taps.count, taps.interval_s))
-        steps += [partial(self._with_repeats, planned, number, len(plan)) for number, planned in enumerate(plan, 1)]
+        steps += [partial(self._planned, planned, number, len(plan)) for number, planned in enumerate(plan, 1)]
         if taps is not None and taps.when in ("end", "both"):
             steps.append(lambda: self._taps(taps.count, taps.interval_s))
         if check is not None:
             steps.append(lambda: self._clock_check(check.duration_s))
         for k, step in enumerate(steps):
-            if k and not self._rest():
+            if k and not self._between():
                 break
+            self._last = None
             step()
             if self._over():
                 break
+        else:
+            while self._last is not None and self._control.take_repeat() and self._rest() and not self._over():
+                self._again()
+
+    def _between(self) -> bool:
+        """Rest, and record the run that just ended again as often as asked. False if the session is to end."""
+        while self._rest():
+            asked = self._control.take_repeat()
+            if self._last is None or not asked:
+                return True
+            self._again()
+            if self._over():
+                break
+        return False
 
     def _over(self) -> bool:
         """Whether the session cannot or shall not go on; ``problem`` then says why."""
@@ -103,14 +134,21 @@ class Conductor:
 
     # --- runs -----------------------------------------------------------------------------------------------
 
-    def _with_repeats(self, planned: PlannedRun, number: int, count: int) -> None:
+    def _planned(self, planned: PlannedRun, number: int, count: int) -> None:
+        self._control.take_repeat()  # what was asked before there was a run to repeat
         if "laser" in self._saver.lost:
             return
+        self._last = _Recorded(planned, number, count)
         self._run(planned, planned.id, number, count)
-        attempt = 2
-        while self._control.take_repeat() and not self._over() and self._rest():
-            self._run(planned, f"{planned.id}-{attempt}", number, count)
-            attempt += 1
+
+    def _again(self) -> None:
+        """The run that just ended, under an id of its own."""
+        last = self._last
+        if last is None or "laser" in self._saver.lost:
+            return
+        self._control.take_repeat()  # asked for twice is once
+        self._last = last = replace(last, attempt=last.attempt + 1)
+        self._run(last.planned, f"{last.planned.id}-{last.attempt}", last.number, last.count)
 
     def _run(self, planned: PlannedRun, run_id: str, number: int, count: int) -> None:
         state = RunState()
@@ -126,6 +164,7 @@ class Conductor:
         end_s = start_s + planned.duration_s
         signal = self._prepare(planned, run_id, start_s)
         if signal is None:
+            self._ask_for_comparison(RUN_ROLES)
             go(Signal.READY, self._options.countdown_s)
             signal = self._pass_time(start_s, RUN_ROLES)
         if signal is None:
@@ -143,6 +182,7 @@ class Conductor:
             signal = self._drain(end_s + TAIL_S)
             if signal is not None:
                 go(signal)
+        self._compare_clocks(RUN_ROLES)
         run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
         if self._saver.failure is not None:
             go(Signal.FAILURE)
@@ -196,6 +236,7 @@ class Conductor:
         self._control.take_abort()
         self._display.prompt(f"Tap the spot {count} times")
         self._display.show(tap, start_s)
+        self._ask_for_comparison(TAP_ROLES)
         self._saver.call(self._saver.begin_taps)
         self._stage.begin_taps(tap, start_s)
         # A person may need longer than planned; whoever taps in time is done when the last tap was paired.
@@ -208,6 +249,7 @@ class Conductor:
         self._drain(self._time.now(), TAP_ROLES)
         with suppress(DraglagError):  # the saver keeps the failure; the session ends because of it
             self._saver.call(self._saver.end_taps)
+        self._compare_clocks(TAP_ROLES)
         self._stage.stop()
         self._display.hide()
 
@@ -217,12 +259,36 @@ class Conductor:
         self._pass_time(self._time.now() + duration_s, ())
         self._display.prompt("")
 
+    def _ask_for_comparison(self, roles: tuple[str, ...]) -> dict[str, threading.Event]:
+        """Have sources that offer it compare their clocks in full; each event tells that one has."""
+        living = {role: source for role, source in self._comparing.items() if role not in self._saver.lost}
+        return {role: source.synchronise() for role, source in living.items() if role in roles}
+
+    def _compare_clocks(self, roles: tuple[str, ...]) -> None:
+        """The comparison after a block, waited for, so that it is kept with the block."""
+        deadline_s = time.monotonic() + _COMPARE_S
+        for role, done in self._ask_for_comparison(roles).items():
+            while not done.wait(_TICK_S) and time.monotonic() < deadline_s and role not in self._saver.lost:
+                if self._saver.failure is not None:
+                    return
+            # What was compared travels behind what was read before.
+            self._saver.wait_past(self._time.now(), (role,), max(0.0, deadline_s - time.monotonic()))
+
     def _rest(self) -> bool:
         """Pause before the next step. False if the session is to end."""
         self._control.take_abort()
         self._display.prompt("Rest")
-        patience_s = self._protocol.rest_s if self._control.auto else np.inf
-        self._pass_time(self._time.now() + patience_s, (), until=self._control.take_proceed)
+        by_hand = not self._control.auto
+        until_s = self._time.now() + (np.inf if by_hand else self._protocol.rest_s)
+        # Who asks for the run again has said what is next; who aborts between runs has nothing to abort.
+        self._pass_time(
+            until_s,
+            (),
+            until=lambda: (
+                self._control.take_proceed() or (by_hand and self._last is not None and self._control.repeating)
+            ),
+            heed_abort=False,
+        )
         return not self._over()
 
     # --- time -----------------------------------------------------------------------------------------------
@@ -234,9 +300,12 @@ class Conductor:
         *,
         frames: bool = False,
         until: Callable[[], bool] = lambda: False,
+        heed_abort: bool = True,
     ) -> Signal | None:
         """Let time pass up to ``until_s`` or until ``until()``; a signal says that something ended it early."""
         while True:
+            if not heed_abort:
+                self._control.take_abort()  # keeps the request to stop altogether
             signal = self._look(roles)
             if signal is not None:
                 return signal

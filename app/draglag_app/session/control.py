@@ -77,6 +77,12 @@ class Control:
             asked, self._repeat = self._repeat, False
             return asked
 
+    @property
+    def repeating(self) -> bool:
+        """Whether a repeat was asked for that has not begun."""
+        with self._changed:
+            return self._repeat
+
     def take_proceed(self) -> bool:
         with self._changed:
             asked, self._proceed = self._proceed, False

@@ -232,7 +232,7 @@ class Saver:
             self._save(lambda: self._writer.append_laser(opened.run.id, edges))
             opened.laser.append(edges)
         if self._pairer is not None:
-            self._pairer.add(batch.taps, batch.contacts)
+            self._pairer.add(batch.taps, batch.contacts, batch.until_s)
             self._marks[role] = max(self._marks[role], batch.until_s)
             self._pair(min((self._marks[r] for r in ("touch", "walt") if r in self._marks), default=np.inf))
         lost = (0 if touch is None else touch.dropped) + (0 if laser is None else laser.missed)

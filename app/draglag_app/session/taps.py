@@ -4,37 +4,55 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from draglag.recording import Taps
 from draglag.taps import LONGEST_S
 from draglag_devices.source import ContactChanges
 
 KIND = {1: "touch", 0: "release"}
+# What is reported may be a little newer than the moment up to which all has been reported.
+AHEAD_S = 1.0
+_T = TypeVar("_T")
 
 
 @dataclass
 class TapPairer:
     """Every registered touch or release takes the last shock before it, each shock once, at most 200 ms apart.
 
-    What finds no partner is counted: "touch"/"release" for an event without a shock, "shock" for the other way.
+    What finds no partner is counted: "touch"/"release" for an event without a shock, "shock" for the other way. So is
+    what a source itself rejected, under its own reasons, and "clock": an event or shock stamped far ahead of what has
+    happened, which would wait for its partner for ever.
     """
 
     _shocks: list[float] = field(default_factory=list)
     _changes: list[tuple[float, int]] = field(default_factory=list)
+    _rejected: Counter[str] = field(default_factory=Counter)
 
-    def add(self, taps: Taps | None = None, changes: ContactChanges | None = None) -> None:
-        """Take what a source reported; each kind in order of time."""
+    def add(self, taps: Taps | None = None, changes: ContactChanges | None = None, until_s: float = np.inf) -> None:
+        """Take what a source reported, which is all that happened before ``until_s``."""
+        latest_s = until_s + AHEAD_S
         if taps is not None:
-            self._shocks.extend(taps.physical_s.tolist())
+            self._rejected.update(taps.rejected)
+            self._shocks = sorted([*self._shocks, *self._known(taps.physical_s <= latest_s, taps.physical_s.tolist())])
         if changes is not None:
-            self._changes.extend(zip(changes.t_s.tolist(), changes.down.tolist(), strict=True))
+            events = list(zip(changes.t_s.tolist(), changes.down.tolist(), strict=True))
+            # By time, not by arrival: one stamp of another clock must not hold up those behind it.
+            self._changes = sorted([*self._changes, *self._known(changes.t_s <= latest_s, events)])
+
+    def _known(self, good: NDArray[np.bool_], items: list[_T]) -> list[_T]:
+        kept = [item for item, well in zip(items, good.tolist(), strict=True) if well]
+        if len(kept) < len(items):
+            self._rejected["clock"] += len(items) - len(kept)
+        return kept
 
     def take(self, until_s: float) -> Taps:
         """Pairs that are certain once both sources have reported all before ``until_s``."""
         pairs: list[tuple[float, float, int]] = []
-        rejected: Counter[str] = Counter()
+        rejected, self._rejected = self._rejected, Counter()
         while self._changes and self._changes[0][0] <= until_s:
             seen_s, down = self._changes.pop(0)
             before = [shock for shock in self._shocks if shock <= seen_s]

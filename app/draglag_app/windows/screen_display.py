@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from PySide6.QtWidgets import QApplication
 from draglag.errors import DataError
 from draglag.recording import DisplayTrace, Screen
 from draglag.targets import Target
+from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.windows.bridge import Prompted
 from draglag_app.windows.participant import ParticipantWindow
@@ -83,11 +83,14 @@ def numbered_screen(number: int) -> QScreen:
     return screens[number - 1]
 
 
-def record_on_screen(number: int, measure: Callable[[Display], Path], panel: Screen | None = None) -> Path:
+def record_on_screen(
+    number: int, measure: Callable[[Display], Path], panel: Screen | None = None, control: Control | None = None
+) -> Path:
     """Measure with the participant's window on that screen, from the command line. Returns what ``measure`` does.
 
     ``panel`` is the screen under test; None takes its size from what the desktop says. Raises what ``measure``
-    raises, and DataError for a screen that is not there. Esc on the participant's screen ends the session in order.
+    raises, and DataError for a screen that is not there. Esc on the participant's screen aborts the present run of
+    the session that ``control`` steers; the session goes on. Ctrl-C ends it, in order.
     """
     from draglag_app.windows.application import make_application
 
@@ -102,13 +105,9 @@ def record_on_screen(number: int, measure: Callable[[Display], Path], panel: Scr
         except Exception as error:  # handed to the caller below
             outcome["error"] = error
 
-    def abort() -> None:
-        # The command's own answer to Ctrl-C ends the session in order; a second one would be rude.
-        window.aborted.disconnect(abort)
-        signal.raise_signal(signal.SIGINT)
-
     display = ScreenDisplay(window)
-    window.aborted.connect(abort)
+    if control is not None:
+        window.aborted.connect(control.abort_run)
     window.show_on(screen)
     thread = threading.Thread(target=work, args=(display,), name="draglag-session")
     watch = QTimer()

@@ -126,7 +126,7 @@ class Link:
             self._pending = b""
             self.unread += 1
         for raw in whole:
-            text = raw.rstrip(b"\r").decode("ascii", errors="replace")
+            text = raw.strip().decode("ascii", errors="replace")
             trigger = parse_trigger(text)
             if trigger is not None:
                 self._triggers.append(trigger)

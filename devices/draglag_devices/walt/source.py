@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -99,6 +100,14 @@ class WaltSource:
         self._next_poll_s = 0.0
         self._next_try_s = 0.0
         self._last_shock_s = -np.inf
+        self._asked: list[threading.Event] = []
+        self._compared: list[threading.Event] = []
+
+    def synchronise(self) -> threading.Event:
+        """See ``draglag_devices.source.Synchronises``; about 0.15 s of the next read."""
+        done = threading.Event()
+        self._asked.append(done)
+        return done
 
     def open(self) -> SourceInfo:
         self._device = device = self._connect()
@@ -220,15 +229,17 @@ class WaltSource:
 
     def _keep_clock(self, device: _Device) -> None:
         now_s = self._now()
-        if now_s - self._last_time_s < TIME_EVERY_S:
+        asked, self._asked = self._asked, []
+        if now_s - self._last_time_s < TIME_EVERY_S and not asked:
             return
+        self._compared += asked
         self._last_time_s = now_s
         bound = self._time(device)
         if bound is None:
             return
         device.learn([bound])
         quiet = now_s - self._last_event_s >= QUIET_S
-        if quiet and now_s - self._last_full_s >= FULL_EVERY_S:
+        if asked or (quiet and now_s - self._last_full_s >= FULL_EVERY_S):
             self._last_full_s = now_s
             device.learn(compare(device.link, device.unwrapped, bound))
             if self.role == "walt":
@@ -324,6 +335,12 @@ class WaltSource:
         if device is not None and device.rows:
             rows, device.rows = device.rows, []
             clock = as_bounds(self.role, rows, device.epoch)
+        compared, self._compared = self._compared, []
+        if device is None:  # there is nothing to compare with
+            asked, self._asked = self._asked, []
+            compared += asked
+        for done in compared:
+            done.set()
         return Batch(self._until_s, laser=laser, taps=taps, clock=clock, notices=notices, alive=alive)
 
 

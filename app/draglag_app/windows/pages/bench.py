@@ -10,12 +10,13 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QT
 
 from draglag.errors import DraglagError
 from draglag_app.windows.session_thread import display_choices
+from draglag_app.windows.settings import PanelSettings
 from draglag_app.windows.tasks import Progress
 from draglag_app.windows.widgets import Light, Panel, button, label
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 from draglag_devices.discovery import Found, discover
-from draglag_devices.rig import make_rig
+from draglag_devices.rig import give_panel, make_rig
 
 _LOOK_S = 0.6
 
@@ -29,13 +30,14 @@ class Checked:
     text: str
 
 
-def check_devices(addresses: dict[str, str], screen: str, progress: Progress) -> list[Checked]:
+def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Progress) -> list[Checked]:
     """Open each device, read for a moment, close it. Never raises for a device: the sentence says what is wrong."""
     out = []
     for k, (role, address) in enumerate(addresses.items()):
         progress(k / len(addresses), address)
         try:
-            source = make_rig({role: address}, screen).sources[0]
+            source = make_rig({role: address}, panel.preset).sources[0]
+            give_panel([source], panel.screen())
             info = source.open()
         except DraglagError as error:
             out.append(Checked(role, "fault", str(error)))
@@ -221,7 +223,7 @@ class BenchPage(QWidget):
 
     def check(self) -> None:
         """Open every chosen device and read for a moment."""
-        rig, screen = self._space.settings.rig, self._space.settings.panel.preset
+        rig, panel = self._space.settings.rig, self._space.settings.panel
         addresses = rig.addresses()
         if not addresses:
             self._say(self.tr("There is nothing to check: choose the instruments first."))
@@ -229,7 +231,7 @@ class BenchPage(QWidget):
         self.check_button.setEnabled(False)
         self._space.tasks.start(
             self.tr("Checking the rig"),
-            lambda progress: check_devices(addresses, screen, progress),
+            lambda progress: check_devices(addresses, panel, progress),
             self._devices_checked,
             self._check_failed,
         )
