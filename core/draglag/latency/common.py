@@ -39,11 +39,17 @@ def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_sl
     )
 
 
-def cost_without_shift(ready: Prepared, edges: Edges) -> float | None:
-    """J(0) / N of Eq. 4: one straight line a side through the uncorrected edges, mm²."""
-    zero = np.zeros(edges.t_s.size)
+def cost_without_shift(ready: Prepared, edges: Edges, v_across_mm_s: FloatArray | None = None) -> float | None:
+    """J(0) / N of Eq. 4: one straight line a side through the uncorrected edges, mm².
+
+    v_across_mm_s: (m,) where it is known already.
+    """
+    touch = ready.touch
+    if v_across_mm_s is None:
+        v_across_mm_s = local_fit(touch.t_s, ready.xy_mm, edges.t_s, 4.5 * ready.dt_s, degree=2).v_mm_s[:, 1]
+    x_mm, y_mm = (np.interp(edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
     try:
-        residual = alignment_at(ready, edges, zero, shared_slope=False).residual_mm
+        _, residual = fit_lines(x_mm, y_mm, sides(edges.falling, v_across_mm_s), shared_slope=False)
     except ValueError:
         return None
     return float(np.mean(residual**2))

@@ -9,6 +9,7 @@ from scipy.signal import savgol_filter
 
 from draglag.beam import sides
 from draglag.latency.edges import Edges
+from draglag.latency.path import Path
 from draglag.motion import contact_losses, in_contact, sample_interval_s
 from draglag.recording import FloatArray, TouchTrace
 
@@ -32,9 +33,10 @@ def scan(
     touch: TouchTrace,
     edges: Edges,
     window_s: tuple[float, float],
-    half_width_s: float,
+    half_width_s: float = 0.0,
     step_s: float = 0.004,
     stylus_diameter_mm: float | None = None,
+    path: Path | None = None,
 ) -> Scan:
     """Cost of Eq. 2 with one slope for both lines and sides from the direction of travel at t + L, over a grid.
 
@@ -46,12 +48,16 @@ def scan(
     dt_s = sample_interval_s(touch.t_s)
     grid_s = np.arange(touch.t_s[0], touch.t_s[-1] + dt_s / 2, dt_s)
     reach = max(2, round(0.7 * half_width_s / dt_s))
-    x_mm, y_mm = (np.interp(grid_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
-    if grid_s.size > 2 * reach + 1:
-        vy = savgol_filter(y_mm, 2 * reach + 1, 3, deriv=1, delta=dt_s)
-        y_mm = savgol_filter(y_mm, 2 * reach + 1, 3)
+    if path is not None:
+        x_mm, y_mm = path.at(grid_s).T
+        vy = path.at(grid_s, 1)[:, 1]
     else:
-        vy = np.gradient(y_mm, dt_s)
+        x_mm, y_mm = (np.interp(grid_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
+        if grid_s.size > 2 * reach + 1:
+            vy = savgol_filter(y_mm, 2 * reach + 1, 3, deriv=1, delta=dt_s)
+            y_mm = savgol_filter(y_mm, 2 * reach + 1, 3)
+        else:
+            vy = np.gradient(y_mm, dt_s)
     at_s = edges.t_s[None, :] + latency_s[:, None]
     placed = in_contact(touch.t_s, at_s, contact_losses(touch.t_s)) & (at_s <= grid_s[-1])
     position = np.clip((at_s - grid_s[0]) / dt_s, 0, grid_s.size - 1.001)
@@ -70,6 +76,7 @@ def scan(
 def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) -> tuple[FloatArray, FloatArray]:
     """Robust mean squared residual about two parallel lines, and how far the lower one is below, for every row."""
     weight = placed.astype(float)
+    n = np.minimum(np.count_nonzero(placed, axis=1), placed.shape[1] - 1)
     means: list[tuple[FloatArray, FloatArray]] = []
     for _ in range(3):
         top, bottom = weight * (side < 0), weight * (side > 0)
@@ -86,10 +93,7 @@ def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) ->
         sxx = np.maximum((weight * xc * xc).sum(1), 1e-12)
         slope = np.clip((weight * xc * yc).sum(1) / sxx, -0.2, 0.2)  # ±11°: a beam, not a fit to the circle
         squared = (yc - slope[:, None] * xc) ** 2
-        scale = np.nanmedian(np.where(placed, squared, np.nan), axis=1) if placed.any(1).all() else None
-        if scale is None:
-            safe = np.where(placed, squared, np.nan)
-            scale = np.array([np.nanmedian(row) if np.isfinite(row).any() else np.inf for row in safe])
+        scale = np.sort(np.where(placed, squared, np.inf), axis=1)[np.arange(n.size), n // 2]
         limit = 20 * np.maximum(scale, 1e-9)[:, None]  # about 3 σ of a normal residual
         weight = placed * np.minimum(1.0, np.sqrt(limit / np.maximum(squared, 1e-12)))
     one_sided = (np.count_nonzero(placed & (side < 0), 1) < 2) | (np.count_nonzero(placed & (side > 0), 1) < 2)

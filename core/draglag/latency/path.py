@@ -1,0 +1,296 @@
+"""Where the stylus went, from a run's touch events: a smoother matched to the run's own spectrum.
+
+A hand that follows a circle moves at the circle's frequency, a little around it, and slowly about its centre; a few
+hertz above that the spectrum falls into the events' noise within an octave. Local polynomials cut too softly for so
+steep an edge. So the path is a penalised B-spline whose penalty leaves straight lines and the run's own rhythm
+alone, with its corner where the spectrum meets the noise: D²(D² + ω²)² p. The equations are banded: gaps, ends and
+uneven stamps are treated exactly, and the covariance of any set of its points follows from the same factor.
+
+What is left of the events is noise and whatever the hand did faster than the corner (tremor, 8 to 12 Hz).
+``Fast`` estimates the latter with Wiener's filter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.fft import irfft
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.signal import get_window
+
+from draglag.motion import sample_interval_s
+from draglag.recording import FloatArray, IntArray
+
+SEGMENT_S = 8.0
+KNOTS_PER_PERIOD = 10.0  # of the corner frequency
+LONGEST_FILL = 3  # missing events that interpolation bridges without harm
+NOISE_UP_TO_HZ = 7.0  # between the path and tremor there is only noise
+LAG_STEP_S, LAG_POINTS = 0.005, 2048  # of the table of covariances
+QUIET_FROM_HZ = 14.0  # and above tremor
+FILTERS_HZ = (2.0, 4.0, 8.0, 16.0)
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """One-sided power of one coordinate, mean of both: f_hz (k,), power (k,) mm²/Hz; dt_s the mean event interval."""
+
+    f_hz: FloatArray
+    power: FloatArray
+    dt_s: float
+
+
+@dataclass(frozen=True)
+class Events:
+    """Touch events on slots of an even grid: slot (n,), t_s (n,), xy_mm (n, 2), dt_s."""
+
+    slot: IntArray
+    t_s: FloatArray
+    xy_mm: FloatArray
+    dt_s: float
+
+    def even(self, values: FloatArray) -> FloatArray:
+        """Values (n, k) on every slot, missing ones interpolated."""
+        every = np.arange(int(self.slot[-1]) + 1)
+        if every.size == self.slot.size:
+            return values
+        return np.column_stack([np.interp(every, self.slot, column) for column in values.T])
+
+
+def events_of(t_s: FloatArray, xy_mm: FloatArray) -> Events:
+    dt_s = sample_interval_s(t_s)
+    steps = np.maximum(np.round(np.diff(t_s) / dt_s), 1).astype(np.int64)
+    slot = np.concatenate([[0], np.cumsum(steps)])
+    return Events(slot, t_s, xy_mm, float((t_s[-1] - t_s[0]) / slot[-1]))
+
+
+def spectrum_of(events: Events) -> Spectrum:
+    """Welch's spectrum with windows whose side lobes are 92 dB down: the path is 80 dB above the noise."""
+    late_s = events.t_s - events.t_s[0] - events.dt_s * events.slot
+    # Stamps jitter: each event is slid along its velocity onto the grid.
+    velocity = np.gradient(events.xy_mm, events.t_s, axis=0)
+    even = events.even(events.xy_mm - velocity * (late_s - _slow(late_s))[:, None])
+    n = even.shape[0]
+    m = min(round(SEGMENT_S / events.dt_s), n)
+    window = get_window("blackmanharris", m)
+    starts = np.arange(0, n - m + 1, max(m // (4 if n < 3 * m else 2), 1))
+    # A filled gap looks like noise of every frequency: only stretches without one count, where there are any.
+    gap = events.slot[:-1][np.diff(events.slot) > LONGEST_FILL]
+    holes = np.searchsorted(gap, starts + m) - np.searchsorted(gap, starts)
+    starts = starts[holes == holes.min()]
+    pieces = np.stack([even[s : s + m] for s in starts])
+    ramp = np.linspace(0, 1, m)[None, :, None]
+    pieces = pieces - pieces[:, :1] - ramp * (pieces[:, -1:] - pieces[:, :1])
+    pieces = pieces - pieces.mean(1, keepdims=True)
+    transform = np.fft.rfft(window[None, :, None] * pieces, axis=1)
+    power = np.mean(transform.real**2 + transform.imag**2, axis=(0, 2)) * 2 * events.dt_s / float(window @ window)
+    return Spectrum(np.fft.rfftfreq(m, events.dt_s), power, events.dt_s)
+
+
+def _slow(late_s: FloatArray) -> FloatArray:
+    """The stream's own slow rate: a running mean over 41 events."""
+    if late_s.size < 42:
+        return np.full(late_s.shape, float(late_s.mean()))
+    total = np.cumsum(np.pad(late_s, (21, 20), mode="edge"))
+    return np.asarray((total[41:] - total[:-41]) / 41)
+
+
+def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
+    """The run's rhythm f₀ (0 where it has none), the corner of its path, Hz, and the noise there, mm²/Hz one-sided.
+
+    The corner makes Mallows' estimate of the error least: what the filter takes from the path and leaves of the noise.
+    """
+    f, power = spectrum.f_hz, spectrum.power
+    step = f[1]
+    peak = int(np.argmax(power))
+    rhythm = 0.0
+    if 1 < peak < f.size - 2:
+        a, b, c = np.log(power[peak - 1 : peak + 2])
+        rhythm = float(f[peak] + step * 0.5 * (a - c) / (a - 2 * b + c))
+        if rhythm < 3 * step:
+            rhythm = 0.0
+    top = max(NOISE_UP_TO_HZ, 2.5 * rhythm)
+    between = (f > rhythm + 2 * step) & (f < top)
+    noise = float(np.median(power[between])) / np.log(2) ** 0.25
+    start = max(1.15 * rhythm, rhythm + 2 * step, 3 * step)
+    corners = start * (max(12.0, 3 * rhythm) / start) ** np.linspace(0, 1, 30)
+    shape, at = _penalty(f, rhythm), _penalty(corners, rhythm)
+    used = f < top
+    for _ in range(2):
+        loss = 1 / (1 + at[:, None] / np.maximum(shape[None, used], 1e-30))
+        risk = (loss**2 * power[used]).sum(1) + 2 * noise * (1 - loss).sum(1)
+        corner = float(corners[int(np.argmin(risk))])
+        beyond = (f > corner) & (f < max(top, 1.5 * corner))
+        if np.count_nonzero(beyond) >= 5:
+            noise = float(np.median(power[beyond]))
+    return rhythm, corner, _noise_below(spectrum, corner, noise)
+
+
+def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
+    """Mean power of the noise below the corner, mm²/Hz, where the path hides it.
+
+    A digitiser's own filter leaves noise that rises towards low frequencies; what is seen beyond the corner, on both
+    sides of tremor, is continued by a white and a first-order low-pass part.
+    """
+    f, power = spectrum.f_hz, spectrum.power
+    seen = ((f > 1.1 * corner_hz) & (f < NOISE_UP_TO_HZ)) | (f > QUIET_FROM_HZ)
+    if np.count_nonzero(seen & (f < NOISE_UP_TO_HZ)) < 6 or not (f > QUIET_FROM_HZ).any():
+        return noise
+    f, power = f[seen], power[seen]
+    white = float(power[f > QUIET_FROM_HZ].mean())
+    level = np.where(f < NOISE_UP_TO_HZ, max(noise, white), white)
+    costs, below = [], []
+    inside_hz = np.linspace(0, corner_hz, 20)
+    for filter_hz in FILTERS_HZ:
+        slow = 1 / (1 + (f / filter_hz) ** 2)
+        # The mean of a spectrum is known to a fixed share of itself.
+        a, b = np.stack([np.ones_like(f), slow]) / level
+        y = power / level
+        det = (a @ a) * (b @ b) - (a @ b) ** 2
+        rise = max(((a @ a) * (b @ y) - (a @ b) * (a @ y)) / det, 0.0)
+        flat = (a @ y - rise * (a @ b)) / (a @ a)
+        model = flat + rise * slow
+        if (model > 0).all():
+            costs.append(float(np.sum(power / model + np.log(model))))
+            below.append(float(np.mean(flat + rise / (1 + (inside_hz / filter_hz) ** 2))))
+    if not costs:
+        return noise
+    likely = np.exp(min(costs) - np.array(costs))
+    return float(likely @ np.array(below) / likely.sum())
+
+
+@dataclass(frozen=True)
+class Path:
+    """The smoothed path. noise_mm: standard deviation an event would have if all its noise were like that at the corner.
+
+    ``start_s``, ``step_s``: the knots; coefficients (k, 2); factor: banded Cholesky factor of the
+    normal equations. ``noise_dof``: degrees of freedom that the noise is known with.
+    """
+
+    start_s: float
+    step_s: float
+    coefficients: FloatArray
+    factor: FloatArray
+    noise_mm: float
+    rhythm_hz: float
+    corner_hz: float
+    noise_dof: float
+    dt_s: float
+
+    def at(self, t_s: FloatArray, order: int = 0) -> FloatArray:
+        """Position (0), velocity (1) or acceleration (2) at times of any shape, (..., 2)."""
+        first, weights = self._weights(t_s, order)
+        out = weights[0][..., None] * self.coefficients[first]
+        for j in (1, 2, 3):
+            out += weights[j][..., None] * self.coefficients[first + j]
+        return np.asarray(out)
+
+    def _weights(self, t_s: FloatArray, order: int) -> tuple[IntArray, list[FloatArray]]:
+        return _bspline(t_s, self.start_s, self.step_s, self.coefficients.shape[0], order)
+
+    def covariance(self, t_s: FloatArray, edge_of: FloatArray) -> FloatArray:
+        """Covariance of the error of one coordinate at times (m,), mm², (m, m).
+
+        Far from ends and gaps it depends on the lag only. edge_of: (k,) times of ends and gaps; near these
+        it is larger.
+        """
+        lag = np.abs(t_s[:, None] - t_s[None, :])
+        table = self._by_lag
+        k = np.minimum((lag / LAG_STEP_S).astype(np.int64), table.size - 2)
+        f = np.minimum(lag / LAG_STEP_S - k, 1.0)
+        out = (1 - f) * table[k] + f * table[k + 1]
+        near = np.flatnonzero(np.abs(t_s[:, None] - edge_of[None, :]).min(1) < 1.0 / self.corner_hz)
+        if near.size:
+            first, weights = self._weights(t_s, 0)
+            basis = np.zeros((self.coefficients.shape[0], near.size))
+            for j in range(4):
+                basis[first[near] + j, np.arange(near.size)] = weights[j][near]
+            solved = cho_solve_banded((self.factor, True), basis, check_finite=False)
+            own = [weights[j][near] * solved[first[near] + j, np.arange(near.size)] for j in range(4)]
+            scale = np.ones(t_s.size)
+            scale[near] = np.sqrt(np.maximum(self.noise_mm**2 * sum(own) / table[0], 1.0))
+            out *= scale[:, None] * scale[None, :]
+        return np.asarray(out)
+
+    @cached_property
+    def _by_lag(self) -> FloatArray:
+        f_hz, kept = self._kept
+        size = 2 * (f_hz.size - 1)
+        table = self.noise_mm**2 * self.dt_s / LAG_STEP_S * irfft(kept, size)[: size // 2]
+        return np.asarray(table * np.linspace(1, 0, table.size))  # the taper keeps it a covariance
+
+    @cached_property
+    def _kept(self) -> tuple[FloatArray, FloatArray]:
+        """What the smoother lets through of each frequency."""
+        f_hz = np.arange(LAG_POINTS // 2 + 1) / (LAG_POINTS * LAG_STEP_S)
+        shape = _penalty(f_hz, self.rhythm_hz)
+        return f_hz, 1 / (1 + shape / _penalty(np.array([self.corner_hz]), self.rhythm_hz))
+
+    @property
+    def speed_variance(self) -> float:
+        """Variance of the error of one component of the velocity, (mm/s)²."""
+        f_hz, kept = self._kept
+        return float(self.noise_mm**2 * 2 * self.dt_s * f_hz[1] * np.sum((2 * np.pi * f_hz) ** 2 * kept))
+
+
+def _penalty(f_hz: FloatArray, rhythm_hz: float) -> FloatArray:
+    return np.asarray((f_hz**2 * (f_hz**2 - rhythm_hz**2) ** 2) ** 2)
+
+
+def _bspline(
+    t_s: FloatArray, start_s: float, step_s: float, n: int, order: int
+) -> tuple[IntArray, list[FloatArray]]:
+    """Cubic B-splines on even knots: the first of four at each time, and their values or derivatives."""
+    position = (t_s - start_s) / step_s
+    first = np.clip(np.floor(position).astype(np.int64), 0, n - 4)
+    u = position - first
+    if order == 0:
+        v = 1 - u
+        u3 = u * u * u
+        low = v * v * v / 6
+        b = (3 * u3 - 6 * u * u + 4) / 6
+        return first, [low, b, 1 - low - b - u3 / 6, u3 / 6]
+    if order == 1:
+        c = 1 / step_s
+        return first, [
+            -0.5 * c * (1 - u) ** 2,
+            c * (1.5 * u * u - 2 * u),
+            c * (-1.5 * u * u + u + 0.5),
+            0.5 * c * u * u,
+        ]
+    c = 1 / step_s**2
+    return first, [c * (1 - u), c * (3 * u - 2), c * (1 - 3 * u), c * u]
+
+
+def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power: float) -> Path:
+    """The penalised B-spline with that rhythm and corner. noise_power: mm²/Hz, one-sided, at the corner."""
+    step_s = 1 / (KNOTS_PER_PERIOD * corner_hz)
+    t_s = events.t_s
+    start_s = float(t_s[0])
+    n = int((t_s[-1] - start_s) / step_s) + 4
+    n = max(n, 8)
+    first, weights = _bspline(t_s, start_s, step_s, n, 0)
+    bands = np.zeros((7, n))
+    target = np.zeros((n, 2))
+    for a in range(4):
+        for column in range(2):
+            target[:, column] += np.bincount(first + a, weights[a] * events.xy_mm[:, column], n)
+        for b in range(a, 4):
+            bands[b - a] += np.bincount(first + a, weights[a] * weights[b], n)
+    taps = np.array([1.0, -2.0, 1.0])
+    turn = np.array([1.0, -2 * np.cos(2 * np.pi * rhythm_hz * step_s), 1.0])
+    taps = np.convolve(np.convolve(taps, turn), turn)
+    phase = np.exp(2j * np.pi * corner_hz * step_s * np.arange(7))
+    strength = step_s / events.dt_s / abs(taps @ phase) ** 2
+    rows = n - 6
+    for k in range(7):
+        for a in range(7 - k):
+            bands[k, a : a + rows] += strength * taps[a] * taps[a + k]
+    bands[0] += 1e-10 * step_s / events.dt_s
+    factor = cholesky_banded(bands, lower=True, check_finite=False)
+    coefficients = cho_solve_banded((factor, True), target, check_finite=False)
+    noise_mm = float(np.sqrt(noise_power / (2 * events.dt_s)))
+    # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.
+    noise_dof = 0.5 * max(NOISE_UP_TO_HZ - corner_hz, 1.0) * float(t_s[-1] - t_s[0])
+    return Path(start_s, step_s, coefficients, factor, noise_mm, rhythm_hz, corner_hz, max(noise_dof, 3.0), events.dt_s)
