@@ -94,9 +94,7 @@ class Solution:
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """The latency of a run by joint maximum likelihood, with its interval and verdict."""
     track = _track(ready)
-    coarse = scan(
-        ready.touch, ready.edges, window_s, stylus_diameter_mm=ready.stylus_diameter_mm, path=track.path
-    )
+    coarse = scan(ready.touch, ready.edges, window_s, stylus_diameter_mm=ready.stylus_diameter_mm, path=track.path)
     minima = coarse.minima()
     if not minima:
         return replace(blank, flags=("unidentifiable",))

@@ -59,6 +59,7 @@ class Events:
 
 
 def events_of(t_s: FloatArray, xy_mm: FloatArray) -> Events:
+    """Events at increasing times t_s (n,), xy_mm (n, 2), numbered by the slots of an even grid."""
     dt_s = sample_interval_s(t_s)
     steps = np.maximum(np.round(np.diff(t_s) / dt_s), 1).astype(np.int64)
     slot = np.concatenate([[0], np.cumsum(steps)])
@@ -85,7 +86,7 @@ def spectrum_of(events: Events) -> Spectrum:
     pieces = pieces - pieces.mean(1, keepdims=True)
     transform = np.fft.rfft(window[None, :, None] * pieces, axis=1)
     power = np.mean(transform.real**2 + transform.imag**2, axis=(0, 2)) * 2 * events.dt_s / float(window @ window)
-    return Spectrum(np.fft.rfftfreq(m, events.dt_s), power, events.dt_s)
+    return Spectrum(np.asarray(np.fft.rfftfreq(m, events.dt_s)), np.asarray(power, np.float64), events.dt_s)
 
 
 def _slow(late_s: FloatArray) -> FloatArray:
@@ -162,10 +163,13 @@ def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
 
 @dataclass(frozen=True)
 class Path:
-    """The smoothed path. noise_mm: standard deviation an event would have if all its noise were like that at the corner.
+    """The smoothed path on even knots.
 
-    ``start_s``, ``step_s``: the knots; coefficients (k, 2); factor: banded Cholesky factor of the
-    normal equations. ``noise_dof``: degrees of freedom that the noise is known with.
+    Attributes:
+        start_s, step_s: the knots. coefficients: (k, 2). factor: banded Cholesky factor of the normal equations.
+        noise_mm: standard deviation of an event, had it all over its band the noise it has below the corner.
+        noise_dof: degrees of freedom that this is known with.
+        dt_s: mean interval of the events.
     """
 
     start_s: float
@@ -238,9 +242,7 @@ def _penalty(f_hz: FloatArray, rhythm_hz: float) -> FloatArray:
     return np.asarray((f_hz**2 * (f_hz**2 - rhythm_hz**2) ** 2) ** 2)
 
 
-def _bspline(
-    t_s: FloatArray, start_s: float, step_s: float, n: int, order: int
-) -> tuple[IntArray, list[FloatArray]]:
+def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int, order: int) -> tuple[IntArray, list[FloatArray]]:
     """Cubic B-splines on even knots: the first of four at each time, and their values or derivatives."""
     position = (t_s - start_s) / step_s
     first = np.clip(np.floor(position).astype(np.int64), 0, n - 4)

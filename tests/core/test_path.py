@@ -1,0 +1,94 @@
+"""The smoother under the efficient estimator, against paths that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from draglag.latency.path import Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.tremor import tremor_of
+from draglag.recording import FloatArray
+
+RATE_HZ, NOISE_MM = 120.0, 0.15
+OMEGA = 2 * np.pi * 0.8
+
+
+def circle(t_s: FloatArray) -> FloatArray:
+    drift = np.column_stack([200 + 3 * t_s, np.full(t_s.size, 143.0)])
+    return drift + 50 * np.column_stack([np.cos(OMEGA * t_s), np.sin(OMEGA * t_s)])
+
+
+def stamps(seed: int, duration_s: float = 20.0) -> FloatArray:
+    t_s = np.arange(0, duration_s, 1 / RATE_HZ)
+    return t_s + 1e-4 * np.random.default_rng(seed).standard_normal(t_s.size)
+
+
+def path_of(t_s: FloatArray, xy_mm: FloatArray) -> Path:
+    events = events_of(t_s, xy_mm)
+    return smooth_path(events, *corner_of(spectrum_of(events)))
+
+
+def test_a_clean_circle_is_followed_to_a_few_micrometres_through_jitter_and_a_gap() -> None:
+    t_s = stamps(1)
+    t_s = t_s[(t_s < 9.0) | (t_s > 9.1)]
+    noise = 1e-3 * np.random.default_rng(2).standard_normal((t_s.size, 2))
+    path = path_of(t_s, circle(t_s) + noise)
+    at_s = np.arange(0.02, 19.9, 0.013)
+    assert np.abs(path.at(at_s) - circle(at_s)).max() < 0.01
+    v_mm_s = np.gradient(circle(at_s), at_s, axis=0)[1:-1]
+    assert np.abs(path.at(at_s, 1)[1:-1] - v_mm_s).max() < 0.5
+
+
+def test_a_point_far_from_the_origin_is_not_pulled_towards_it() -> None:
+    t_s = stamps(1)
+    noise = NOISE_MM * np.random.default_rng(2).standard_normal((t_s.size, 2))
+    near, far = (path_of(t_s, circle(t_s) + noise + shift) for shift in (0.0, 1e4))
+    at_s = np.arange(1.0, 19.0, 0.1)
+    assert np.abs(far.at(at_s) - near.at(at_s) - 1e4).max() < 1e-3
+
+
+def test_the_covariance_is_that_of_the_errors() -> None:
+    at_s = np.array([0.02, 5.0, 5.05, 5.6, 12.0])
+    errors, foretold = [], []
+    for seed in range(150):
+        t_s = stamps(seed)
+        noise = NOISE_MM * np.random.default_rng([seed, 1]).standard_normal((t_s.size, 2))
+        path = path_of(t_s, circle(t_s) + noise)
+        errors.append((path.at(at_s) - circle(at_s)).T)
+        foretold.append(path.covariance(at_s, t_s[[0, -1]]))
+    seen, told = np.cov(np.concatenate(errors).T), np.mean(foretold, axis=0)
+    # 300 values know a variance to 8 %. The end is far less certain than the middle.
+    assert np.diag(seen)[1:] == pytest.approx(np.diag(told)[1:], rel=0.35)
+    assert seen[0, 0] == pytest.approx(told[0, 0], rel=0.5)
+    assert told[0, 0] > 2 * told[1, 1]
+    assert seen[1, 2] / seen[1, 1] == pytest.approx(told[1, 2] / told[1, 1], abs=0.1)
+    assert abs(told[1, 4]) < 0.02 * told[1, 1]
+
+
+def test_tremor_is_seen_as_far_as_the_noise_allows() -> None:
+    t_s = stamps(3, 40.0)
+    rng = np.random.default_rng(4)
+    f_hz = rng.uniform(8, 12, 60)
+    phase = rng.uniform(0, 2 * np.pi, (60, 2))
+    size = 0.1 * np.sqrt(2 / 60)
+
+    def tremor(at_s: FloatArray) -> FloatArray:
+        return size * np.sin(2 * np.pi * f_hz[:, None, None] * at_s[:, None] + phase[:, None, :]).sum(0)
+
+    noise = NOISE_MM * rng.standard_normal((t_s.size, 2))
+    events = events_of(t_s, circle(t_s) + tremor(t_s) + noise)
+    path = smooth_path(events, *corner_of(spectrum_of(events)))
+    found = tremor_of(events, path)
+    assert found is not None
+    at_s = np.arange(1.0, 39.0, 0.007)
+    error = float(np.var(found.at(at_s) - tremor(at_s)))
+    whole = float(np.var(tremor(at_s)))
+    assert error < 0.5 * whole
+    assert error == pytest.approx(found.unseen[0], rel=0.3)
+    assert whole == pytest.approx(found.whole[0], rel=0.3)
+
+
+def test_a_slow_stream_shows_no_tremor() -> None:
+    t_s = np.arange(0, 20, 1 / 30)
+    events = events_of(t_s, circle(t_s))
+    assert tremor_of(events, smooth_path(events, *corner_of(spectrum_of(events)))) is None
