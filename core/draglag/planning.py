@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, MutableMapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -73,12 +74,20 @@ class Plan:
         }
 
 
-def plan(protocol: Protocol | str, screen: Rig | str, human: Human | None = None) -> Plan:
+def plan(
+    protocol: Protocol | str,
+    screen: Rig | str,
+    human: Human | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    known: MutableMapping[str, PlannedPrecision] | None = None,
+) -> Plan:
     """Predicted precision of every circle of a protocol on a screen, and of the curve through them.
 
     Args:
         protocol, screen: presets, or objects of one's own; the screen's law and noise are assumed.
         human: who will drag; the simulated participant if None.
+        progress: told the share done and the run at hand, before each; may raise to end the work.
+        known: predictions of earlier calls, used and added to, so that an edit costs only the runs it changed.
 
     Raises DataError for unknown presets or targets that do not fit.
     """
@@ -86,12 +95,26 @@ def plan(protocol: Protocol | str, screen: Rig | str, human: Human | None = None
     plans = load_protocol(protocol) if isinstance(protocol, str) else protocol
     human = human or Human()
     runs = expand(plans, rig.screen, beam=rig.beam)
-    circles = [_precision(run, rig, human) for run in runs if run.kind == "circle"]
+    circles = []
+    for k, run in enumerate(runs):
+        if run.kind == "circle":
+            if progress is not None:
+                progress(k / len(runs), run.id)
+            circles.append(_remembered(run, rig, human, {} if known is None else known))
     speed = np.array(sorted({run.nominal_speed_mm_s for run in circles}))
     rests_s = plans.rest_s * max(len(runs) - 1, 0)
     total_s = sum(run.duration_s for run in runs) + rests_s
     curve = _curve_se(circles, speed, rig)
     return Plan(plans.name, rig.screen.name, tuple(circles), speed, curve, total_s)
+
+
+def _remembered(
+    run: PlannedRun, rig: Rig, human: Human, known: MutableMapping[str, PlannedPrecision]
+) -> PlannedPrecision:
+    key = repr((run.target, run.duration_s, run.nominal_speed_mm_s, rig, human))
+    if key not in known:
+        known[key] = _precision(run, rig, human)
+    return replace(known[key], id=run.id)
 
 
 def _precision(run: PlannedRun, rig: Rig, human: Human) -> PlannedPrecision:

@@ -74,6 +74,27 @@ class AxisInfo:
 
 
 @dataclass(frozen=True)
+class TouchCalibration:
+    """The targets somebody touched to learn where a touchscreen's units lie, and the affine fitted to them.
+
+    Attributes:
+        x_raw, y_raw: (n,) where the touchscreen reported the touches, device units.
+        x_mm, y_mm: (n,) where the targets were.
+        matrix: (2, 3) device units → mm, rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
+        device: name of the touchscreen.
+        made_utc: ISO 8601.
+    """
+
+    x_raw: FloatArray
+    y_raw: FloatArray
+    x_mm: FloatArray
+    y_mm: FloatArray
+    matrix: FloatArray
+    device: str = ""
+    made_utc: str = ""
+
+
+@dataclass(frozen=True)
 class TouchTrace:
     """Touch events of one contact at a time, in order of their kernel stamps.
 
@@ -210,6 +231,7 @@ class Session:
     devices: Mapping[str, str] = field(default_factory=dict)  # role → address and description
     software: str = ""
     started_s: float | None = None  # what the host's clock said at started_utc
+    calibration: TouchCalibration | None = None  # the one that positions were mapped with
 
     def run(self, run_id: str) -> Run:
         """The run of that id. Raises KeyError."""

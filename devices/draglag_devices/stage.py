@@ -60,6 +60,13 @@ class Stage:
         for player in self.players.values():
             player.begin_taps(tap, start_s)
 
+    def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
+        """A target to calibrate with is shown; a simulated hand touches it from ``start_s`` on. Tapes cannot."""
+        for player in self.players.values():
+            touch = getattr(player, "begin_touch", None)
+            if touch is not None:
+                touch(x_mm, y_mm, start_s)
+
     def stop(self) -> None:
         for player in self.players.values():
             player.stop()

@@ -120,4 +120,5 @@ def _header(protocol: Protocol, rig: Rig, options: SessionOptions, infos: dict[s
         seed=protocol.seed if options.seed is None else options.seed,
         devices={role: f"{info.address} · {info.description}" for role, info in infos.items()},
         software=f"draglag {draglag.__version__}",
+        calibration=options.calibration,
     )

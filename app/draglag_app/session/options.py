@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from draglag.recording import Beam, Screen, Stylus
+from draglag.recording import Beam, Screen, Stylus, TouchCalibration
 
 
 @dataclass(frozen=True)
@@ -18,3 +18,4 @@ class SessionOptions:
     countdown_s: float = 3.0
     name: str = ""
     note: str = ""
+    calibration: TouchCalibration | None = None

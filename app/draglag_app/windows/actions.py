@@ -47,6 +47,7 @@ ACTIONS = (
     ActionSpec("stop", "measure", QT_TRANSLATE_NOOP("Actions", "Stop and save"), "F9", "recording"),
     ActionSpec("note", "measure", QT_TRANSLATE_NOOP("Actions", "Write a note"), "F4", "recording"),
     ActionSpec("check", "measure", QT_TRANSLATE_NOOP("Actions", "Check the rig"), "F3", "idle"),
+    ActionSpec("calibrate", "measure", QT_TRANSLATE_NOOP("Actions", "Calibrate the touchscreen"), "Ctrl+K", "idle"),
     ActionSpec("analyse", "measure", QT_TRANSLATE_NOOP("Actions", "Analyse again"), "F2", "idle"),
     ActionSpec("cancel", "measure", QT_TRANSLATE_NOOP("Actions", "Cancel what is running"), "Ctrl+."),
     ActionSpec("go_bench", "go", QT_TRANSLATE_NOOP("Actions", "Bench"), "Ctrl+1"),

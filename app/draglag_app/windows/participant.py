@@ -66,6 +66,8 @@ class ParticipantWindow(QWidget):
     """
 
     aborted = Signal()
+    stepped_back = Signal()
+    """Backspace: the last target of a calibration once more."""
 
     def __init__(
         self, screen: Screen, clock: Callable[[], float] = time.monotonic, parent: QWidget | None = None
@@ -81,6 +83,7 @@ class ParticipantWindow(QWidget):
         self._clock = clock
         self.frames = FrameLog()
         self._target: Target | None = None
+        self._cross: tuple[float, float] | None = None
         self._start_s = 0.0
         self._prompt = ""
         self._practice = False
@@ -111,7 +114,7 @@ class ParticipantWindow(QWidget):
     def show_target(self, target: Target, start_s: float) -> None:
         """Stand still at the start until ``start_s``, then move."""
         self.frames.clear()
-        self._target, self._start_s, self._slot = target, start_s, -1
+        self._target, self._start_s, self._slot, self._cross = target, start_s, -1, None
         self._contact_lost = False
         self._refresh()
         self._tick()
@@ -121,6 +124,12 @@ class ParticipantWindow(QWidget):
         self._target = None
         self._contact_lost = False
         self._prompt = DONE
+        self._refresh()
+
+    def show_cross(self, x_mm: float, y_mm: float, words: str) -> None:
+        """A cross that stands still, to be touched; ``words`` as they are to be read."""
+        self._timer.stop()
+        self._target, self._cross, self._prompt = None, (x_mm, y_mm), words
         self._refresh()
 
     def set_prompt(self, text: str) -> None:
@@ -199,6 +208,8 @@ class ParticipantWindow(QWidget):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         if self._words:
             self._paint_words(painter)
+        if self._cross is not None:
+            self._paint_cross(painter, *self._cross)
         if self._target is None:
             return
         t_s = self._clock()
@@ -217,11 +228,22 @@ class ParticipantWindow(QWidget):
         self._dirty = self._around(centre.x(), centre.y())
         self._log_frame(t_s, x_mm, y_mm)
 
+    def _paint_cross(self, painter: QPainter, x_mm: float, y_mm: float) -> None:
+        across, down = self._px_per_mm()
+        centre = QPointF(x_mm * across, y_mm * down)
+        a, b = self._radius_px()
+        painter.setPen(QPen(QColor(TARGET), max(1.0, a / 14)))
+        painter.drawLine(centre - QPointF(a, 0), centre + QPointF(a, 0))
+        painter.drawLine(centre - QPointF(0, b), centre + QPointF(0, b))
+        painter.drawEllipse(centre, a / 2, b / 2)
+
     def _paint_words(self, painter: QPainter) -> None:
         big, _, small = self._words.partition("\n")
         height = self.height()
         painter.setPen(QColor(PRACTICE if self._practice else INK))
-        for text, share, top in ((big, 0.055, 0.05), (small, 0.1, 0.13)):
+        # Between the rows of crosses, which stand at 0.1, 0.5 and 0.9 of the height.
+        places = ((big, 0.055, 0.22), (small, 0.04, 0.32)) if self._cross else ((big, 0.055, 0.05), (small, 0.1, 0.13))
+        for text, share, top in places:
             font = QFont(self.font())
             font.setPixelSize(max(14, round(share * height)))
             painter.setFont(font)
@@ -258,6 +280,8 @@ class ParticipantWindow(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         if event.key() == Qt.Key.Key_Escape:
             self.aborted.emit()
+        elif event.key() == Qt.Key.Key_Backspace:
+            self.stepped_back.emit()
         event.accept()
 
     def closeEvent(self, event: QCloseEvent) -> None:

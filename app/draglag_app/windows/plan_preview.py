@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtCore import QObject
 
 from draglag.errors import DraglagError
 from draglag.protocols import PlannedRun, expand
@@ -14,19 +14,15 @@ from draglag_app.windows.widgets import label, restyle
 from draglag_app.windows.workspace import Workspace
 
 
-class PlanPreview(QWidget):
-    """A line of words and a plot of speed against the session's time."""
+class PlanPreview(QObject):
+    """A line of words and a plot of speed against the session's time, for a page to place."""
 
-    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._space = workspace
-        box = QVBoxLayout(self)
-        box.setContentsMargins(0, 0, 0, 0)
         self.words = label("", "verdict", wrap=True)
         self.plot = Plot("", tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol")
         self.plot.setMinimumHeight(130)
-        box.addWidget(self.words)
-        box.addWidget(self.plot, 1)
         workspace.settings_changed.connect(self.refresh)
 
     def refresh(self) -> None:

@@ -65,6 +65,11 @@ class Plot(pg.PlotWidget):
         self.legend = self.addLegend(offset=offset, labelTextSize="9pt")
         self.restyle()
 
+    def rename(self, title: str) -> None:
+        """Another title above the plot."""
+        self._labels = (title, *self._labels[1:])
+        self.restyle()
+
     def restyle(self) -> None:
         """Take the present theme's colours."""
         colours = theme()

@@ -7,14 +7,18 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import tomli_w
 from platformdirs import user_config_path, user_documents_path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from draglag.calibration import AffineFit
 from draglag.errors import DataError, DraglagError
 from draglag.presets import load_screen_file
-from draglag.recording import Beam, Screen, Stylus
-from draglag_devices.addresses import ROLES
+from draglag.recording import Beam, Screen, Stylus, TouchCalibration
+from draglag.simulation import rig_for_screen
+from draglag_app.calibrating import TARGETS, as_recorded, fit_touches
+from draglag_devices.addresses import ROLES, parse_address
 
 Positive = Annotated[float, Field(gt=0, lt=1e5, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -44,6 +48,31 @@ class RigSettings(_Table):
         return bool(used) and all(address.startswith(("sim:", "replay:", "csv:")) for address in used)
 
 
+class CalibrationSettings(_Table):
+    """One touch a target, nine of them, in the touchscreen's units; the targets stand where the panel's size says."""
+
+    address: str  # of the touchscreen, without options
+    device: str = ""
+    made_utc: str = ""
+    x_raw: Annotated[tuple[Finite, ...], Field(min_length=TARGETS, max_length=TARGETS)]
+    y_raw: Annotated[tuple[Finite, ...], Field(min_length=TARGETS, max_length=TARGETS)]
+    resolution: tuple[int, ...] = ()  # of its axes, units per mm
+
+    def serves(self, address: str) -> bool:
+        """Whether it was made on the touchscreen at that address, and that address brings none of its own."""
+        where, _, options = address.partition("?")
+        return where == self.address and "calibration=" not in options
+
+    def fit(self, screen: Screen) -> AffineFit:
+        """The mapping to mm on a panel of that size. Raises EstimateError."""
+        return fit_touches(np.array(self.x_raw), np.array(self.y_raw), screen)
+
+    def recorded(self, screen: Screen) -> TouchCalibration:
+        """As a session file keeps it. Raises EstimateError."""
+        x_raw, y_raw = np.array(self.x_raw), np.array(self.y_raw)
+        return as_recorded(self.fit(screen), x_raw, y_raw, screen, self.device, self.made_utc)
+
+
 class PanelSettings(_Table):
     """The screen under test, as measured. Without sizes of its own the preset's are used."""
 
@@ -55,6 +84,7 @@ class PanelSettings(_Table):
     stylus_mm: Positive = 7.0
     beam_slope: Finite = 0.0
     beam_intercept_mm: Finite | None = None
+    calibration: CalibrationSettings | None = None
 
     def screen(self) -> Screen:
         """The panel. Raises DataError where the preset is gone."""
@@ -89,6 +119,13 @@ class Settings(_Table):
     begin_by_hand: bool = False
     rig: RigSettings = RigSettings()
     panel: PanelSettings = PanelSettings()
+
+    def touched_screen(self) -> Screen:
+        """The screen that is touched: the simulated rig brings its own. Raises DraglagError."""
+        address = self.rig.touch
+        if address.startswith("sim:"):
+            return rig_for_screen(parse_address(address).options.get("screen", self.panel.preset)).screen
+        return self.panel.screen()
 
 
 def settings_path() -> Path:

@@ -10,10 +10,14 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication
 
 from draglag.protocols import Protocol
+from draglag.recording import Screen, TouchCalibration
 from draglag_app.session import SessionOptions
+from draglag_app.windows.calibrating import give_panel
 from draglag_app.windows.session_thread import Order
+from draglag_app.windows.settings import Settings
 from draglag_app.windows.workspace import Workspace
-from draglag_devices.rig import make_rig
+from draglag_devices.calibration import as_mapping
+from draglag_devices.rig import Rig, make_rig
 from draglag_devices.sim.world import World
 
 
@@ -49,13 +53,31 @@ def make_order(space: Workspace) -> Order:
     if isinstance(world, World):
         # The simulated world has a panel, a beam and a stylus of its own.
         screen, stylus, beam = world.rig.screen, world.rig.stylus, world.rig.beam
-    options = SessionOptions(screen, stylus, beam)
+    calibration = _calibrate(rig, settings, screen)
+    options = SessionOptions(screen, stylus, beam, calibration=calibration)
     if settings.operator:
         options = replace(options, note=tr("Operator: {name}").format(name=settings.operator))
     return Order(
         with_source(protocol), rig, file_name(Path(settings.folder), protocol.name, screen.name),
         options, settings.rig.display, auto=not settings.begin_by_hand,
     )  # fmt: skip
+
+
+def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration | None:
+    """Tell the touchscreen the panel's size and its calibration, where the operator made one. Raises EstimateError."""
+    made = settings.panel.calibration
+    used = made if made is not None and made.serves(settings.rig.touch) else None
+    fit = None if used is None else used.fit(screen)
+    mapping = None if fit is None else as_mapping(fit)
+    world = rig.stage.players.get("sim")
+    if isinstance(world, World) and mapping is not None and settings.rig.touch.startswith("sim:"):
+        world.use_calibration(mapping)
+    for source in rig.sources:
+        give_panel(source, screen)
+        use_calibration = getattr(source, "use_calibration", None)
+        if use_calibration is not None and used is not None and fit is not None:
+            use_calibration(mapping, used.device, fit.rms_mm)
+    return None if used is None else used.recorded(screen)
 
 
 def file_name(folder: Path, protocol: str, screen: str) -> Path:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import (
+    QAbstractItemView,
     QFormLayout,
     QFrame,
     QHBoxLayout,
+    QHeaderView,
     QLabel,
     QLayout,
     QPushButton,
     QSizePolicy,
+    QTableWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -127,6 +132,34 @@ def button(text: str, role: str = "", large: bool = False, tip: str = "") -> QPu
     made.setToolTip(tip)
     made.setAutoDefault(False)
     return made
+
+
+def table(titles: Sequence[str], stretch: int = 0, single: bool = True) -> QTableWidget:
+    """A table of rows to read and choose from; see ``set_up_table``."""
+    made = QTableWidget()
+    set_up_table(made, titles, stretch, single)
+    return made
+
+
+def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, single: bool = True) -> None:
+    """Columns with these titles, of which one takes the room left; one row or several can be chosen, none edited.
+
+    Tab leaves the table, so that a keyboard gets on.
+    """
+    made.setColumnCount(len(titles))
+    made.setHorizontalHeaderLabels(list(titles))
+    made.verticalHeader().hide()
+    made.verticalHeader().setDefaultSectionSize(34)
+    made.setShowGrid(False)
+    made.setTabKeyNavigation(False)
+    made.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    made.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    if single:
+        made.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    header = made.horizontalHeader()
+    header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+    header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    header.setSectionResizeMode(stretch, QHeaderView.ResizeMode.Stretch)
 
 
 def restyle(widget: QWidget, name: str, value: str) -> None:

@@ -30,6 +30,7 @@ from draglag_app.windows.header import Header
 from draglag_app.windows.icons import icon
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
+from draglag_app.windows.pages.geometry import GeometryPage
 from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.settings import Settings
@@ -57,6 +58,9 @@ class OperatorWindow(QMainWindow):
         bench = self.pages["bench"][1]
         assert isinstance(bench, BenchPage)
         self.bench = bench
+        geometry = self.pages["geometry"][1]
+        assert isinstance(geometry, GeometryPage)
+        self.geometry_page = geometry
         record.asks.connect(self.ask)
         bench.checked.connect(self._checked)
         preferences = self.pages["preferences"][1]
@@ -167,8 +171,9 @@ class OperatorWindow(QMainWindow):
             "stop": lambda: self._control("stop"),
             "note": self._note,
             "check": self._check,
+            "calibrate": self._calibrate,
             "analyse": space.analyse,
-            "cancel": space.tasks.cancel_all,
+            "cancel": self._cancel,
             "theme": self._other_theme,
             "fullscreen": self._full_screen,
         }
@@ -202,6 +207,7 @@ class OperatorWindow(QMainWindow):
 
     def start(self) -> None:
         """Begin to measure. What is missing is told, and asked about with No as the default."""
+        self.space.calibrating.cancel()
         self.go("record")
         self.tell("", "")
         problems, hopeless = obstacles(self.space)
@@ -232,8 +238,17 @@ class OperatorWindow(QMainWindow):
         self.go("bench")
         self.bench.check()
 
+    def _calibrate(self) -> None:
+        self.go("geometry")
+        self.geometry_page.calibration.start()
+
+    def _cancel(self) -> None:
+        self.space.tasks.cancel_all()
+        self.space.calibrating.cancel()
+
     def _recording_changed(self, recording: bool) -> None:
         self.actions_table.set_recording(recording)
+        self.geometry_page.calibration.refresh()
         self.record.set_recording(recording)
 
     def _ended(self, path: Path | None, problem: str) -> None:
@@ -314,5 +329,7 @@ class OperatorWindow(QMainWindow):
 
     def shut_down(self) -> None:
         """Stop and save what is being recorded, cancel what is being computed. Twice does no harm."""
+        self.space.calibrating.cancel()
         self.space.recording.stop_and_wait()
         self.space.tasks.finish()
+        self.space.quiet_tasks.finish()

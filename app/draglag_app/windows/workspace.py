@@ -20,6 +20,7 @@ from draglag.recording import Session
 from draglag.store import add_analysis, read_session
 from draglag_app.session import events
 from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.calibrating import Calibrating
 from draglag_app.windows.session_thread import Order, Recording
 from draglag_app.windows.settings import Settings, save_settings
 from draglag_app.windows.tasks import Progress, Tasks
@@ -59,8 +60,10 @@ class Workspace(QObject):
         self._settings_file = settings_file
         self.undo = QUndoStack(self)
         self.tasks = Tasks(self)
+        self.quiet_tasks = Tasks(self)  # work nobody asked for; it shows no progress and gives way to a recording
         self.bridge = SessionBridge(self)
         self.recording = Recording(self.bridge, self)
+        self.calibrating = Calibrating(self)
         self.protocol = self._first_protocol()
         self.session: Session | None = None
         self.path: Path | None = None

@@ -23,6 +23,7 @@ from draglag.recording import (
     Session,
     Stylus,
     Taps,
+    TouchCalibration,
     TouchTrace,
 )
 from draglag.store import schema
@@ -77,6 +78,7 @@ def header_v1(file: Any, runs: tuple[Run, ...]) -> Session:
         seed=_seed(file),
         devices={key: text_attr(file["devices"], key) for key in file["devices"].attrs} if "devices" in file else {},
         software=text_attr(file, "software", ""),
+        calibration=_calibration(file.get("calibration")),
     )
 
 
@@ -134,6 +136,22 @@ def _long_text(group: Any, name: str) -> str:
     if not isinstance(value, bytes):
         raise DataError(f"{group.name}{name} is not text")
     return value.decode("utf-8", "replace")
+
+
+def _calibration(group: Any) -> TouchCalibration | None:
+    if group is None:
+        return None
+    columns = read_columns(group, schema.CALIBRATION)
+    matrix = np.array([float_attr(group, name) for name in schema.AFFINE]).reshape(2, 3)
+    return TouchCalibration(
+        columns["x_raw"],
+        columns["y_raw"],
+        columns["x_mm"],
+        columns["y_mm"],
+        matrix,
+        text_attr(group, "device", ""),
+        text_attr(group, "made_utc", ""),
+    )
 
 
 def _gaps(group: Any) -> FloatArray:

@@ -7,6 +7,7 @@ Layout, version 1::
 
     /                   schema, schema_version, name, started_utc, clock, software, seed; protocol_toml
     /screen /stylus /beam /devices                      attributes
+    /calibration        target: x_raw y_raw x_mm y_mm; attributes xx xy x0_mm yx yy y0_mm (where there was one)
     /clocks/<stream>    observation: device_s host_min_s host_max_s epoch
     /taps               tap: physical_s registered_s down;  /taps/rejected: reason → count
     /notes              entry: time_s level source part text
@@ -37,13 +38,14 @@ from draglag.recording import (
     Run,
     Session,
     Taps,
+    TouchCalibration,
     TouchTrace,
 )
 
 SCHEMA = "draglag-session"
 VERSION = 1
 TEXT_BYTES = 256
-RAW_GROUPS = ("screen", "stylus", "beam", "devices", "clocks", "taps", "notes", "runs")
+RAW_GROUPS = ("screen", "stylus", "beam", "devices", "calibration", "clocks", "taps", "notes", "runs")
 
 Value = float | int | str
 _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
@@ -142,6 +144,18 @@ AXES = Table(
     ),
     chunk=8,
 )
+CALIBRATION = Table(
+    _index("target", "number of the target"),
+    (
+        Column("x_raw", "f", "1", "where the touch was reported across, device units"),
+        Column("y_raw", "f", "1", "where the touch was reported down, device units"),
+        Column("x_mm", "f", "mm", "where the target was, from the screen's left edge"),
+        Column("y_mm", "f", "mm", "where the target was, from the screen's top edge"),
+    ),
+    chunk=16,
+)
+AFFINE = ("xx", "xy", "x0_mm", "yx", "yy", "y0_mm")
+"""Attributes of a calibration: x_mm = xx·x_raw + xy·y_raw + x0_mm, y_mm = yx·x_raw + yy·y_raw + y0_mm."""
 CLOCK = Table(
     _index("observation", "number of the observation"),
     (
@@ -289,6 +303,15 @@ def log_nodes(path: str, entries: Iterable[LogEntry]) -> Iterator[Node]:
         yield Node(path, table=LOG, rows=columns)
 
 
+def calibration_node(known: TouchCalibration) -> Node:
+    """The calibration that touch positions were mapped with."""
+    rows = {"x_raw": known.x_raw, "y_raw": known.y_raw, "x_mm": known.x_mm, "y_mm": known.y_mm}
+    affine: dict[str, Value] = {name: float(value) for name, value in zip(AFFINE, np.ravel(known.matrix), strict=True)}
+    return Node(
+        "calibration", {"device": known.device, "made_utc": known.made_utc, **affine}, table=CALIBRATION, rows=rows
+    )
+
+
 def header_nodes(session: Session) -> Iterator[Node]:
     """Everything about a session that is known before its first run."""
     root: dict[str, Value] = {
@@ -318,6 +341,8 @@ def header_nodes(session: Session) -> Iterator[Node]:
         beam = session.beam
         yield Node("beam", {"slope": float(beam.slope), "intercept_mm": float(beam.intercept_mm)})
     yield Node("devices", dict(session.devices))
+    if session.calibration is not None:
+        yield calibration_node(session.calibration)
     for bounds in session.clocks:
         yield from clock_nodes("clocks", bounds)
     if session.taps is not None:

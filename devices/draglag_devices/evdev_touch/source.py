@@ -72,6 +72,7 @@ class EvdevTouch:
         self._contacts = ContactLog()
         self._notices: list[Notice] = []
         self._mapping: Mapping2D | None = None
+        self._fitted: tuple[Mapping2D, str, float] | None = None
         self._grabbed = self._syncing = self._clock_told = False
         self._until_s = self._next_try_s = 0.0
         self._last_frame_s: float | None = None
@@ -82,6 +83,10 @@ class EvdevTouch:
         """Size of the panel, unless the address gives one; before ``open``."""
         given = self._panel_mm
         self._panel_mm = (given[0] or width_mm, given[1] or height_mm)
+
+    def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
+        """Map with a calibration of the touchscreen of that name, unless the address gives one; before ``open``."""
+        self._fitted = (mapping, device, rms_mm)
 
     def open(self) -> SourceInfo:
         device = self._connect(self._path)
@@ -170,6 +175,12 @@ class EvdevTouch:
             if name and name != what.name:
                 raise DeviceError(self.address, f"the calibration belongs to {name}, not to {what.name}", "calibrate")
             return as_mapping(fit), f"calibration, rms {fit.rms_mm:.2f} mm"
+        if self._fitted is not None:
+            mapping, name, rms_mm = self._fitted
+            if name and name != what.name:
+                problem = f"the calibration belongs to {name}, not to {what.name}"
+                raise DeviceError(self.address, problem, "calibrate again, or forget the calibration")
+            return mapping, f"calibration, rms {rms_mm:.2f} mm"
         width_mm, height_mm = self._panel_mm
         try:
             return panel_mapping(*what.axes, width_mm, height_mm), "panel size" if width_mm else "resolution"

@@ -9,13 +9,22 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.protocols import PlannedRun
-from draglag.recording import FloatArray, Run, Taps, TouchTrace, concatenate
+from draglag.recording import AxisInfo, FloatArray, Run, Taps, TouchTrace, concatenate
 from draglag.simulation import Human, follow, rig_for_screen, simulate_run, simulate_taps
 from draglag.simulation.effects.base import Effect
 from draglag.targets import Tap
 from draglag_devices.sim.clocks import DeviceClock, random_clock
 from draglag_devices.stage import contact_changes
 from draglag_devices.timeline import Timeline
+from draglag_devices.touch.frames import Mapping2D
+
+# Device units of the simulated digitiser, (xx, xy, x0), (yx, yy, y0) from mm: it is mounted on its side, a little
+# askew, as its host must find out by calibration. Runs come in true mm unless one is in use.
+DIGITISER = np.array([[0.4, 50.0, 310.0], [-50.1, 0.2, 40_000.0]])
+AXES = (AxisInfo("ABS_MT_POSITION_X", 0, 32767, 50), AxisInfo("ABS_MT_POSITION_Y", 0, 40960, 50))
+# A target touched with care: how far off the cross, and for how long.
+_AIM_MM = 0.2
+_HOLD_S = 0.4
 
 # How often the drivers of laser and WALT compare clocks.
 _SYNC_EVERY_S = 1.0
@@ -59,6 +68,7 @@ class World:
             "walt": random_clock(self._rng, 1e-6),
         }
         self._contacts = 0
+        self._calibration: Mapping2D | None = None
         self._synced_s = start_s
         # Drivers compare clocks several times while they open.
         self._sync(np.asarray(start_s + 1e-3 * np.arange(1, 6), np.float64))
@@ -77,7 +87,7 @@ class World:
                 effects=self._effects,
                 session_start_s=self._start_s,
             )
-            touch = self._numbered(run.touch)
+            touch = self._digitised(self._numbered(run.touch))
             touch = replace(touch, device_t_s=self.clocks["touch"].stamp(touch.t_s))
             laser = replace(
                 run.laser,
@@ -88,6 +98,22 @@ class World:
             self._sync_until(start_s + planned.duration_s + 1.0)
             self.timelines["touch"].add(touch=touch, contacts=contact_changes(touch, self._scan_s))
             self.timelines["laser"].add(laser=laser)
+
+    def use_calibration(self, mapping: Mapping2D) -> None:
+        """Positions come through this mapping of the digitiser's units from now on, as a driver would map them."""
+        self._calibration = mapping
+
+    def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
+        """The hand touches that place with care and lifts again."""
+        with self._lock:
+            t_s = np.arange(start_s, start_s + _HOLD_S, self._scan_s)
+            x, y = (
+                centre + self._rng.normal(0, _AIM_MM) + self._rng.normal(0, self.rig.noise_mm, len(t_s))
+                for centre in (x_mm, y_mm)
+            )
+            self._contacts += 1
+            touch = self._digitised(TouchTrace(t_s, x, y, np.full(len(t_s), self._contacts, np.int64)))
+            self.timelines["touch"].add(touch=touch, contacts=contact_changes(touch, self._scan_s))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
         """The WALT pen taps ``tap.count`` times from ``start_s`` on; latencies are the rig's."""
@@ -108,7 +134,7 @@ class World:
             n = len(taps.physical_s)
             shocks = Taps(taps.physical_s, np.full(n, np.nan), np.full(n, -1, np.int64))
             self.timelines["walt"].add(taps=shocks)
-            touch = concatenate([self._one_tap(tap, down_s, up_s) for down_s, up_s in seen_s])
+            touch = self._digitised(concatenate([self._one_tap(tap, down_s, up_s) for down_s, up_s in seen_s]))
             touch = replace(touch, device_t_s=self.clocks["touch"].stamp(touch.t_s))
             changes = contact_changes(touch, 0.0)
             changes.t_s[1::2] = seen_s[:, 1]
@@ -132,6 +158,17 @@ class World:
         x, y = (centre + self._rng.normal(0, noise, len(t_s)) for centre in (tap.x_mm, tap.y_mm))
         self._contacts += 1
         return TouchTrace(t_s, x, y, np.full(len(t_s), self._contacts, np.int64))
+
+    def _digitised(self, touch: TouchTrace) -> TouchTrace:
+        """With what the digitiser reports beside the mm, and mapped by the calibration where there is one."""
+        (xx, xy, x0), (yx, yy, y0) = DIGITISER
+        x_raw = np.round(xx * touch.x_mm + xy * touch.y_mm + x0)
+        y_raw = np.round(yx * touch.x_mm + yy * touch.y_mm + y0)
+        touch = replace(touch, x_raw=x_raw, y_raw=y_raw, axes=AXES)
+        if self._calibration is not None:
+            x_mm, y_mm = self._calibration(x_raw, y_raw)
+            touch = replace(touch, x_mm=x_mm, y_mm=y_mm)
+        return touch
 
     def _numbered(self, touch: TouchTrace) -> TouchTrace:
         """Tracking ids that go on counting from run to run, as the kernel's do."""

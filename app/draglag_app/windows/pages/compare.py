@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QFileDialog,
     QHBoxLayout,
-    QHeaderView,
     QSplitter,
-    QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
     QWidget,
@@ -26,7 +23,7 @@ from draglag_app.windows.curve_plot import SYMBOLS, CurvePlot, speeds_of
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.tasks import Progress
 from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import button, label
+from draglag_app.windows.widgets import button, label, table
 from draglag_app.windows.workspace import Workspace
 
 SPEEDS_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)
@@ -65,18 +62,7 @@ class ComparePage(QWidget):
         outer.addWidget(plots, 3)
         at_speeds = [f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S]
         titles = [self.tr("session"), self.tr("form"), *at_speeds, self.tr("RMS"), self.tr("differs")]
-        self.table = QTableWidget(0, len(titles))
-        self.table.setHorizontalHeaderLabels(titles)
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(34)
-        self.table.setShowGrid(False)
-        self.table.setTabKeyNavigation(False)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        header = self.table.horizontalHeader()
-        header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self.table = table(titles, single=False)
         outer.addWidget(self.table, 2)
         self.empty = label(self.tr("Add two or more sessions to see how their screens differ."), "hint")
         outer.addWidget(self.empty)

@@ -12,10 +12,7 @@ from typing import Any
 import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QHBoxLayout,
-    QHeaderView,
-    QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
     QWidget,
@@ -25,7 +22,7 @@ from draglag_app.apart import close_gap_of, run_apart
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.tasks import Progress, Task
 from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import button, label, restyle
+from draglag_app.windows.widgets import button, label, restyle, table
 from draglag_app.windows.workspace import Edit, Workspace
 
 
@@ -68,19 +65,7 @@ class GapPage(QWidget):
         self.plot.add_legend()
         outer.addWidget(self.plot, 3)
         titles = [self.tr("effect"), self.tr("where"), self.tr("size"), self.tr("gap before → after"), self.tr("p")]
-        self.table = QTableWidget(0, len(titles))
-        self.table.setHorizontalHeaderLabels(titles)
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(34)
-        self.table.setShowGrid(False)
-        self.table.setTabKeyNavigation(False)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        header = self.table.horizontalHeader()
-        header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
+        self.table = table(titles, stretch=1)
         outer.addWidget(self.table, 2)
         self.table.itemSelectionChanged.connect(self._row_chosen)
         self.more = label("", "hint", wrap=True)

@@ -9,9 +9,10 @@ from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QSpinBox, 
 from draglag.errors import DraglagError
 from draglag.presets import load_screen_file
 from draglag.recording import Screen
+from draglag_app.windows.calibration_panel import CalibrationPanel
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.ruler import BAR_MM, RulerWindow
-from draglag_app.windows.settings import PanelSettings
+from draglag_app.windows.settings import CalibrationSettings, PanelSettings
 from draglag_app.windows.theme import theme
 from draglag_app.windows.widgets import Form, Panel, button, label, restyle
 from draglag_app.windows.workspace import Edit, Workspace
@@ -39,7 +40,12 @@ class GeometryPage(QWidget):
         self.plot = Plot(self.tr("The screen, true to scale"), tr("x (mm)"), tr("y (mm)"), "geometry")
         self.plot.setAspectLocked(True)
         self.plot.getPlotItem().vb.invertY(True)
-        row.addWidget(self.plot, 3)
+        right = QVBoxLayout()
+        right.setSpacing(12)
+        right.addWidget(self.plot, 4)
+        self.calibration = CalibrationPanel(workspace, self._calibrated)
+        right.addWidget(self.calibration, 5)
+        row.addLayout(right, 3)
         workspace.settings_changed.connect(self.refresh)
         self.refresh()
 
@@ -132,6 +138,7 @@ class GeometryPage(QWidget):
         self.simulated.setText(text if simulated else "")
         self._judge(screen)
         self._draw(screen)
+        self.calibration.refresh()
 
     def _judge(self, screen: Screen) -> None:
         desktop = self._desktop_screen()
@@ -197,6 +204,10 @@ class GeometryPage(QWidget):
         change = self._space.change_settings
         self._space.undo.push(Edit(self.tr("geometry"), lambda: change(panel=panel), lambda: change(panel=before)))
 
+    def _calibrated(self, calibration: CalibrationSettings | None) -> None:
+        panel = self._space.settings.panel
+        self._change(panel.model_copy(update={"calibration": calibration}))
+
     def _correct(self) -> None:
         """The bar was drawn for the stated size: a longer one means a bigger screen."""
         panel = self._space.settings.panel
@@ -228,4 +239,5 @@ class GeometryPage(QWidget):
     def restyle_plots(self) -> None:
         """Draw in the present theme."""
         self.plot.restyle()
+        self.calibration.picture.restyle()
         self.refresh()

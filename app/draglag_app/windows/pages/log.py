@@ -7,11 +7,9 @@ from datetime import datetime
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QBrush, QColor, QGuiApplication
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QComboBox,
     QHBoxLayout,
     QHeaderView,
-    QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
     QWidget,
@@ -20,7 +18,7 @@ from PySide6.QtWidgets import (
 from draglag_app.session import events
 from draglag_app.windows import words
 from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import button, label
+from draglag_app.windows.widgets import button, label, table
 from draglag_app.windows.workspace import Workspace
 
 _MARKS = {"info": "·", "note": "✎", "warning": "▲", "error": "✕"}
@@ -53,20 +51,12 @@ class LogPage(QWidget):
         copy.clicked.connect(self._copy)
         row.addWidget(copy)
         outer.addLayout(row)
-        self.table = QTableWidget(0, 4)
-        self.table.setHorizontalHeaderLabels([self.tr("time"), self.tr("level"), self.tr("from"), self.tr("what")])
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(32)
-        self.table.setShowGrid(False)
+        titles = [self.tr("time"), self.tr("level"), self.tr("from"), self.tr("what")]
+        self.table = table(titles, stretch=3, single=False)
         self.table.setAlternatingRowColors(True)
-        self.table.setTabKeyNavigation(False)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        header = self.table.horizontalHeader()
-        header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         for column, width in enumerate((100, 110, 130)):
-            header.resizeSection(column, width)
-        header.setSectionResizeMode(3, QHeaderView.ResizeMode.Stretch)
+            self.table.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.Interactive)
+            self.table.horizontalHeader().resizeSection(column, width)
         outer.addWidget(self.table, 1)
         bridge = workspace.bridge
         bridge.notice_raised.connect(lambda event: self.add(event.level, event.source, event.text))

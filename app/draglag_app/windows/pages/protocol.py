@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QComboBox,
     QFileDialog,
     QHBoxLayout,
-    QHeaderView,
     QMenu,
-    QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
     QWidget,
@@ -23,9 +19,10 @@ from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag_app.windows import words
 from draglag_app.windows.plan_editor import PlanEditor
 from draglag_app.windows.plan_preview import PlanPreview
+from draglag_app.windows.precision_preview import PrecisionPreview
 from draglag_app.windows.protocol_form import ProtocolForm
 from draglag_app.windows.protocol_text import to_toml
-from draglag_app.windows.widgets import Panel, button
+from draglag_app.windows.widgets import Panel, button, table
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import presets
 
@@ -47,8 +44,15 @@ class ProtocolPage(QWidget):
         left = QVBoxLayout()
         left.setSpacing(10)
         left.addWidget(self._list(), 3)
-        self.preview = PlanPreview(workspace)
-        left.addWidget(self.preview, 3)
+        self.preview = PlanPreview(workspace, self)
+        left.addWidget(self.preview.words)
+        plots = QHBoxLayout()
+        plots.setSpacing(10)
+        self.precision = PrecisionPreview(workspace)
+        plots.addWidget(self.preview.plot, 1)
+        plots.addWidget(self.precision, 1)
+        left.addLayout(plots, 3)
+        left.addWidget(self.precision.words)
         across.addLayout(left, 3)
         right = QVBoxLayout()
         right.setSpacing(10)
@@ -106,19 +110,7 @@ class ProtocolPage(QWidget):
                 made.setFixedWidth(48)
             panel.top.addWidget(made)
         titles = [self.tr("target"), self.tr("speeds (mm/s)"), self.tr("each (s)"), self.tr("repeats"), ""]
-        self.table = QTableWidget(0, len(titles))
-        self.table.setHorizontalHeaderLabels(titles)
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(34)
-        self.table.setShowGrid(False)
-        self.table.setTabKeyNavigation(False)
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        header = self.table.horizontalHeader()
-        header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
+        self.table = table(titles, stretch=1)
         self.table.itemSelectionChanged.connect(self._selected)
         self.table.setMinimumHeight(140)
         panel.body.addWidget(self.table)
@@ -243,3 +235,4 @@ class ProtocolPage(QWidget):
     def restyle_plots(self) -> None:
         """Draw in the present theme."""
         self.preview.restyle_plots()
+        self.precision.restyle_plots()

@@ -1,0 +1,106 @@
+"""Touches on calibration targets, gathered from a touch source: what counts as one, what is wrong with one. No Qt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from draglag.calibration import AffineFit, fit_affine, target_places
+from draglag.recording import AxisInfo, FloatArray, Screen, TouchCalibration, TouchTrace
+from draglag_devices.source import Batch
+
+TARGETS = 9
+# A stylus that slips past the screen is no answer to a target.
+SHORTEST_S = 0.15
+# Of the longer axis: how far a resting stylus may wander, and how near the one before a touch is taken for a bounce.
+_WANDER = 0.01
+_SAME = 0.1
+# Resolution and targets may disagree by this much before somebody should fetch a ruler.
+DISAGREEMENT = 0.02
+
+TOO_SHORT, SLID, SAME_PLACE, NO_UNITS = "too short", "slid", "same place", "no units"
+
+
+@dataclass
+class Touches:
+    """One touch a target, in their order. ``device`` and ``axes`` are what the source says of itself."""
+
+    device: str = ""
+    axes: tuple[AxisInfo, ...] = ()
+    found: list[tuple[float, float]] = field(default_factory=list)
+    _parts: dict[int, list[TouchTrace]] = field(default_factory=dict)
+
+    @property
+    def complete(self) -> bool:
+        return len(self.found) == TARGETS
+
+    def take(self, batch: Batch) -> list[str]:
+        """Take what a source read. Returns a word for every touch that ended: "" if it was taken, else its fault."""
+        if batch.touch is not None and len(batch.touch.t_s):
+            for contact in np.unique(batch.touch.contact_id):
+                self._parts.setdefault(int(contact), []).append(_only(batch.touch, int(contact)))
+        if batch.contacts is None:
+            return []
+        ended = batch.contacts.contact_id[batch.contacts.down == 0], batch.contacts.t_s[batch.contacts.down == 0]
+        answers = []
+        for contact, lifted_s in zip(*ended, strict=True):
+            parts = self._parts.pop(int(contact), None)
+            if parts is not None and not self.complete:
+                answers.append(self._judge(parts, float(lifted_s)))
+        return answers
+
+    def back(self) -> None:
+        """Forget the last touch: its target is shown again."""
+        if self.found:
+            self.found.pop()
+
+    def _judge(self, parts: list[TouchTrace], lifted_s: float) -> str:
+        x, y = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x_raw", "y_raw"))
+        if not len(x):
+            return NO_UNITS
+        if lifted_s - float(parts[0].t_s[0]) < SHORTEST_S:
+            return TOO_SHORT
+        span = max((axis.maximum - axis.minimum for axis in self.axes), default=0)
+        if span and max(np.ptp(x), np.ptp(y)) > 2 * _WANDER * span:
+            return SLID
+        place = float(np.median(x)), float(np.median(y))
+        if span and self.found and np.hypot(*np.subtract(place, self.found[-1])) < _SAME * span:
+            return SAME_PLACE
+        self.found.append(place)
+        return ""
+
+
+def _only(touch: TouchTrace, contact: int) -> TouchTrace:
+    mine = touch.contact_id == contact
+    raw = (touch.x_raw[mine], touch.y_raw[mine]) if len(touch.x_raw) else (touch.x_raw, touch.y_raw)
+    return TouchTrace(touch.t_s[mine], touch.x_mm[mine], touch.y_mm[mine], touch.contact_id[mine], *raw)
+
+
+def fit_touches(x_raw: FloatArray, y_raw: FloatArray, screen: Screen) -> AffineFit:
+    """The affine through one touch a target, (9,) each. Raises DataError and EstimateError with the remedy."""
+    return fit_affine(x_raw, y_raw, *target_places(screen.width_mm, screen.height_mm, TARGETS))
+
+
+def as_recorded(
+    fit: AffineFit, x_raw: FloatArray, y_raw: FloatArray, screen: Screen, device: str, made_utc: str
+) -> TouchCalibration:
+    """The calibration as a session file keeps it."""
+    places = target_places(screen.width_mm, screen.height_mm, TARGETS)
+    return TouchCalibration(x_raw, y_raw, *places, fit.matrix, device, made_utc)
+
+
+def size_doubt(fit: AffineFit, resolution: tuple[int, ...]) -> float | None:
+    """By which share the panel's stated size and the touchscreen's own resolution disagree, if above 2 %.
+
+    ``resolution``: units per mm of the touchscreen's axes, 0 where unknown.
+    """
+    if len(resolution) != 2:
+        return None
+    doubts = []
+    for row in fit.matrix[:, :2]:
+        axis = int(np.argmax(np.abs(row)))  # turned screens report across what we call down
+        if resolution[axis] > 0:
+            doubts.append(abs(float(np.hypot(*row)) * resolution[axis] - 1))
+    worst = max(doubts, default=0.0)
+    return worst if worst > DISAGREEMENT else None
