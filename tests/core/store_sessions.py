@@ -19,6 +19,7 @@ from draglag.recording import (
     Session,
     Stylus,
     Taps,
+    TouchCalibration,
     TouchTrace,
 )
 
@@ -86,7 +87,11 @@ def full_session() -> Session:
         seed=7,
         devices={"touch": "evdev:/dev/input/event3", "laser": "sim:"},
         software="draglag test",
-    )
+        calibration=TouchCalibration(
+            np.arange(9.0), np.arange(9.0) ** 2, np.arange(9.0) / 20, np.arange(9.0) / 30,
+            np.array([[0.05, 1e-4, -3.0], [2e-4, 0.04, 1.5]]), "Panel", "2026-03-01T09:00:00+00:00",
+        ),
+    )  # fmt: skip
 
 
 def bare_session(run: Run | None = None) -> Session:

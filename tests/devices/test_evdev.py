@@ -14,7 +14,7 @@ from draglag_devices.evdev_touch.finding import Seen
 from draglag_devices.evdev_touch.kernel import Description, Gone
 from draglag_devices.evdev_touch.source import EvdevTouch
 from draglag_devices.source import DeviceError
-from draglag_devices.touch.frames import InputEvent
+from draglag_devices.touch.frames import InputEvent, Mapping2D
 
 SYN, ABS = 0, 3
 SLOT, X, Y, ID = 0x2F, 0x35, 0x36, 0x39
@@ -131,6 +131,20 @@ def test_no_size_at_all_is_refused_and_a_panel_given_by_the_program_helps():
     source.use_panel(500.0, 300.0)
     source.open()
     assert read(source, 1)[1].x_mm == pytest.approx([250.0])
+
+
+def test_a_calibration_given_by_the_program_maps_and_must_belong_to_the_panel():
+    turned = Mapping2D(0.0, 0.1, 3.0, -0.1, 0.0, 400.0)
+    source, _ = touch_source(FakeDevice(down(100.0, 1, 2500, 1500)), "?width_mm=400&height_mm=300")
+    source.use_calibration(turned, "Panel", 0.2)
+    assert "calibration, rms 0.20 mm" in str(source.open().details["mapping"])
+    trace = read(source, 1)[1]
+    assert (trace.x_mm, trace.y_mm) == (pytest.approx([153.0]), pytest.approx([150.0]))
+    assert (trace.x_raw, trace.y_raw) == (pytest.approx([2500]), pytest.approx([1500]))
+    source, _ = touch_source(FakeDevice())
+    source.use_calibration(turned, "Another panel", 0.2)
+    with pytest.raises(DeviceError, match="belongs to Another panel, not to Panel"):
+        source.open()
 
 
 def test_fuzz_is_stored_and_told():
