@@ -15,8 +15,8 @@ from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHO
 from draglag_app.windows.participant import ParticipantWindow
 from draglag_app.windows.screen_display import numbered_screen
 from draglag_app.windows.settings import CalibrationSettings, Settings
-from draglag_devices.rig import Rig, make_rig
-from draglag_devices.source import Batch, Source, SourceInfo
+from draglag_devices.rig import Rig, give_panel, make_rig
+from draglag_devices.source import Batch, SourceInfo
 
 # Simulated hands need a moment to see the next target.
 _SEES_AFTER_S = 0.3
@@ -37,13 +37,6 @@ def fault_words(fault: str) -> str:
         SAME_PLACE: tr("That was the target before: touch the new cross."),
         NO_UNITS: tr("This touchscreen does not report its own units, so it cannot be calibrated."),
     }[fault]
-
-
-def give_panel(source: Source, screen: Screen) -> None:
-    """Tell a touchscreen how large its panel is; simulated and replayed ones know."""
-    use_panel = getattr(source, "use_panel", None)
-    if use_panel is not None:
-        use_panel(screen.width_mm, screen.height_mm)
 
 
 @dataclass
@@ -101,7 +94,7 @@ class Calibrating(QObject):
             problem = tr("Targets must be shown on the touchscreen itself")
             raise DataError(problem, tr("choose its screen under “Participant sees the target” on Bench"))
         rig = make_rig({"touch": address}, settings.panel.preset, fast=settings.rig.fast and simulated)
-        give_panel(rig.sources[0], screen)
+        give_panel(rig.sources, screen)
         self.touches, self.fault, self._screen = Touches(), "", screen
         self._address = address.partition("?")[0]
         self._reader = _Reader(rig, threading.Event())

@@ -12,7 +12,6 @@ from PySide6.QtCore import QCoreApplication
 from draglag.protocols import Protocol
 from draglag.recording import Screen, TouchCalibration
 from draglag_app.session import SessionOptions
-from draglag_app.windows.calibrating import give_panel
 from draglag_app.windows.session_thread import Order
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.workspace import Workspace
@@ -64,7 +63,7 @@ def make_order(space: Workspace) -> Order:
 
 
 def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration | None:
-    """Tell the touchscreen the panel's size and its calibration, where the operator made one. Raises EstimateError."""
+    """Tell the touchscreen its calibration, where the operator made one. Raises EstimateError."""
     made = settings.panel.calibration
     used = made if made is not None and made.serves(settings.rig.touch) else None
     fit = None if used is None else used.fit(screen)
@@ -73,7 +72,6 @@ def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration
     if isinstance(world, World) and mapping is not None and settings.rig.touch.startswith("sim:"):
         world.use_calibration(mapping)
     for source in rig.sources:
-        give_panel(source, screen)
         use_calibration = getattr(source, "use_calibration", None)
         if use_calibration is not None and used is not None and fit is not None:
             use_calibration(mapping, used.device, fit.rms_mm)
