@@ -53,7 +53,7 @@ class Script:
         pass
 
 
-@pytest.mark.parametrize(("role", "last"), [("laser", "LJP"), ("walt", "G")])
+@pytest.mark.parametrize(("role", "last"), [("laser", "FLJP"), ("walt", "G")])
 def test_opening_is_this_conversation_and_no_other(role, last):
     wire = SteppedWire()
     info = on_wire(wire, role).open()

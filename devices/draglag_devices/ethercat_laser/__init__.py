@@ -1,4 +1,4 @@
-"""The laser sensor on an EtherCAT terminal: ``ethercat:IFACE?channel=1``, EK1101 + EL1252 through pysoem.
+"""The laser sensor on an EtherCAT terminal: ``ethercat:IFACE?channel=1``, EK1101 (or EK1100) + EL1252 through pysoem.
 
 A small process of its own (``master``) runs the bus at 1 kHz and holds the only privileges; ``source`` starts it
 and reads it. Nothing is imported here, so that the process stays small.

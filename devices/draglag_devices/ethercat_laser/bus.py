@@ -15,7 +15,10 @@ from draglag_devices.ethercat_laser.edges import IMAGE
 from draglag_devices.ethercat_laser.refusal import Refusal
 
 BECKHOFF = 0x2
-EK1101, EL1252 = 0x044D2C52, 0x04E43052  # revisions differ between lots and do not matter
+# Revisions differ between lots and do not matter. The EK1100 is an EK1101 without the ID switch: it has no process
+# data, and neither the counter nor the EL1252's part of the image is written down here; both follow from the line.
+EK1101, EK1100, EL1252 = 0x044D2C52, 0x044C2C52, 0x04E43052
+COUPLERS = (EK1101, EK1100)
 _SYSTEM_TIME, _AGREE_NS = 0x0910, 1_000_000
 _FMMU0, _CYCLIC_UNIT, _LATCH_MODE = 0x0600, 0x0980, 0x09A8
 _INPUTS, _LATCHES = 0x1000, 0x09AE
@@ -25,7 +28,10 @@ _SETTLING_CYCLES = 50
 # SOEM's socket waits in ticks of the kernel: a lost frame costs 8-12 ms whether 0.5 or 5 ms are asked, so the longer
 # patience is free and spares frames that a busy machine handles late.
 _ANSWER_US = 5000
-_STATE_TIMEOUT_US = 200_000
+_STATE_TIMEOUT_US = 100_000
+_STATE_PATIENCE_S = 1.0
+# AL status: four bits of state and the error flag; above them a device may say more (identification loaded).
+_STATE, _STATE_AND_ERROR, _ERROR = 0x0F, 0x1F, 0x10
 _TRIES = 5
 _STATES = {1: "INIT", 2: "PRE-OP", 3: "BOOT", 4: "SAFE-OP", 8: "OP"}
 
@@ -106,7 +112,7 @@ class Bus:
     def _identify(self) -> Any:
         slaves = self._master.slaves
         found = [(slave.man, slave.id) for slave in slaves]
-        if (BECKHOFF, EK1101) in found and (BECKHOFF, EL1252) in found:
+        if any((BECKHOFF, coupler) in found for coupler in COUPLERS) and (BECKHOFF, EL1252) in found:
             return slaves[found.index((BECKHOFF, EL1252))]
         if any(product == 0 for _, product in found):
             raise Refusal(
@@ -118,7 +124,7 @@ class Bus:
         raise Refusal(
             "wrong_slaves",
             f"the EtherCAT devices on {self.interface} are not an EK1101 with an EL1252, but: {names}",
-            "connect the EK1101 with the EL1252, or choose the interface they are on",
+            "connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on",
         )
 
     def _split_mapping(self) -> bytes:
@@ -141,15 +147,27 @@ class Bus:
         return first.pair.dc_ns - _AGREE_NS <= own_ns <= second.pair.dc_ns + _AGREE_NS
 
     def _enter(self, state: int) -> None:
+        """Bring all devices into a state; some take a while, and some want process data before they run."""
         master = self._master
-        master.state = state
-        master.write_state()
-        if master.state_check(state, _STATE_TIMEOUT_US) != state:
-            raise Refusal(
-                "state",
-                f"the EtherCAT devices on {self.interface} do not enter {_STATES[state]}: {self.state_trouble(state)}",
-                "switch the 24 V supply of the coupler off and on",
-            )
+        until = time.monotonic() + _STATE_PATIENCE_S
+        while True:
+            master.state = state
+            master.write_state()
+            checked = time.monotonic() + _STATE_TIMEOUT_US / 1e6
+            while time.monotonic() < checked:
+                if state == pysoem.OP_STATE:
+                    self.cycle()
+                reached = master.state_check(state, _STATE_TIMEOUT_US // 10)
+                if reached & _STATE_AND_ERROR == state:
+                    return
+            master.read_state()
+            if time.monotonic() > until or any(slave.state & _ERROR for slave in master.slaves):
+                break
+        raise Refusal(
+            "state",
+            f"the EtherCAT devices on {self.interface} do not enter {_STATES[state]}: {self.state_trouble(state)}",
+            "switch the 24 V supply of the coupler off and on",
+        )
 
     def _read(self, address: int, size: int) -> bytes:
         return bytes(self._retried(lambda: self.terminal._fprd(address, size)))
@@ -179,8 +197,8 @@ class Bus:
 
     def in_operation(self) -> bool:
         """Ask every device for its state: a device in SAFE-OP with an error keeps the working counter right."""
-        return self._master.read_state() == pysoem.OP_STATE and all(
-            slave.state == pysoem.OP_STATE for slave in self._master.slaves
+        return self._master.read_state() & _STATE_AND_ERROR == pysoem.OP_STATE and all(
+            slave.state & _STATE_AND_ERROR == pysoem.OP_STATE for slave in self._master.slaves
         )
 
     def state_trouble(self, wanted: int = pysoem.OP_STATE) -> str:
@@ -188,8 +206,8 @@ class Bus:
         self._master.read_state()
         parts = []
         for slave in self._master.slaves:
-            if slave.state != wanted:
-                name = _STATES.get(slave.state & 0x0F, "no state at all")
+            if slave.state & _STATE_AND_ERROR != wanted:
+                name = _STATES.get(slave.state & _STATE, "no state at all")
                 why = pysoem.al_status_code_to_string(slave.al_status) if slave.al_status else ""
                 parts.append(f"{slave.name} is in {name}" + (f" ({why})" if why else ""))
         return ", ".join(parts) or "not all devices answer"

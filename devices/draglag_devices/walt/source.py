@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -18,7 +19,7 @@ from draglag_devices.walt.connect import greet
 from draglag_devices.walt.edges import EdgeCounter
 from draglag_devices.walt.link import Link, NoAnswer
 from draglag_devices.walt.port import Port, PortGone, SerialPort, port_of, usb_identity
-from draglag_devices.walt.protocol import LASER_LAST, LASER_ON, SHOCK, Unwrapped, parse_shock
+from draglag_devices.walt.protocol import LASER_LAST, LASER_ON, RESET, SHOCK, Unwrapped, parse_shock
 from draglag_devices.walt.sync import Bound, as_bounds, ask_time, compare, zero
 
 # Quick comparison of clocks; it also keeps the 32-bit count unwrapped and notices a device that hangs.
@@ -100,7 +101,7 @@ class WaltSource:
         self._next_poll_s = 0.0
         self._next_try_s = 0.0
         self._last_shock_s = -np.inf
-        self._asked: list[threading.Event] = []
+        self._asked: deque[threading.Event] = deque()  # filled by other threads
         self._compared: list[threading.Event] = []
 
     def synchronise(self) -> threading.Event:
@@ -108,6 +109,9 @@ class WaltSource:
         done = threading.Event()
         self._asked.append(done)
         return done
+
+    def _take_asked(self) -> list[threading.Event]:
+        return [self._asked.popleft() for _ in range(len(self._asked))]
 
     def open(self) -> SourceInfo:
         self._device = device = self._connect()
@@ -170,6 +174,9 @@ class WaltSource:
             device = _Device(link, version, self._epoch)
             self._zero(device)
             if self.role == "laser":
+                # Edges while the clocks were compared are no edges of ours; some firmware forgets them when asked for
+                # the last one and some does not, so they are forgotten here.
+                link.acknowledged(RESET)
                 link.acknowledged(LASER_ON)
                 device.edges = _counted_so_far(link)
             else:
@@ -229,7 +236,7 @@ class WaltSource:
 
     def _keep_clock(self, device: _Device) -> None:
         now_s = self._now()
-        asked, self._asked = self._asked, []
+        asked = self._take_asked()
         if now_s - self._last_time_s < TIME_EVERY_S and not asked:
             return
         self._compared += asked
@@ -241,9 +248,8 @@ class WaltSource:
         quiet = now_s - self._last_event_s >= QUIET_S
         if asked or (quiet and now_s - self._last_full_s >= FULL_EVERY_S):
             self._last_full_s = now_s
+            # A shock that comes meanwhile waits in the WALT for the next poll.
             device.learn(compare(device.link, device.unwrapped, bound))
-            if self.role == "walt":
-                device.link.ask(SHOCK, parse_shock)
 
     def _time(self, device: _Device) -> Bound | None:
         """A comparison that does not contradict the clock as it is known; None where the answer was spoiled."""
@@ -337,8 +343,7 @@ class WaltSource:
             clock = as_bounds(self.role, rows, device.epoch)
         compared, self._compared = self._compared, []
         if device is None:  # there is nothing to compare with
-            asked, self._asked = self._asked, []
-            compared += asked
+            compared += self._take_asked()
         for done in compared:
             done.set()
         return Batch(self._until_s, laser=laser, taps=taps, clock=clock, notices=notices, alive=alive)

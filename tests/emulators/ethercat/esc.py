@@ -48,6 +48,9 @@ class Esc:
     trim_ns: float = 0.0
     stubborn: tuple[tuple[int, int], ...] = ()  # (from, to) of registers that do not take what is written
     ports: int = 0x01  # bit per port with a link
+    slow_ns: int = 0  # how long a change of state takes; it then also wants process data before it runs
+    exchanged: bool = False  # process data since the last change of state
+    _coming: tuple[int, int] | None = None  # (when, state) of a change under way
 
     def power_on(self, t_ns: int) -> None:
         """All registers as after reset; the clock starts anew."""
@@ -97,6 +100,7 @@ class Esc:
         """Physical read; None outside of the memory (the working counter then stays)."""
         if address + length > MEMORY_END:
             return None
+        self._arrive(t_ns)
         if self.before_read is not None:
             self.before_read(address, length, t_ns)
         if address < 0x0920 and address + length > DC_SYSTEM_TIME:
@@ -123,14 +127,14 @@ class Esc:
         if address < FMMU_BASE + 16 * 8 and end > FMMU_BASE:
             self.fmmus = read_fmmus(self.memory)
         if address <= AL_CONTROL < end:
-            self._request_state(self.get(AL_CONTROL, 2))
+            self._request_state(self.get(AL_CONTROL, 2), t_ns)
         if address <= EEPROM_CONTROL + 1 < end:
             self._eeprom_command()
         return True
 
     # --- state machine ----------------------------------------------------------------------------------------
 
-    def _request_state(self, request: int) -> None:
+    def _request_state(self, request: int, t_ns: int) -> None:
         present, wanted = self.state, request & 0x0F
         if present & ERROR and not request & ERROR:
             return  # an error must be acknowledged first
@@ -138,8 +142,17 @@ class Esc:
             self.set_state((present & 0x0F) | ERROR, AL_UNKNOWN_STATE)
         elif (present & 0x0F) not in _MAY_ENTER[wanted]:
             self.set_state((present & 0x0F) | ERROR, AL_INVALID_CHANGE)
+        elif self.slow_ns and wanted != INIT:
+            if self._coming is None or self._coming[1] != wanted:
+                self._coming, self.exchanged = (t_ns + self.slow_ns, wanted), False
         else:
+            self._coming = None
             self.set_state(wanted)
+
+    def _arrive(self, t_ns: int) -> None:
+        if self._coming is not None and t_ns >= self._coming[0] and (self.exchanged or self._coming[1] != OP):
+            self.set_state(self._coming[1])
+            self._coming = None
 
     def set_state(self, state: int, code: int = 0) -> None:
         """AL status and its code."""

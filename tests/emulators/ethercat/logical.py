@@ -48,6 +48,7 @@ def exchange(slave: Esc, address: int, data: bytearray, reads: bool, writes: boo
     """One slave's part of LRD, LWR or LRW; returns what it adds to the working counter (read 1, write 1 or 2)."""
     if slave.state & 0x0F == 1:  # INIT: no process data
         return 0
+    slave.exchanged = True
     was_read = was_written = False
     outgoing = bytes(data)
     for fmmu in slave.fmmus:

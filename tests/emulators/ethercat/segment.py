@@ -9,7 +9,7 @@ from typing import Any
 
 from .esc import ERROR, SAFE_OP, Esc
 from .frames import BWR, answer, is_process_data, with_index
-from .terminals import EK1101, EL1252, ek1101, el1252
+from .terminals import EK1100, EK1101, EL1252, ek1100, ek1101, el1252, other_terminal
 
 Order = dict[str, Any]
 
@@ -22,12 +22,28 @@ class Line:
         self._drifts = drifts
         self.build(t_ns, EK1101, EL1252)
 
-    def build(self, t_ns: int, coupler: int, terminal: int) -> None:
-        """New slaves, with these product codes; faults are forgotten."""
-        self.coupler = ek1101(self._drifts[0], coupler)
-        self.terminal, self.inputs = el1252(self._drifts[1], terminal)
-        self.slaves: list[Esc] = [self.coupler, self.terminal]
-        self.present = 2
+    def build(
+        self,
+        t_ns: int,
+        coupler: int,
+        terminal: int,
+        behind: tuple[int, ...] = (),
+        clock: bool = True,
+        in_bytes: bool = False,
+        slow_ns: int = 0,
+    ) -> None:
+        """New slaves, with these product codes; faults are forgotten.
+
+        Args:
+            behind: terminals behind the EL1252. clock: whether the coupler (an EK1100) has a distributed clock.
+            in_bytes: another EEPROM of the EL1252. slow_ns: how long it takes to enter a state, and that it wants
+                process data before it runs.
+        """
+        self.coupler = ek1100(self._drifts[0], clock) if coupler == EK1100 else ek1101(self._drifts[0], coupler)
+        self.terminal, self.inputs = el1252(self._drifts[1], terminal, in_bytes)
+        self.terminal.slow_ns = slow_ns
+        self.slaves: list[Esc] = [self.coupler, self.terminal, *(other_terminal(product) for product in behind)]
+        self.present = len(self.slaves)
         self.loss = 0.0
         self.drop_next = self.late_next = self.cheat_next = 0
         self.delay_ns = self.late_ns = 0
@@ -39,7 +55,7 @@ class Line:
         self._order = 0
         for slave in self.slaves:
             slave.power_on(t_ns)
-        self._plug(2)
+        self._plug(len(self.slaves))
 
     # --- frames -----------------------------------------------------------------------------------------------
 
@@ -127,14 +143,13 @@ class Line:
         self._plug(int(order.get("slaves", 1)))
 
     def _do_plug(self, order: Order, t_ns: int) -> None:
-        self._plug(2)
+        self._plug(len(self.slaves))
 
     def _plug(self, present: int) -> None:
         self.present = present
-        self.coupler.ports = 0x03 if present > 1 else 0x01
-        self.coupler.show_ports()
-        self.terminal.ports = 0x01
-        self.terminal.show_ports()
+        for number, slave in enumerate(self.slaves, 1):
+            slave.ports = 0x03 if number < present else 0x01
+            slave.show_ports()
 
     def _do_power(self, order: Order, t_ns: int) -> None:
         """Power-cycle: "terminal" (default), "coupler" or "all"."""
@@ -155,8 +170,16 @@ class Line:
         self.terminal.set_state(SAFE_OP | ERROR, int(order.get("code", 0x001A)))
 
     def _do_identity(self, order: Order, t_ns: int) -> None:
-        """Other slaves than expected: product codes of the first and the second."""
-        self.build(t_ns, int(order.get("coupler", EK1101)), int(order.get("terminal", EL1252)))
+        """Other slaves than expected: product codes of the first and the second, and more (see ``build``)."""
+        self.build(
+            t_ns,
+            int(order.get("coupler", EK1101)),
+            int(order.get("terminal", EL1252)),
+            tuple(int(product) for product in order.get("behind", ())),
+            bool(order.get("clock", True)),
+            bool(order.get("in_bytes", False)),
+            int(order.get("slow_ns", 0)),
+        )
 
     def _do_register(self, order: Order, t_ns: int) -> Order:
         """Read the EL1252's memory, or write it if ``value`` (hex) is given."""
@@ -189,4 +212,4 @@ class Line:
     def _do_heal(self, order: Order, t_ns: int) -> None:
         """All faults end; slaves keep the state that they are in."""
         self.loss, self.drop_next, self.late_next, self.cheat_next, self.delay_ns = 0.0, 0, 0, 0, 0
-        self._plug(2)
+        self._plug(len(self.slaves))

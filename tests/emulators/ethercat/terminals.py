@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from .esc import Esc
 
 BECKHOFF = 0x2
-EK1101, EL1252 = 0x044D2C52, 0x04E43052
+EK1101, EK1100, EL1252 = 0x044D2C52, 0x044C2C52, 0x04E43052
+EL1008, EL2008 = 0x03F03052, 0x07D83052
 INPUTS, LATCH_STATUS, LATCH_STAMPS = 0x1000, 0x09AE, 0x09B0
 _ALL_LATCHES = (LATCH_STATUS, 34)
 
@@ -21,22 +22,29 @@ def sii(
     name: str,
     sync_managers: tuple[tuple[int, int], ...],
     pdos: tuple[tuple[int, tuple[int, ...]], ...],
+    outputs: bool = False,
 ) -> bytes:
-    """An EEPROM. ``sync_managers``: (start, length) of inputs; ``pdos``: (sync manager, bits of each entry)."""
+    """An EEPROM. ``sync_managers``: (start, length) of inputs; ``pdos``: (sync manager, bits of each entry).
+
+    ``outputs``: they are outputs instead.
+    """
     words = bytearray(128)
     struct.pack_into("<IIII", words, 16, vendor, product, revision, 1)
     text = name.encode()
     strings = bytes((1, len(text))) + text
     general = bytearray(32)
     general[0:4] = bytes((1, 1, 1, 1))
-    fmmu = bytes(2 for _ in sync_managers)
-    sm = b"".join(struct.pack("<HHBBBB", start, length, 0x00, 0, 1, 4) for start, length in sync_managers)
+    fmmu = bytes(1 if outputs else 2 for _ in sync_managers)
+    control, kind = (0x44, 3) if outputs else (0x00, 4)
+    sm = b"".join(struct.pack("<HHBBBB", start, length, control, 0, 1, kind) for start, length in sync_managers)
     tx = b""
     for k, (manager, entries) in enumerate(pdos):
         tx += struct.pack("<HBBBBH", 0x1A00 + k, len(entries), manager, 0, 0, 0x11)
         for sub, bits in enumerate(entries, 1):
             tx += struct.pack("<HBBBBH", 0x6000 + 16 * k, sub, 0, 1 if bits == 1 else 0x1B, bits, 0)
-    for category, body in ((10, strings), (30, bytes(general)), (40, fmmu), (41, sm), (50, tx)):
+    for category, body in ((10, strings), (30, bytes(general)), (40, fmmu), (41, sm), (51 if outputs else 50, tx)):
+        if not body:
+            continue
         padded = body + b"\x00" * (len(body) % 2)
         words += struct.pack("<HH", category, len(padded) // 2) + padded
     words += b"\xff" * 8
@@ -49,6 +57,22 @@ def ek1101(drift: float = 0.0, product: int = EK1101) -> Esc:
     slave = Esc("EK1101", sii(BECKHOFF, product, 0x00110000, "EK1101", ((0x1000, 2),), ((0, (16,)),)), drift)
     slave.after_power_on = lambda: slave.put(0x1000, 0x0011, 2)
     return slave
+
+
+def ek1100(drift: float = 0.0, clock: bool = True) -> Esc:
+    """The coupler without an ID switch: no process data at all. ``clock``: whether it has a distributed clock."""
+    slave = Esc("EK1100", sii(BECKHOFF, EK1100, 0x00120000, "EK1100", (), ()), drift)
+    if not clock:
+        slave.after_power_on = lambda: slave.put(0x0008, 0x0000, 2)
+    return slave
+
+
+def other_terminal(product: int) -> Esc:
+    """What may stand behind the EL1252: eight inputs (EL1008) or eight outputs (EL2008)."""
+    outputs = product == EL2008
+    name, start = ("EL2008", 0x0F00) if outputs else ("EL1008", 0x1000)
+    pdos = tuple((0, (1,)) for _ in range(8))
+    return Esc(name, sii(BECKHOFF, product, 0x00110000, name, ((start, 1),), pdos, outputs))
 
 
 @dataclass
@@ -115,16 +139,16 @@ class Inputs:
                     self.slave.memory[LATCH_STATUS + channel] &= ~flag
 
 
-def el1252(drift: float = 0.0, product: int = EL1252) -> tuple[Esc, Inputs]:
-    """The terminal with its inputs. The second sync manager lies below the first, as on the real one."""
-    image = sii(
-        BECKHOFF,
-        product,
-        0x00120000,
-        "EL1252",
-        ((INPUTS, 1), _ALL_LATCHES),
-        ((0, (1,)), (0, (1,)), (1, (8, 8, 64, 64, 64, 64))),
-    )
+def el1252(drift: float = 0.0, product: int = EL1252, in_bytes: bool = False) -> tuple[Esc, Inputs]:
+    """The terminal with its inputs. The second sync manager lies below the first, as on the real one.
+
+    ``in_bytes``: an EEPROM that describes the same image in other entries, and another revision.
+    """
+    latches: tuple[int, ...] = (8,) * 34 if in_bytes else (8, 8, 64, 64, 64, 64)
+    inputs_pdos = ((0, (1, 1, 6)),) if in_bytes else ((0, (1,)), (0, (1,)))
+    revision = 0x00100000 if in_bytes else 0x00120000
+    managers = ((INPUTS, 1), _ALL_LATCHES)
+    image = sii(BECKHOFF, product, revision, "EL1252", managers, (*inputs_pdos, (1, latches)))
     slave = Esc("EL1252", image, drift)
     inputs = Inputs(slave)
     slave.before_read, slave.after_read = inputs.before_read, inputs.after_read

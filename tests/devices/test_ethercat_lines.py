@@ -1,0 +1,67 @@
+"""Lines that are set up differently from ours, and just as right: each gives every edge with its stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from devices.ethercat_rig import Recording, blink, segment_name
+from emulators.ethercat import Segment, running_segment, why_not
+
+_WHY_NOT = why_not()
+pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=f"no EtherCAT segment here: {_WHY_NOT}")]
+
+MS = 1_000_000
+EK1100, EL1008, EL2008 = 0x044C2C52, 0x03F03052, 0x07D83052
+# What is on the line, and the working counter of a cycle: reading 1 a device, writing 2.
+LINES: dict[str, tuple[dict[str, Any], int]] = {
+    "an EK1100": ({"coupler": EK1100}, 1),
+    "an EK1100 without a clock: the EL1252 is the reference": ({"coupler": EK1100, "clock": False}, 1),
+    "inputs behind the EL1252": ({"behind": [EL1008]}, 3),
+    "outputs and inputs behind the EL1252": ({"behind": [EL2008, EL1008]}, 5),
+    "an EK1100 and outputs": ({"coupler": EK1100, "behind": [EL2008]}, 3),
+    "another EEPROM and revision": ({"in_bytes": True}, 2),
+    "slow changes of state that want process data": ({"slow_ns": 250 * MS}, 2),
+}
+
+
+@pytest.fixture(scope="module")
+def wired() -> Iterator[Segment]:
+    with running_segment(segment_name("l")) as segment:
+        yield segment
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_every_edge_comes_with_its_stamp(wired: Segment, name: str) -> None:
+    identity, counter = LINES[name]
+    wired.order("link", up=1)
+    wired.order("identity", **identity)
+    with Recording(wired) as rec:
+        assert rec.info.details["working_counter"] == counter
+        start_ns = wired.edges(blink(8, 110 * MS, 47 * MS, 10 * MS), relative=True)
+        rec.read_past(start_ns + 900 * MS)
+        true = rec.true_edges()
+    assert len(true) == 16
+    assert rec.stamps_ns() == [edge[3] for edge in true]
+    assert list(rec.laser.light) == [edge[2] for edge in true]
+    assert rec.laser.missed == 0
+    assert np.abs(rec.laser.t_s - np.array([edge[0] for edge in true]) * 1e-9).max() < 1e-3
+
+
+def test_an_ek1100_line_is_watched_and_brought_back_too(wired: Segment) -> None:
+    wired.order("link", up=1)
+    wired.order("identity", coupler=EK1100)
+    with Recording(wired) as rec:
+        wired.order("unplug")
+        rec.read_until(lambda: any("EL1252 does not answer" in text for text in rec.texts))
+        wired.order("plug")
+        wired.order("power")
+        rec.read_until(lambda: any("is back" in text for text in rec.texts))
+        start_ns = wired.edges(blink(3, 110 * MS, 47 * MS, 10 * MS), relative=True)
+        rec.read_past(start_ns + 340 * MS)
+        stamps = [edge[3] for edge in rec.true_edges()]
+    assert rec.stamps_ns() == stamps
+    assert len(rec.laser.gaps_s) >= 1
