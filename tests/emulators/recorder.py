@@ -1,0 +1,40 @@
+"""A recording in a process of its own that says, a JSON line each, when it shows which target: a hand can follow it.
+
+    python recorder.py PROTOCOL.toml SCREEN OUT.h5 ROLE=ADDRESS …
+
+It records as ``draglag record`` does; the beam is where the simulated rig has it, so that targets cross it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from draglag.protocols import load_protocol
+from draglag.recording import Stylus
+from draglag.simulation import rig_for_screen
+from draglag.targets import Target
+from draglag_app.cli.record import session_options
+from draglag_app.session import OffscreenDisplay, run_session
+from draglag_devices.rig import make_rig
+
+
+class TellingDisplay(OffscreenDisplay):
+    """Says what is shown, and from when on it moves (host clock)."""
+
+    def show(self, target: Target, start_s: float) -> None:
+        super().show(target, start_s)
+        print(json.dumps({"kind": target.kind, "start_s": start_s}), flush=True)
+
+
+def main(protocol: str, screen: str, out: str, *devices: str) -> None:
+    known = rig_for_screen(screen)
+    rig = make_rig(dict(device.split("=", 1) for device in devices), screen)
+    options = session_options(rig, screen, None)
+    options = type(options)(options.screen, Stylus(known.stylus.diameter_mm), known.beam)
+    run_session(load_protocol(protocol), rig, TellingDisplay(), Path(out), options)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
