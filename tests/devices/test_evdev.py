@@ -304,3 +304,24 @@ def test_a_calibration_is_used_and_must_belong_to_the_panel(tmp_path):
     source, _ = touch_source(FakeDevice(), f"?calibration={tmp_path / 'none.json'}")
     with pytest.raises(DeviceError, match="cannot be read"):
         source.open()
+
+
+def test_what_the_buffer_still_held_after_an_overflow_is_not_taken_for_the_new_contact():
+    """As the kernel has it: the marker, then the newest events that fitted, all older than the slots' answer."""
+    stale = [*frame(99.5, (X, 900)), *frame(99.6, (X, 910)), *frame(99.7, (ID, -1)), *down(99.8, 8, 50, 60)]
+    device = FakeDevice(
+        down(99.0, 7, 100, 100), dropped(99.2) + stale, frame(100.5, (X, 60)), slots={0: (8, 50, 60), 1: (-1, 0, 0)}
+    )
+    device.state = {0: (-1, 0, 0), 1: (-1, 0, 0)}
+    source, _ = touch_source(device)
+    source.open()
+    first = source.read(0.1)
+    device.state = {0: (8, 50, 60), 1: (-1, 0, 0)}
+    batches, touch = read(source, 2)
+    assert touch.contact_id.tolist() == [8]
+    assert touch.x_mm == pytest.approx([6.0])
+    assert touch.dropped >= 1
+    assert touch.gaps_s[0] == pytest.approx([99.0, 100.5])
+    changes = [b.contacts for b in (first, *batches) if b.contacts is not None]
+    told = [(i, d) for c in changes for i, d in zip(c.contact_id.tolist(), c.down.tolist(), strict=True)]
+    assert told == [(7, 1), (7, 0), (8, 1)]

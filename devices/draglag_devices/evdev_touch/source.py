@@ -75,6 +75,7 @@ class EvdevTouch:
         self._fitted: tuple[Mapping2D, str, float] | None = None
         self._grabbed = self._syncing = self._clock_told = False
         self._until_s = self._next_try_s = 0.0
+        self._known_s = -np.inf  # after an overflow: the slots were asked for then, what happened before is in them
         self._last_frame_s: float | None = None
         self._identity = ("", "", "")
         self._returns = 0
@@ -162,6 +163,7 @@ class EvdevTouch:
         self._contacts = ContactLog({values[0] for values in slots.values() if values[0] >= 0})
         self._follower = ContactFollower()
         self._grabbed = self._syncing = False
+        self._known_s = -np.inf
         self._last_frame_s = None
         return device
 
@@ -238,12 +240,16 @@ class EvdevTouch:
     def _decode(self, device: TouchDevice, events: list[InputEvent]) -> list[Frame]:
         frames: list[Frame] = []
         for event in events:
+            if event.t_s <= self._known_s:
+                continue
             if event.type == EV_SYN and event.code == SYN_DROPPED:
                 self._syncing = True
                 self._tell("warning", "The kernel's buffer overflowed: touch events were lost, the gap is marked.")
             frame = self._decoder.feed(event)
             if self._syncing and event.type == EV_SYN and event.code == SYN_REPORT:
                 self._syncing = False
+                # The buffer still holds events from before this moment, which the slots are ahead of.
+                self._known_s = self._now()
                 self._decoder.resync(*device.slots())
             if frame is not None:
                 frames.append(frame)
