@@ -28,6 +28,7 @@ class TracePlot(Plot):
         super().__init__("", tr("x (mm)"), tr("y (mm)"), "trace", parent)
         self.setAspectLocked(True)
         self.getPlotItem().vb.invertY(True)
+        self.keep_axes_drawn()
         self.restyle()
 
     def restyle(self) -> None:
@@ -79,6 +80,7 @@ class SpeedPlot(Plot):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(tr("Speed"), tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
+        self.keep_axes_drawn()
         self.add_legend()
 
     def draw(self, live: LiveRun) -> None:

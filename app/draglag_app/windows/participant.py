@@ -26,6 +26,8 @@ SESSION_PROMPTS = (
 """What the session itself says."""
 # A contact that has been gone for longer than this is lost, not lifted by a bump.
 LOST_AFTER_S = 0.35
+_GESTURES = frozenset((QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.Type.TouchEnd, QEvent.Type.TouchCancel,
+                       QEvent.Type.Gesture, QEvent.Type.NativeGesture))  # fmt: skip
 
 
 class FrameLog:
@@ -271,8 +273,7 @@ class ParticipantWindow(QWidget):
     # --- the participant's hands ----------------------------------------------------------------------------
 
     def event(self, event: QEvent) -> bool:
-        if event.type() in (QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.Type.TouchEnd,
-                            QEvent.Type.TouchCancel, QEvent.Type.Gesture, QEvent.Type.NativeGesture):  # fmt: skip
+        if event.type() in _GESTURES:
             event.accept()
             return True
         return super().event(event)

@@ -11,7 +11,7 @@ import pyqtgraph as pg
 from pyqtgraph.exporters import ImageExporter, SVGExporter
 from PySide6.QtCore import QCoreApplication, QPoint, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
-from PySide6.QtWidgets import QFileDialog, QLabel, QMenu, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFileDialog, QGraphicsItem, QLabel, QMenu, QSizePolicy, QWidget
 
 from draglag_app.windows.theme import theme
 
@@ -39,6 +39,7 @@ class Plot(pg.PlotWidget):
         self._items: dict[str, list[Any]] = {}
         self._numbers: dict[str, tuple[Column, ...]] = {}
         self._hover: dict[str, tuple[Column, Column, Sequence[str]]] = {}
+        self._looks: dict[str, tuple[object, ...]] = {}
         self._clicked: dict[str, Callable[[int], None]] = {}
         # Plots take what room there is instead of asking for the much that a graphics view would like.
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Ignored)
@@ -64,6 +65,14 @@ class Plot(pg.PlotWidget):
         """Names of what is drawn, in a corner."""
         self.legend = self.addLegend(offset=offset, labelTextSize="9pt")
         self.restyle()
+
+    def keep_axes_drawn(self) -> None:
+        """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
+
+        They cost as much as all the rest of such a plot, and change only when its range does.
+        """
+        for side in ("bottom", "left"):
+            self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
 
     def rename(self, title: str) -> None:
         """Another title above the plot."""
@@ -121,6 +130,7 @@ class Plot(pg.PlotWidget):
         if not self._items:
             self._show_emptiness()
         self._numbers.pop(name, None)
+        self._looks.pop(name, None)
         self._hover.pop(name, None)
 
     def line(
@@ -153,8 +163,15 @@ class Plot(pg.PlotWidget):
         legend: bool = True,
     ) -> None:
         """Points with a shape, an error bar (half its length) and words to show when the mouse is near."""
-        self.remove(name)
         x, y = np.asarray(x, float), np.asarray(y, float)
+        look = (colour, symbol, size, hollow)
+        if error is None and not words and clicked is None and self._looks.get(name) == look:
+            self._items[name][0].setData(x=x, y=y)  # more of the same
+            self._numbers[name] = (x, y)
+            return
+        self.remove(name)
+        if error is None and not words and clicked is None:
+            self._looks[name] = look
         if error is not None and len(x):
             bars = pg.ErrorBarItem(x=x, y=y, height=2 * np.asarray(error), beam=0, pen=pg.mkPen(colour, width=1.5))
             self.addItem(bars)

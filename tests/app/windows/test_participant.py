@@ -35,7 +35,21 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def window(qapp: QApplication, clock: Clock) -> Iterator[ParticipantWindow]:
+def window(qapp: QApplication, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[ParticipantWindow]:
+    """Painted when the test says so, never when a window system or a timer likes: it is not on any screen."""
+    made = ParticipantWindow(SCREEN, clock)
+    made.resize(800, 400)
+    monkeypatch.setattr(made, "repaint", lambda region: made.grab(region.boundingRect()))
+    monkeypatch.setattr(made._timer, "start", lambda wait_ms: None)
+    yield made
+    made.hide_target()
+    made.close()
+    made.deleteLater()
+
+
+@pytest.fixture
+def shown(qapp: QApplication, clock: Clock) -> Iterator[ParticipantWindow]:
+    """On a screen, for keys and touches."""
     made = ParticipantWindow(SCREEN, clock)
     made.resize(800, 400)
     made.show()
@@ -152,24 +166,24 @@ class TestWords:
 
 
 class TestHands:
-    def test_escape_aborts_and_the_window_stays(self, window: ParticipantWindow, clock: Clock) -> None:
+    def test_escape_aborts_and_the_window_stays(self, shown: ParticipantWindow, clock: Clock) -> None:
         heard: list[bool] = []
-        window.aborted.connect(lambda: heard.append(True))
-        window.show_target(CIRCLE, clock.now_s)
-        QTest.keyClick(window, Qt.Key.Key_Escape)
-        QTest.keyClick(window, Qt.Key.Key_Space)
-        QTest.keyClick(window, Qt.Key.Key_Q, Qt.KeyboardModifier.ControlModifier)
+        shown.aborted.connect(lambda: heard.append(True))
+        shown.show_target(CIRCLE, clock.now_s)
+        QTest.keyClick(shown, Qt.Key.Key_Escape)
+        QTest.keyClick(shown, Qt.Key.Key_Space)
+        QTest.keyClick(shown, Qt.Key.Key_Q, Qt.KeyboardModifier.ControlModifier)
         assert heard == [True]
-        assert window.isVisible()
+        assert shown.isVisible()
 
-    def test_touches_are_taken_and_never_become_mouse_events(self, window: ParticipantWindow) -> None:
+    def test_touches_are_taken_and_never_become_mouse_events(self, shown: ParticipantWindow) -> None:
         touch = QTouchEvent(QEvent.Type.TouchBegin)
         touch.ignore()
-        assert window.event(touch)
+        assert shown.event(touch)
         assert touch.isAccepted()
-        assert window.testAttribute(Qt.WidgetAttribute.WA_AcceptTouchEvents)
-        QTest.mouseClick(window, Qt.MouseButton.LeftButton, pos=QPointF(10, 10).toPoint())
-        assert window.isVisible()
+        assert shown.testAttribute(Qt.WidgetAttribute.WA_AcceptTouchEvents)
+        QTest.mouseClick(shown, Qt.MouseButton.LeftButton, pos=QPointF(10, 10).toPoint())
+        assert shown.isVisible()
 
 
 class TestFromAnotherThread:

@@ -170,9 +170,11 @@ class RecordPage(QWidget):
             self.progress.setValue(0)
             self._say(self.tr("Ready"), self.tr("F5 starts: {name}").format(name=self._space.protocol.name))
 
-    def _say(self, big: str, small: str, level: str = "") -> None:
+    def _say(self, big: str, small: str, level: str = "", anew: bool = False) -> None:
         self.big.setText(big)
         self.small.setText(small)
+        if level == self.big.property("level") and not anew:
+            return  # said ten times a second; its colour stays
         restyle(self.big, "level", level)
         colours = {"live": theme().bad, "good": theme().ok, "": theme().text}
         self.big.setStyleSheet(f"color: {colours.get(level, theme().text)};")
@@ -220,7 +222,8 @@ class RecordPage(QWidget):
         elif self._phase is Phase.RECORDING:
             left = self.tr("{time} left").format(time=words.duration(left_s))
             self._say(self.tr("● Recording"), f"{self._what} · {left}", "live")
-            self.progress.setValue(round(1000 * (1 - max(0.0, left_s) / max(self._span_s, 1e-3))))
+            # In steps that can be seen: every one is painted at once.
+            self.progress.setValue(5 * round(200 * (1 - max(0.0, left_s) / max(self._span_s, 1e-3))))
         elif self._phase is Phase.CLOSING:
             self._say(self.tr("Saving"), self._what)
             self.progress.setValue(1000)
@@ -278,5 +281,6 @@ class RecordPage(QWidget):
         """Draw in the present theme."""
         for plot in (self.trace, self.speed, self.curve):
             plot.restyle()
+        self._say(self.big.text(), self.small.text(), str(self.big.property("level") or ""), anew=True)
         self._draw_both()
         self._live_changed()
