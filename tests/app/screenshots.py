@@ -63,6 +63,9 @@ def pages(application: QApplication, window: OperatorWindow, out: Path, sizes: l
             for name in window.pages:
                 window.go(name)
                 wait(application, lambda: not window.space.tasks.running)
+                if name == "protocol":
+                    precision = window.pages[name][1].precision
+                    wait(application, lambda precision=precision: precision.plan is not None)
                 file = f"{name}-{theme}-{size}"
                 if len(sizes) > 1 or file in SHOWN:
                     shoot(window, out / f"{SHOWN.get(file, file)}.png")
@@ -120,6 +123,8 @@ def main() -> int:
         wait(application, lambda: window.space.analysis is not None and not window.space.tasks.running)
         window.tell("", "")
         window.bench.look()
+        window.ask("calibrate")
+        wait(application, lambda: not window.space.calibrating.active)
         compare = window.pages["compare"][1]
         compare._add_present()
         pages(application, window, chosen.out, list(SIZES) if chosen.all else ["small"])

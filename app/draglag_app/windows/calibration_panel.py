@@ -107,7 +107,7 @@ class CalibrationPanel(Panel):
                 "The touchscreen's own resolution differs by {percent:.0f} %: check the size with a ruler."
             ).format(percent=100 * doubt)
         self._say(text, level)
-        each = "   ".join(f"{k}: {mm:.2f}" for k, mm in enumerate(off_mm, 1))
+        each = "   ".join(f"{k}:\u00a0{mm:.2f}" for k, mm in enumerate(off_mm, 1))
         self.figures.setText(self.tr("Left over at each target (mm): {each}").format(each=each))
         self._draw(fit, off_mm, screen)
 

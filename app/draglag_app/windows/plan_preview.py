@@ -21,7 +21,9 @@ class PlanPreview(QObject):
         super().__init__(parent)
         self._space = workspace
         self.words = label("", "verdict", wrap=True)
-        self.plot = Plot("", tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol")
+        self.plot = Plot(
+            tr("Order of the runs"), tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol"
+        )
         self.plot.setMinimumHeight(130)
         workspace.settings_changed.connect(self.refresh)
 

@@ -61,10 +61,11 @@ class Plot(pg.PlotWidget):
         self.restyle()
         self._show_emptiness()
 
-    def add_legend(self, offset: tuple[int, int] = (-10, 8)) -> None:
+    def add_legend(self, offset: tuple[int, int] = (-10, 8), columns: int = 1) -> None:
         """Names of what is drawn, in a corner."""
-        self.legend = self.addLegend(offset=offset, labelTextSize="9pt")
+        self.legend = self.addLegend(offset=offset, labelTextSize="9pt", colCount=columns)
         self.restyle()
+        self._show_emptiness()
 
     def keep_axes_drawn(self) -> None:
         """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
@@ -99,6 +100,8 @@ class Plot(pg.PlotWidget):
         self._tip.border = pg.mkPen(colours.line)
         if self.legend is not None:
             self.legend.setLabelTextColor(colours.text)
+            for _, name in self.legend.items:  # those it has already keep their own colour else
+                name.setText(name.text, color=colours.text)
             self.legend.setBrush(pg.mkBrush(QColor(colours.panel)))
             self.legend.setPen(pg.mkPen(colours.line))
 

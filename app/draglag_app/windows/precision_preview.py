@@ -40,6 +40,7 @@ class PrecisionPreview(QWidget):
         box.setContentsMargins(0, 0, 0, 0)
         self.plot = Plot(tr("Predicted precision"), tr("drag speed (mm/s)"), tr("95 % interval (± ms)"), "precision")
         self.plot.setMinimumHeight(130)
+        self.plot.add_legend()
         self.words = label("", "hint", wrap=True)
         box.addWidget(self.plot, 1)
         self._pause = QTimer(self)
@@ -127,7 +128,7 @@ class PrecisionPreview(QWidget):
         best: dict[float, float] = {}
         for run in sure:
             best[run.nominal_speed_mm_s] = min(best.get(run.nominal_speed_mm_s, np.inf), 1e3 * run.half_interval_s)
-        each = " · ".join(f"{speed:.0f}: {half:.2f}" for speed, half in sorted(best.items()))
+        each = " · ".join(f"{speed:.0f}:\u00a0{half:.2f}" for speed, half in sorted(best.items()))
         text = self.tr("Predicted ± ms (95 %) at each speed in mm/s: {each}.").format(each=each)
         if found.curve_se_s is None:
             text += " " + self.tr("Too few speeds for a curve: plan at least six.")

@@ -51,14 +51,14 @@ class Form(QFormLayout):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setVerticalSpacing(8)
+        self.setVerticalSpacing(4)
         self.setHorizontalSpacing(16)
         self.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
 
     def row(self, text: str, field: QWidget | QLayout) -> None:
         """Add a row."""
         name = label(text)
-        name.setMinimumHeight(34)
+        name.setMinimumHeight(44)
         if isinstance(field, QWidget):
             name.setBuddy(field)
             field.setAccessibleName(text)

@@ -109,7 +109,7 @@ class TestInTheWindow:
         assert 0.02 < fit.rms_mm < 0.7
         panel = window.geometry_page.calibration
         assert f"RMS {fit.rms_mm:.2f} mm" in panel.verdict.text()
-        assert "9: " in panel.figures.text()
+        assert "9:\u00a0" in panel.figures.text()
         assert len(panel.picture.drawn["targets"][0]) == TARGETS
 
     def test_it_is_kept_undone_and_brought_back(self, open_window: Callable, until: Callable, tmp_path) -> None:

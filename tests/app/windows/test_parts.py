@@ -10,7 +10,16 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QApplication,
+    QCheckBox,
+    QComboBox,
+    QLineEdit,
+    QPushButton,
+    QTabBar,
+    QWidget,
+)
 
 from draglag.errors import DataError
 from draglag.protocols import load_protocol
@@ -21,7 +30,7 @@ from draglag_app.windows.plots import Plot
 from draglag_app.windows.protocol_text import to_toml
 from draglag_app.windows.settings import RigSettings, Settings, load_settings, save_settings
 from draglag_app.windows.tasks import Progress, Tasks
-from draglag_app.windows.theme import THEMES, style_sheet
+from draglag_app.windows.theme import THEMES, style_sheet, theme
 from draglag_app.windows.window import OperatorWindow
 from draglag_resources import presets
 
@@ -364,3 +373,30 @@ def test_help_shows_manual_and_keys(open_window: Callable[..., OperatorWindow]) 
     assert "laser beam" in page.manual.toPlainText()
     for _, what in key_list():
         assert what in page.keys.toPlainText()
+
+
+def test_everything_to_press_or_fill_in_is_large_enough_for_a_finger(open_window: Callable) -> None:
+    window = open_window()
+    for name in window.pages:
+        window.go(name)
+        QApplication.processEvents()
+        for kind in (QPushButton, QComboBox, QAbstractSpinBox, QLineEdit, QCheckBox, QTabBar):
+            for widget in window.findChildren(kind):
+                if widget.isVisible() and not isinstance(widget.parent(), QAbstractSpinBox | QComboBox):
+                    assert widget.height() >= 44, (name, kind.__name__, widget.accessibleName())
+
+
+def test_a_legend_takes_the_colours_of_a_new_theme_and_an_empty_plot_has_none(open_window: Callable) -> None:
+    window = open_window()
+    plot = Plot("", "x (s)", "y (mm)", "test")
+    plot.add_legend()
+    assert not plot.legend.isVisible()
+    plot.line("a", [0, 1], [0, 1], "#ff0000")
+    before = theme().text
+    window.ask("theme")
+    plot.restyle()
+    assert theme().text != before
+    assert all(label.opts["color"] == theme().text for _, label in plot.legend.items)
+    window.ask("theme")
+    plot.close()
+    plot.deleteLater()

@@ -31,7 +31,7 @@ def test_it_is_the_librarys_prediction_and_follows_edits_and_undo(open_window: C
     assert sorted(drawn) == sorted(half_ms)
     assert sorted(speed) == list(SPEEDS)
     for run in expected.runs:
-        assert f"{run.nominal_speed_mm_s:.0f}: {1e3 * run.half_interval_s:.2f}" in preview.words.text()
+        assert f"{run.nominal_speed_mm_s:.0f}:\u00a0{1e3 * run.half_interval_s:.2f}" in preview.words.text()
     assert "at least six" in preview.words.text()
 
     first = preview.plan

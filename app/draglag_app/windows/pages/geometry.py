@@ -42,7 +42,7 @@ class GeometryPage(QWidget):
         self.plot.getPlotItem().vb.invertY(True)
         right = QVBoxLayout()
         right.setSpacing(12)
-        right.addWidget(self.plot, 4)
+        right.addWidget(self.plot, 3)
         self.calibration = CalibrationPanel(workspace, self._calibrated)
         right.addWidget(self.calibration, 5)
         row.addLayout(right, 3)

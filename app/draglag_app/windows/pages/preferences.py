@@ -44,6 +44,7 @@ class PreferencesPage(QWidget):
         choose = button(self.tr("Choose…"))
         choose.clicked.connect(self._choose_folder)
         row = QHBoxLayout()
+        row.setSpacing(8)
         row.addWidget(self.folder, 1)
         row.addWidget(choose)
         form.row(self.tr("Folder for sessions"), row)
