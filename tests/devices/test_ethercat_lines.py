@@ -14,7 +14,7 @@ _WHY_NOT = why_not()
 pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=f"no EtherCAT segment here: {_WHY_NOT}")]
 
 MS = 1_000_000
-EK1100, EL1008, EL2008 = 0x044C2C52, 0x03F03052, 0x07D83052
+EK1100, EL1002, EL1008, EL2008 = 0x044C2C52, 0x03EA3052, 0x03F03052, 0x07D83052
 # What is on the line, and the working counter of a cycle: reading 1 a device, writing 2.
 LINES: dict[str, tuple[dict[str, Any], int]] = {
     "an EK1100": ({"coupler": EK1100}, 1),
@@ -22,6 +22,8 @@ LINES: dict[str, tuple[dict[str, Any], int]] = {
     "inputs behind the EL1252": ({"behind": [EL1008]}, 3),
     "outputs and inputs behind the EL1252": ({"behind": [EL2008, EL1008]}, 5),
     "an EK1100 and outputs": ({"coupler": EK1100, "behind": [EL2008]}, 3),
+    "two inputs before the EL1252, whose bits share no byte with it": ({"before": [EL1002]}, 3),
+    "terminals before and behind": ({"before": [EL2008, EL1002], "behind": [EL1002, EL1002]}, 7),
     "another EEPROM and revision": ({"in_bytes": True}, 2),
     "slow changes of state that want process data": ({"slow_ns": 250 * MS}, 2),
 }

@@ -101,7 +101,9 @@ class Bus:
         self.cycle()
         self._enter(pysoem.OP_STATE)
         self._wanted = wanted
-        self.expected_wkc = int(master.expected_wkc)
+        # Not SOEM's own number, which leaves out devices with less than a byte of inputs: a device adds 1 where it
+        # is read and 2 where it is written.
+        self.expected_wkc = sum(bool(slave.input) + 2 * bool(slave.output) for slave in master.slaves)
         if len(self.terminal.input) != IMAGE.size or not self.as_set_up():
             raise Refusal(
                 "set_up",

@@ -41,7 +41,7 @@ class Runner:
         self._lost_at: int | None = None
         self._level: int | None = None
         self._recovering = False
-        self._sound_ns: int | None = None
+        self._sound_ns = 0  # when the devices last said that all is well
         self._told: Counter[str] = Counter()
 
     def run(self, bus: Bus) -> None:
@@ -103,7 +103,7 @@ class Runner:
                 trouble = self._trouble(bus)
                 doubts = doubts + 1 if trouble else 0
                 if doubts >= 2:
-                    self._dead_from = epoch.good_ns if self._sound_ns is None else self._sound_ns
+                    self._dead_from = self._sound_ns
                     raise Restart(trouble)
                 if not trouble:
                     self._sound_ns = now
@@ -121,7 +121,7 @@ class Runner:
     def _begin(self, bus: Bus, epoch: Epoch) -> None:
         """The baseline: clock pairs first, then the first values of the latches. Raises Restart."""
         self._recovering = False
-        self._sound_ns = None
+        self._sound_ns = time.monotonic_ns()  # mapping and latch unit were read back just now
         self._told = Counter()
         good = 0
         for _ in range(_BASELINE_TRIES):

@@ -31,18 +31,21 @@ class Line:
         clock: bool = True,
         in_bytes: bool = False,
         slow_ns: int = 0,
+        before: tuple[int, ...] = (),
     ) -> None:
         """New slaves, with these product codes; faults are forgotten.
 
         Args:
-            behind: terminals behind the EL1252. clock: whether the coupler (an EK1100) has a distributed clock.
-            in_bytes: another EEPROM of the EL1252. slow_ns: how long it takes to enter a state, and that it wants
-                process data before it runs.
+            behind, before: terminals behind the EL1252, and between it and the coupler.
+            clock: whether the coupler (an EK1100) has a distributed clock.
+            in_bytes: another EEPROM of the EL1252.
+            slow_ns: how long it takes to enter a state, and that it wants process data before it runs.
         """
         self.coupler = ek1100(self._drifts[0], clock) if coupler == EK1100 else ek1101(self._drifts[0], coupler)
         self.terminal, self.inputs = el1252(self._drifts[1], terminal, in_bytes)
         self.terminal.slow_ns = slow_ns
-        self.slaves: list[Esc] = [self.coupler, self.terminal, *(other_terminal(product) for product in behind)]
+        self.slaves: list[Esc] = [self.coupler, *map(other_terminal, before), self.terminal]
+        self.slaves += map(other_terminal, behind)
         self.present = len(self.slaves)
         self.loss = 0.0
         self.drop_next = self.late_next = self.cheat_next = 0
@@ -179,6 +182,7 @@ class Line:
             bool(order.get("clock", True)),
             bool(order.get("in_bytes", False)),
             int(order.get("slow_ns", 0)),
+            tuple(int(product) for product in order.get("before", ())),
         )
 
     def _do_register(self, order: Order, t_ns: int) -> Order:

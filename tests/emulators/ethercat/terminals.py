@@ -10,7 +10,7 @@ from .esc import Esc
 
 BECKHOFF = 0x2
 EK1101, EK1100, EL1252 = 0x044D2C52, 0x044C2C52, 0x04E43052
-EL1008, EL2008 = 0x03F03052, 0x07D83052
+EL1002, EL1008, EL2008 = 0x03EA3052, 0x03F03052, 0x07D83052
 INPUTS, LATCH_STATUS, LATCH_STAMPS = 0x1000, 0x09AE, 0x09B0
 _ALL_LATCHES = (LATCH_STATUS, 34)
 
@@ -68,10 +68,10 @@ def ek1100(drift: float = 0.0, clock: bool = True) -> Esc:
 
 
 def other_terminal(product: int) -> Esc:
-    """What may stand behind the EL1252: eight inputs (EL1008) or eight outputs (EL2008)."""
+    """What else may be on the line: two or eight inputs (EL1002, EL1008), or eight outputs (EL2008)."""
     outputs = product == EL2008
-    name, start = ("EL2008", 0x0F00) if outputs else ("EL1008", 0x1000)
-    pdos = tuple((0, (1,)) for _ in range(8))
+    name, start = {EL1002: "EL1002", EL2008: "EL2008"}.get(product, "EL1008"), 0x0F00 if outputs else 0x1000
+    pdos = tuple((0, (1,)) for _ in range(2 if product == EL1002 else 8))
     return Esc(name, sii(BECKHOFF, product, 0x00110000, name, ((start, 1),), pdos, outputs))
 
 
