@@ -35,6 +35,7 @@ class Plot(pg.PlotWidget):
         menu = self.getPlotItem().ctrlMenu
         menu.setParent(self, menu.windowFlags())
         self.file_name = file_name
+        self.setAccessibleName(title or f"{y} / {x}")
         self._labels = (title, x, y)
         self._items: dict[str, list[Any]] = {}
         self._numbers: dict[str, tuple[Column, ...]] = {}

@@ -35,10 +35,13 @@ class ProtocolForm(Panel):
         self.rest.setRange(0, 3600)
         self.rest.setDecimals(0)
         self.rest.setSuffix(" s")
+        self.seed.setAccessibleName(self.tr("shuffle, seed"))
         self.taps = QSpinBox()
+        self.taps.setAccessibleName(self.tr("Taps"))
         self.taps.setRange(0, 10_000)
         self.taps.setSpecialValueText(self.tr("none"))
         self.when = QComboBox()
+        self.when.setAccessibleName(self.tr("Taps"))
         for value, text in (
             ("start", self.tr("before")),
             ("end", self.tr("after")),

@@ -31,6 +31,7 @@ class RunTable(QTableWidget):
         super().__init__(parent)
         set_up_table(self, titles, stretch=len(titles) - 1)
         self.setAlternatingRowColors(True)
+        self.setAccessibleName(tr("Runs"))
         for column in (2, 3, 4):
             item = self.horizontalHeaderItem(column)
             if item is not None:

@@ -22,7 +22,8 @@ body{{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;paddin
 table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35rem .6rem;border-bottom:1px solid #8886}}
 .verdict{{font-size:1.3rem;font-weight:600}}
 figure{{margin:1.5rem 0;background:#fff;color:#222;padding:.6rem;border-radius:6px}}
-figcaption{{font-size:.9rem}}svg{{max-width:100%;height:auto}}</style></head><body>{body}</body></html>"""
+figcaption{{font-size:.9rem}}svg{{display:block;margin:0 auto;max-width:100%;height:auto}}
+</style></head><body>{body}</body></html>"""
 
 _WORDS = {
     "no_gap": "No gap: what is left is noise.",

@@ -131,6 +131,7 @@ class BenchPage(QWidget):
         row.setSpacing(10)
         row.addWidget(label(self.tr("Participant sees the target")))
         self.display = QComboBox()
+        self.display.setAccessibleName(self.tr("Participant sees the target"))
         for value, text in display_choices():
             self.display.addItem(text, value)
         self.display.activated.connect(self._display_chosen)
@@ -151,6 +152,7 @@ class BenchPage(QWidget):
     def _others(self) -> Panel:
         panel = Panel(self.tr("On this computer"))
         self.list = QTextBrowser()
+        self.list.setAccessibleName(self.tr("On this computer"))
         hint = self.tr("Look for devices lists what is here, and what to do where something is missing.")
         self.list.setPlaceholderText(hint)
         panel.body.addWidget(self.list)

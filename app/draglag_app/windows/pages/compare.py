@@ -63,6 +63,7 @@ class ComparePage(QWidget):
         at_speeds = [f"{speed:.0f} mm/s" for speed in SPEEDS_MM_S]
         titles = [self.tr("session"), self.tr("form"), *at_speeds, self.tr("RMS"), self.tr("differs")]
         self.table = table(titles, single=False)
+        self.table.setAccessibleName(self.tr("Compare"))
         outer.addWidget(self.table, 2)
         self.empty = label(self.tr("Add two or more sessions to see how their screens differ."), "hint")
         outer.addWidget(self.empty)

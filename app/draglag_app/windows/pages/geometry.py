@@ -100,6 +100,7 @@ class GeometryPage(QWidget):
         row.addWidget(self.show_bar)
         row.addWidget(label(self.tr("the ruler says")))
         self.measured = QDoubleSpinBox()
+        self.measured.setAccessibleName(self.tr("the ruler says"))
         self.measured.setRange(10, 1000)
         self.measured.setDecimals(1)
         self.measured.setValue(BAR_MM)

@@ -25,6 +25,8 @@ class HelpPage(QWidget):
         self.manual.setOpenExternalLinks(True)
         self.manual.document().setDocumentMargin(18)
         self.keys = QTextBrowser()
+        self.manual.setAccessibleName(self.tr("Help"))
+        self.keys.setAccessibleName(self.tr("Keys"))
         self.keys.setFixedWidth(340)
         self.keys.document().setDocumentMargin(14)
         row.addWidget(self.manual, 1)

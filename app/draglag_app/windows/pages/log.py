@@ -38,6 +38,7 @@ class LogPage(QWidget):
         row.addWidget(label(self.tr("Log"), "pageTitle"))
         row.addStretch(1)
         self.level = QComboBox()
+        self.level.setAccessibleName(self.tr("level"))
         for value, text in (
             ("info", self.tr("Everything")),
             ("note", self.tr("Notes, warnings, errors")),
@@ -54,6 +55,7 @@ class LogPage(QWidget):
         titles = [self.tr("time"), self.tr("level"), self.tr("from"), self.tr("what")]
         self.table = table(titles, stretch=3, single=False)
         self.table.setAlternatingRowColors(True)
+        self.table.setAccessibleName(self.tr("Log"))
         for column, width in enumerate((100, 110, 130)):
             self.table.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.Interactive)
             self.table.horizontalHeader().resizeSection(column, width)

@@ -41,6 +41,7 @@ class PreferencesPage(QWidget):
         outer.addWidget(looks)
         work, form = _form(self.tr("Sessions"))
         self.folder = QLineEdit()
+        self.folder.setAccessibleName(self.tr("Folder for sessions"))
         choose = button(self.tr("Choose…"))
         choose.clicked.connect(self._choose_folder)
         row = QHBoxLayout()

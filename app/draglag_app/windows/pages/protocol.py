@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtWidgets import (
-    QComboBox,
     QFileDialog,
     QHBoxLayout,
     QMenu,
@@ -70,12 +69,12 @@ class ProtocolPage(QWidget):
     def _file_row(self) -> QHBoxLayout:
         row = QHBoxLayout()
         row.setSpacing(8)
-        self.preset = QComboBox()
-        self.preset.setMinimumWidth(200)
-        self.preset.addItem(self.tr("Preset…"), "")
+        # A menu, not a box: the arrow keys of a closed box would load every preset they pass.
+        self.preset = button(self.tr("Preset…"))
+        menu = QMenu(self.preset)
         for name in presets("protocols"):
-            self.preset.addItem(name, name)
-        self.preset.activated.connect(self._preset_chosen)
+            menu.addAction(name).triggered.connect(lambda checked=False, name=name: self._preset_chosen(name))
+        self.preset.setMenu(menu)
         row.addWidget(self.preset)
         for text, action in (
             (self.tr("Load…"), self._load),
@@ -109,8 +108,11 @@ class ProtocolPage(QWidget):
                 made.setAccessibleName(self.tr("Move up") if text == "↑" else self.tr("Move down"))
                 made.setFixedWidth(48)
             panel.top.addWidget(made)
+            if action == self._remove:
+                self.remove = made
         titles = [self.tr("target"), self.tr("speeds (mm/s)"), self.tr("each (s)"), self.tr("repeats"), ""]
         self.table = table(titles, stretch=1)
+        self.table.setAccessibleName(self.tr("Runs"))
         self.table.itemSelectionChanged.connect(self._selected)
         self.table.setMinimumHeight(140)
         panel.body.addWidget(self.table)
@@ -202,12 +204,9 @@ class ProtocolPage(QWidget):
 
     # --- files ----------------------------------------------------------------------------------------------
 
-    def _preset_chosen(self) -> None:
-        name = str(self.preset.currentData())
-        self.preset.setCurrentIndex(0)
-        if name:
-            self._space.change_protocol(load_protocol(name), self.tr("preset {name}").format(name=name))
-            self._space.change_settings(protocol=name)
+    def _preset_chosen(self, name: str) -> None:
+        self._space.change_protocol(load_protocol(name), self.tr("preset {name}").format(name=name))
+        self._space.change_settings(protocol=name)
 
     def _load(self) -> None:
         name, _ = QFileDialog.getOpenFileName(
