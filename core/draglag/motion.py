@@ -93,7 +93,8 @@ class LocalFit:
         gain: (m,) variance of a fitted position in units of the variance of one event.
         v_gain: (m,) the same for a velocity component, per s².
         first: (m,) index of the first event in each window.
-        weights, v_weights: (m, w) what each event of the window contributes to the position and to the velocity.
+        weights, v_weights, a_weights: (m, w) what each event of the window contributes to the position, to the velocity
+            and to the acceleration.
         ok: (m,) enough events, and on both sides.
     """
 
@@ -106,6 +107,7 @@ class LocalFit:
     first: IntArray
     weights: FloatArray
     v_weights: FloatArray
+    a_weights: FloatArray
     ok: np.ndarray
 
     @property
@@ -151,7 +153,9 @@ def local_fit(
     coefficients = solve @ xy_mm[index]  # (m, p, 2)
     weights = solve[:, 0]
     v_weights = solve[:, 1] / width_s[:, None]
-    a_mm_s2 = 2 * coefficients[:, 2] / width_s[:, None] ** 2 if degree > 1 else np.zeros((m, 2))
+    bent = degree > 1
+    a_mm_s2 = 2 * coefficients[:, 2] / width_s[:, None] ** 2 if bent else np.zeros((m, 2))
+    a_weights = 2 * solve[:, 2] / width_s[:, None] ** 2 if bent else np.zeros_like(weights)
     return LocalFit(
         at_s,
         coefficients[:, 0],
@@ -162,6 +166,7 @@ def local_fit(
         first.astype(np.int64),
         weights,
         v_weights,
+        a_weights,
         ok,
     )
 

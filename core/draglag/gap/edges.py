@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from draglag.compensation import stylus_speed, stylus_time_s
 from draglag.errors import EstimateError
@@ -22,6 +23,9 @@ from draglag.motion import (
 from draglag.recording import FloatArray, IntArray, Run, Session
 
 Law = Callable[[FloatArray], FloatArray]
+# Half the span over which a change of speed is taken, and half the window of each speed: a hand speeds up and slows
+# down at 1–4 Hz, its tremor is at 8–12 Hz.
+APART_S, WIDTH_S = 0.08, 0.09
 FEWEST = 6  # edges a run must give to count
 
 
@@ -53,7 +57,7 @@ class Placed:
         run: index into the runs. t_s: laser time. since_start_s: since the session's first event; in_run_s: since the
         run's. falling: light→dark. latency_s: L at the edge. speed_mm_s: the stylus' own speed.
         xy_mm, v_mm_s, a_mm_s2: (m, 2) shown by the trace at t + L. accel_mm_s2: along the motion, in own time.
-        accel_apart_mm_s2: the same from events that the position did not use, so that their noise is not shared.
+        accel_apart_mm_s2: the same with an error that is not the position's.
         slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
         stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
         ok: placed well enough to judge by.
@@ -162,13 +166,12 @@ def place(
         shown = np.maximum(fast.speed_mm_s, 1e-6)
         ratio = np.maximum(speed, 1e-6) / shown
         along = np.einsum("mk,mk->m", fast.v_mm_s, fast.a_mm_s2) / shown * ratio**2
-        bend = slope * along
-        # For the columns from other events: with the fit's own, position noise would look like an effect.
-        apart = _acceleration_apart(data, at_s, half_s) if start is None else start.accel_apart_mm_s2[own]
+        # For the columns: with the fit's own, position noise would look like an effect.
+        apart = ratio**2 * _acceleration_apart(data, fit, fast, at_s)
         across = np.abs(fast.v_mm_s[:, 1])
         ok = fit.ok & fast.ok & in_contact(data.t_s, at_s, contact_losses(data.t_s)) & (fit.gain < 1.5)
         ok &= ~_catching_up(data, at_s)
-        ok &= (across > 0.2 * shown) & (np.abs(bend) < 0.3) & (np.abs(step) < 2e-3)
+        ok &= (across > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
         parts.append(
             {
                 "run": np.full(m, k),
@@ -211,10 +214,37 @@ def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:
     return np.asarray(~(slowest > 0.45 * fastest))
 
 
-def _acceleration_apart(data: RunData, at_s: FloatArray, speed_half_s: FloatArray) -> FloatArray:
-    """Change of speed between windows on either side of the position's own, (m,) mm/s²; 0 where one is missing."""
-    width_s = np.clip(0.5 * speed_half_s, max(0.04, 4.5 * sample_interval_s(data.t_s)), 0.12)
-    apart_s = data.half_s + width_s
-    later = local_fit(data.t_s, data.xy_mm, at_s + apart_s, width_s, degree=2)
-    earlier = local_fit(data.t_s, data.xy_mm, at_s - apart_s, width_s, degree=2)
-    return np.where(later.ok & earlier.ok, (later.speed_mm_s - earlier.speed_mm_s) / (2 * apart_s), 0.0)
+def _acceleration_apart(data: RunData, position: LocalFit, fast: LocalFit, at_s: FloatArray) -> FloatArray:
+    """Change of speed about each edge, (m,) mm/s², cleared of the noise that it shares with the position.
+
+    Taken from speeds, not from bent positions, which a fast circle bends far more; over as much as a hand's own
+    changes last, so that its tremor is not taken for them. Both are weighted sums of the same events. Where the
+    narrow window of the position and the wide one of the motion disagree, that is noise; as much of it is taken off
+    as makes the two errors uncorrelated.
+    """
+    n = data.t_s.size
+    width_s = max(WIDTH_S, 4.5 * sample_interval_s(data.t_s))
+    later = local_fit(data.t_s, data.xy_mm, at_s + APART_S, width_s, degree=2)
+    earlier = local_fit(data.t_s, data.xy_mm, at_s - APART_S, width_s, degree=2)
+    change = (later.speed_mm_s - earlier.speed_mm_s) / (2 * APART_S)
+    share = [f.v_mm_s[:, 1] / np.maximum(f.speed_mm_s, 1e-6) / (2 * APART_S) for f in (later, earlier)]
+    narrow = sparse_rows(position.first, position.weights, n)
+    wide = sparse_rows(fast.first, fast.weights, n)
+    shared = share[0] * _overlap(narrow, sparse_rows(later.first, later.v_weights, n))
+    shared -= share[1] * _overlap(narrow, sparse_rows(earlier.first, earlier.v_weights, n))
+    own = position.gain - _overlap(narrow, wide)
+    share_off = np.where(own > 0.05 * position.gain, shared / np.maximum(own, 1e-12), 0.0)
+    change = change - share_off * (position.xy_mm[:, 1] - fast.xy_mm[:, 1])
+    return np.where(later.ok & earlier.ok, change, 0.0)
+
+
+def _overlap(a: csr_matrix, b: csr_matrix) -> FloatArray:
+    """Σ of products row by row, (m,)."""
+    return np.asarray(a.multiply(b).sum(axis=1)).ravel()
+
+
+def sparse_rows(first: np.ndarray, weights: FloatArray, n_events: int) -> csr_matrix:
+    """Windows' weights (m, w) beginning at event ``first`` as rows over all events, (m, n_events)."""
+    m, w = weights.shape
+    columns = np.minimum(first[:, None] + np.arange(w), n_events - 1)
+    return csr_matrix((weights.ravel(), columns.ravel(), np.arange(0, m * w + 1, w)), shape=(m, n_events))

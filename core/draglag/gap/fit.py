@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.gap.edges import Placed, RunData, place
-from draglag.gap.model import Geometry, LawParameters, base_columns, base_prior, residual_mm, starting_law
+from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm, starting_law
 from draglag.gap.noise import BETWEEN, LOCAL, Components, Scatter, Whitener, scatter, whitener
 from draglag.gap.signatures import SIGNATURES, Signature, View, view_of
 from draglag.recording import FloatArray, Session
 
-START = Components(0.05, 0.01, 0.0003, 0.03)
+START = Components(0.05, 0.01, 0.1, 0.0003, 0.03)
+FOLLOW_ACCELERATION = ("acceleration_lag", "lagging_law")
+ACCEL_UNKNOWN = 0.5
 FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 
@@ -49,6 +51,7 @@ class Fit:
     best: int
     log_likelihood: float
     width_mm: float
+    blur_mm: FloatArray
 
     @property
     def run_index(self) -> np.ndarray:
@@ -105,12 +108,12 @@ def fit_session(
     use = _usable(state, runs, loose=True) if start is None else start.use.copy()
     settled = judged = False
     for iteration in range(8):
-        parts = scatter(runs, state.placed, use)
+        parts = scatter(runs, state.placed, use, state.blur_mm)
         if (iteration == 4 and not judged) or settled:
             settled = False
             judged = True
             use = use & _usable(state, runs, loose=False) if start is None else use & state.placed.ok
-            parts = scatter(runs, state.placed, use)
+            parts = scatter(runs, state.placed, use, state.blur_mm)
             # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
             likely = _likeliest(parts, state.residual[use], state.design[use], state.prior, components)
             components = replace(likely, run_s=min(likely.run_s, 1e-3), run_mm=min(likely.run_mm, 0.03))
@@ -119,12 +122,12 @@ def fit_session(
         calm = 1 / np.sqrt(np.maximum(1.0, np.abs(b) / 4))  # Huber: far edges pull, but not with their square
         spread = np.linalg.pinv((a * calm[:, None]).T @ (a * calm[:, None]) + np.diag(state.prior), hermitian=True)
         step = spread @ ((a * calm[:, None]).T @ (b * calm))
-        cost = _calm_cost(b)
+        cost = _cost_without_nuisances(white, state, use)
         for _ in range(5):
             trial = _stepped(state, step, runs, width)
             both = use & np.isfinite(trial.residual)
             if np.count_nonzero(both) == np.count_nonzero(use):
-                new_cost = _calm_cost(white.apply(trial.residual[use]))
+                new_cost = _cost_without_nuisances(white, trial, use)
                 if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
                     break
             step = 0.4 * step
@@ -142,7 +145,7 @@ def fit_session(
         settled = not judged and gained < 0.5 and iteration >= 2
     placed, view, law, geometry, active = state.placed, state.view, state.law, state.geometry, list(state.terms)
     use = use & (_usable(state, runs, loose=False) if start is None else placed.ok)
-    parts = scatter(runs, placed, use)
+    parts = scatter(runs, placed, use, state.blur_mm)
     components = _likeliest(parts, state.residual[use], state.design[use], state.prior, components)
     residual, design, prior = state.residual, state.design, state.prior
     whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
@@ -166,6 +169,7 @@ def fit_session(
         best,
         float(values[best]),
         width,
+        state.blur_mm,
     )
 
 
@@ -175,7 +179,7 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
     Args:
         edges: mask over all placed edges, a subset of ``fit.use``.
     """
-    parts = scatter(fit.runs, fit.placed, edges)
+    parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
     keep = edges[fit.use]
     values = [
         _profile(whitener(parts, w.components), fit.residual_mm[keep], fit.design[keep], fit.prior)[0]
@@ -197,6 +201,7 @@ class _State:
     residual: FloatArray
     design: FloatArray
     prior: FloatArray
+    blur_mm: FloatArray
 
 
 def _look(
@@ -219,7 +224,24 @@ def _look(
         replace(t, theta=s.theta, sizes=t.sizes or (0.0,) * c.shape[1])
         for t, s, c in zip(terms, signatures, columns, strict=True)
     )
-    return _State(law, geometry, settled, placed, view, signatures, residual, design, prior)
+    blur = _blur_mm(settled, columns, view, placed)
+    return _State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur)
+
+
+def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
+    """What effects of the acceleration leave at each edge, mm: it is known to about half of what it varies by."""
+    blur = np.zeros(view.x_mm.size)
+    for term, column in zip(terms, columns, strict=True):
+        if term.effect not in FOLLOW_ACCELERATION:
+            continue
+        moved = column @ np.array(term.sizes)
+        for k in np.unique(placed.run):
+            run = (placed.run == k) & placed.ok
+            typical = (
+                np.sqrt(np.mean(moved[run] ** 2) / max(np.mean(view.v_across[run] ** 2), 1e-9)) if run.any() else 0
+            )
+            blur[placed.run == k] += ACCEL_UNKNOWN * typical * view.v_across[placed.run == k]
+    return blur
 
 
 def _stepped(state: _State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float) -> _State:
@@ -240,7 +262,7 @@ def _usable(state: _State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray
     """Edges to judge by: well placed, not far from their run, and not too uncertain to matter."""
     placed = state.placed
     use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
-    parts = scatter(runs, placed, use)
+    parts = scatter(runs, placed, use, state.blur_mm)
     sd = np.full(use.size, np.inf)
     local = np.concatenate([np.diag(c) for c in parts.touch])
     sd[use] = np.sqrt(local + 0.05**2 + (0.02 * parts.speed_lever_mm) ** 2 + parts.timing_mm**2)
@@ -251,6 +273,20 @@ def _usable(state: _State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray
         if not data.steady and np.count_nonzero(use & own) < 0.5 * np.count_nonzero(own):
             use[own] = False
     return np.asarray(use & _not_far(state.residual, sd, placed, use, loose))
+
+
+def _cost_without_nuisances(white: Whitener, state: _State, use: np.ndarray) -> float:
+    """Huber's cost after the best nuisances: a step must not be refused for what they would take up."""
+    end = base_prior(state.law).size
+    nuisance = slice(end - N_NUISANCES, end)
+    a, b = white.apply(state.design[use][:, nuisance]), white.apply(state.residual[use])
+    precision: FloatArray = state.prior[nuisance]
+    left: FloatArray = b
+    for _ in range(2):
+        calm = a / np.maximum(1.0, np.abs(left) / 4)[:, None]
+        size: FloatArray = np.linalg.solve(calm.T @ a + np.diag(precision), calm.T @ b)
+        left = b - a @ size
+    return _calm_cost(left) + 0.5 * float(size**2 @ precision)
 
 
 def _calm_cost(z: FloatArray) -> float:
@@ -331,8 +367,9 @@ def _likeliest(
     """The components of greatest likelihood: those of single edges and those of whole runs, turn about."""
     best = start
     for _ in range(2):
-        local = [replace(best, edge_mm=a, speed=b) for a, b in LOCAL]
-        best = max(local, key=lambda c: _profile(whitener(parts, c), residual, design, prior)[0])
+        for name, grid in LOCAL:
+            local = [replace(best, **{name: value}) for value in grid]
+            best = max(local, key=lambda c: _profile(whitener(parts, c), residual, design, prior)[0])
         between = [replace(best, run_s=a, run_mm=b) for a, b in BETWEEN]
         best = max(between, key=lambda c: _profile(whitener(parts, c), residual, design, prior)[0])
     return best

@@ -17,6 +17,8 @@ LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15
 SPEED_LAG_SD_S = 0.012
 FLATTENING_SD = 0.5
+LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
+N_NUISANCES = 2  # the last base columns: fitted at every step, never carried
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,9 @@ class LawParameters:
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
         moved = replace(
             self,
-            a1_s=self.a1_s + step[0],
+            a1_s=max(self.a1_s + step[0], LEAST_AMPLITUDE_S),
             a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), 3e-4, 0.15)),
-            a4_s=self.a4_s + step[2],
+            a4_s=max(self.a4_s + step[2], LEAST_AMPLITUDE_S),
             a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), 3e-4, 0.15)),
             a7_s=self.a7_s + step[4],
         )

@@ -20,6 +20,7 @@ from draglag.simulation.effects import EFFECTS
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
 REFITTED = 4
+RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
 PLATEAU = "low_speed_plateau"
 
 
@@ -71,12 +72,12 @@ def name(
 ) -> tuple[list[Name], Candidate | None]:
     """Names best first, and the smooth term that beats them all (or None).
 
-    Every significant library effect among the best few, and the plateau whenever speed is involved, is refitted
-    jointly with the rest of the model.
+    Every significant library effect among the best few, and the plateau always (as a change of the law it has no
+    column to be found by), is refitted jointly with the rest of the model.
     """
     significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
     tries = [(c.effect, c.theta, c.n_columns, c.n_grid) for c in significant[:REFITTED] if c.effect]
-    if PLATEAU in candidates and not plateau and finding.significant:
+    if PLATEAU in candidates and not plateau:
         tries.append((PLATEAU, (), 1, 8))
     before_mm = gap_mm(before)
     names = []
@@ -92,7 +93,9 @@ def name(
         gain = gained(before, fit) - 6 * n_columns - 2 * np.log(n_grid)
         names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit)))
     names.sort(key=lambda n: -n.gain)
-    names = [n for n in names if n.gain > 0 and n.improves]
+    # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
+    least = 0.0 if finding.significant else RARE
+    names = [n for n in names if n.gain > least and n.improves]
     smooth = shape_free(before.view)
     unnamed = next(
         (c for c in finding.significant if c.effect is None and shrinks_with(before, smooth[c.covariate, c.role])),

@@ -29,6 +29,8 @@ EXTRA_RUN = {
     "direction_asymmetry": "circles whose centre lies 30 mm off the beam",
 }
 
+BEYOND = 0.25  # how well the law's fall beyond the fastest speed is known, as a share of it
+
 
 @dataclass(frozen=True)
 class DriftVerdict:
@@ -113,8 +115,10 @@ def clock_offset(session: Session, fit: Fit, creep_s_per_s: float = 0.0) -> Offs
     origin_s = min(run.t_s[0] for run in fit.runs)
     expected_s = fit.law.a7_s + creep_s_per_s * (float(np.median(session.taps.registered_s)) - origin_s)
     difference = summary.median_s - expected_s
+    fastest = float(np.quantile(fit.view.speed, 0.95))
+    left_s = BEYOND * (float(fit.law(np.array([fastest]))[0]) - fit.law.a7_s)
     tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / 3.92
-    se = float(np.sqrt(a7_variance + tap_se**2 + TAP_SD_S**2))
+    se = float(np.sqrt(a7_variance + left_s**2 + tap_se**2 + TAP_SD_S**2))
     p = 2 * float(norm.sf(abs(difference) / se))
     if abs(difference) < OFFSET_S or p > 1e-3:
         return None

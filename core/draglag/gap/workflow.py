@@ -136,7 +136,9 @@ def close_gap(
     finding = find(fit, without=_left_out(allowed))
     unexplained: Candidate | None = None
     retries = 2
-    while finding.significant and len(steps) < max_effects:
+    looked = PLATEAU not in allowed
+    while len(steps) < max_effects and (finding.significant or not (plateau or looked)):
+        looked = not finding.significant
         tell(0.2 + 0.12 * len(steps), "naming")
         names, unnamed = name(repaired, fit, finding, allowed, plateau)
         better = refit(repaired, fit, fit.terms, plateau, names[0].fit.law) if names and retries else None
