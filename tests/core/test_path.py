@@ -55,7 +55,8 @@ def test_the_covariance_is_that_of_the_errors() -> None:
         noise = NOISE_MM * np.random.default_rng([seed, 1]).standard_normal((t_s.size, 2))
         path = path_of(t_s, circle(t_s) + noise)
         errors.append((path.at(at_s) - circle(at_s)).T)
-        foretold.append(path.covariance(at_s, t_s[[0, -1]]))
+        scale = path.excess_error(at_s, t_s[[0, -1]])
+        foretold.append(path.by_lag(np.abs(at_s[:, None] - at_s)) * scale[:, None] * scale)
     seen, told = np.cov(np.concatenate(errors).T), np.mean(foretold, axis=0)
     # 300 values know a variance to 8 %. The end is far less certain than the middle.
     assert np.diag(seen)[1:] == pytest.approx(np.diag(told)[1:], rel=0.35)

@@ -6,18 +6,18 @@ is tried, and the amplitudes at each are exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from draglag.curve.forms import FORMS, Form
 from draglag.errors import EstimateError
 from draglag.recording import FloatArray
 
+DAMPING = np.array([1e-9, 1e-2, 0.1, 1.0, 10.0])
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
 
 
@@ -26,23 +26,35 @@ class CurvePoints:
     """Latency of each run: speed_mm_s (n,), latency_s (n,), se_s (n,) standard error.
 
     ``speed_se_mm_s`` (n,) is the standard error of the speed, None where it is not known: on a steep curve it moves
-    a run off the curve as much as an error of its latency does.
+    a run off the curve as much as an error of its latency does. ``speed_sd_mm_s`` (n,) is how much the speed varied
+    from edge to edge, None for not at all: where the curve bends, a run's latency is the mean of L over its speeds,
+    which is not L of the mean speed.
     """
 
     speed_mm_s: FloatArray
     latency_s: FloatArray
     se_s: FloatArray
     speed_se_mm_s: FloatArray | None = None
+    speed_sd_mm_s: FloatArray | None = None
 
     def take(self, keep: np.ndarray) -> CurvePoints:
         speed_se = None if self.speed_se_mm_s is None else self.speed_se_mm_s[keep]
-        return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep], speed_se)
+        speed_sd = None if self.speed_sd_mm_s is None else self.speed_sd_mm_s[keep]
+        return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep], speed_se, speed_sd)
 
     def with_speed_error(self, slope_s_per_mm_s: FloatArray) -> CurvePoints:
         """The same points with the error of their speeds, times the curve's slope, added to ``se_s``."""
         if self.speed_se_mm_s is None:
             return self
         return replace(self, se_s=np.hypot(self.se_s, slope_s_per_mm_s * self.speed_se_mm_s))
+
+    @property
+    def speeds_mm_s(self) -> tuple[FloatArray, ...]:
+        """Speeds (n,) whose mean latency a run shows: one standard deviation to either side, exact to third order."""
+        if self.speed_sd_mm_s is None:
+            return (self.speed_mm_s,)
+        reach = np.minimum(self.speed_sd_mm_s, 0.5 * self.speed_mm_s)
+        return self.speed_mm_s - reach, self.speed_mm_s + reach
 
 
 @dataclass(frozen=True)
@@ -143,7 +155,7 @@ def fit_form(points: CurvePoints, form_name: str, tied_asymptote_s: float | None
         weight = 1 / np.sqrt(points.se_s**2 + between_s**2)
         values = _solve(form, points, weight, tied_asymptote_s, values if values.size else None)
         points = measured.with_speed_error(_slope(form, values, measured.speed_mm_s))
-        updated = _between_runs(points, _evaluate(form, values, points.speed_mm_s) * 1e-3, free)
+        updated = _between_runs(points, _shown_s(form, values, points), free)
         settled = abs(updated - between_s) < 0.1 * max(updated, 1e-6)
         between_s = updated
         if settled:
@@ -184,9 +196,20 @@ def fit_best(
     return replace(chosen, rivals=rivals, points=points)
 
 
+def _columns(form: Form, theta: FloatArray, points: CurvePoints) -> FloatArray:
+    """(g, n, p) columns of what the runs show, for shapes theta (g, k)."""
+    parts = [form.columns(theta, speed) for speed in points.speeds_mm_s]
+    return np.asarray(parts[0] if len(parts) == 1 else 0.5 * (parts[0] + parts[1]))
+
+
 def _evaluate(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
     k = len(form.shape_names)
-    return np.asarray(form.columns(values[:k], speed) @ values[k:])
+    return np.asarray(form.columns(values[None, :k], speed)[0] @ values[k:])
+
+
+def _shown_s(form: Form, values: FloatArray, points: CurvePoints) -> FloatArray:
+    """Latency the curve gives each run, s."""
+    return np.asarray(1e-3 * np.mean([_evaluate(form, values, speed) for speed in points.speeds_mm_s], axis=0))
 
 
 def _slope(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
@@ -200,7 +223,7 @@ def _slope(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
 def _jacobian(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
     k = len(form.shape_names)
     out = np.empty((speed.size, values.size))
-    out[:, k:] = form.columns(values[:k], speed)
+    out[:, k:] = form.columns(values[None, :k], speed)[0]
     for j in range(k):
         step = 1e-4 * max(abs(values[j]), 1e-6)
         up, down = values.copy(), values.copy()
@@ -214,43 +237,53 @@ def _solve(
     form: Form, points: CurvePoints, weight: FloatArray, tied_s: float | None, start: FloatArray | None
 ) -> FloatArray:
     """Best values over the grid (or from a start), polished."""
-    speed, latency_ms = points.speed_mm_s, 1e3 * points.latency_s
-    weight = 1e-3 * weight
+    latency_ms, weight = 1e3 * points.latency_s, 1e-3 * weight
+    target = latency_ms * weight
     k = len(form.shape_names)
+
+    def at(theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        columns = _columns(form, theta, points) * weight[:, None]
+        cost, amplitude = _non_negative(columns, target, tied_s)
+        return cost, amplitude, (columns @ amplitude[:, :, None])[:, :, 0] - target
+
     if start is None:
-        thetas = form.grid
-        columns = np.stack([form.columns(theta, speed) for theta in thetas])
-        cost, amplitude = _non_negative(columns * weight[:, None], latency_ms * weight, tied_s)
+        cost, amplitude, _ = at(form.grid)
         best = int(np.argmin(cost))
-        start = np.concatenate([thetas[best], amplitude[best]])
-    if k == 0:
-        _, amplitude = _non_negative(
-            form.columns(start[:0], speed)[None] * weight[:, None], latency_ms * weight, tied_s
-        )
-        return np.asarray(amplitude[0])
+        start = np.concatenate([form.grid[best], amplitude[best]])
     # Amplitudes are eliminated (variable projection): the polish moves the shapes only.
-    scale = np.log(np.clip(start[:k], form.lower, form.upper))
-
-    def residual(log_theta: FloatArray) -> FloatArray:
-        columns = form.columns(np.exp(log_theta), speed) * weight[:, None]
-        _, amplitude = _non_negative(columns[None], latency_ms * weight, tied_s)
-        return np.asarray(columns @ amplitude[0] - latency_ms * weight)
-
-    polished = least_squares(
-        residual,
-        scale,
-        bounds=(np.log(form.lower) - 1e-9, np.log(form.upper) + 1e-9),
-        x_scale=0.3,
-        max_nfev=12,
-        ftol=1e-7,
-        xtol=1e-6,
-        gtol=1e-9,
-    )
-    theta = np.exp(polished.x)
+    theta = start[:k]
+    if k:
+        theta = _polished(np.log(np.clip(theta, form.lower, form.upper)), form, lambda log_theta: at(np.exp(log_theta)))
     if k >= 2 and theta[0] > theta[1]:
         theta[:2] = theta[1::-1]
-    _, amplitude = _non_negative((form.columns(theta, speed) * weight[:, None])[None], latency_ms * weight, tied_s)
-    return np.concatenate([theta, amplitude[0]])
+    return np.concatenate([theta, at(theta[None])[1][0]])
+
+
+Tried = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+
+
+def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
+    """Levenberg–Marquardt on the logarithms of the shapes; all trial points of a step are evaluated together."""
+    k = log_theta.size
+    low, high = np.log(form.lower), np.log(form.upper)
+    h = 1e-4
+    around = h * np.concatenate([np.zeros((1, k)), np.eye(k), -np.eye(k)])
+    for _ in range(12):
+        cost, _, residual = at(log_theta + around)
+        jacobian = (residual[1 : k + 1] - residual[k + 1 :]).T / (2 * h)
+        normal, moment = jacobian.T @ jacobian, jacobian.T @ residual[0]
+        damped = normal + DAMPING[:, None, None] * (np.diag(normal) + 1e-12)[:, None] * np.eye(k)
+        step = -np.linalg.solve(damped, np.broadcast_to(moment[:, None], (DAMPING.size, k, 1)))[:, :, 0]
+        tried = np.clip(log_theta + np.clip(step, -0.7, 0.7), low, high)
+        costs = at(tried)[0]
+        best = int(np.argmin(costs))
+        if not costs[best] < cost[0]:
+            break
+        moved = float(np.abs(tried[best] - log_theta).max())
+        log_theta = tried[best]
+        if cost[0] - costs[best] < 1e-7 * cost[0] or moved < 1e-6:
+            break
+    return np.asarray(np.exp(log_theta))
 
 
 def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None) -> tuple[FloatArray, FloatArray]:
@@ -309,7 +342,7 @@ def _finish(
     tied_s: float | None,
 ) -> CurveFit:
     speed = points.speed_mm_s
-    error_s = points.latency_s - 1e-3 * _evaluate(form, values, speed)
+    error_s = points.latency_s - _shown_s(form, values, points)
     n, k = speed.size, form.n_parameters - (tied_s is not None)
     jacobian = 1e-3 * _jacobian(form, values, speed)
     free = np.ones(values.size, bool)
@@ -348,5 +381,5 @@ def _held_out_rms_s(points: CurvePoints, fit: CurveFit) -> float:
     variance = se_s**2 + fit.between_runs_s**2
     jacobian = 1e-3 * _jacobian(form, fit.values, points.speed_mm_s)
     leverage = np.einsum("ni,ij,nj->n", jacobian, fit.covariance, jacobian) / variance
-    error_s = points.latency_s - 1e-3 * _evaluate(form, fit.values, points.speed_mm_s)
+    error_s = points.latency_s - _shown_s(form, fit.values, points)
     return float(np.sqrt(np.mean((error_s / np.maximum(1 - leverage, 0.02)) ** 2)))

@@ -22,7 +22,7 @@ class Form:
     Attributes:
         shape_names: JSON names of the shape parameters θ, with unit.
         amplitude_names: JSON names of the non-negative amplitudes, in ms unless the name says otherwise.
-        columns: (θ (k,), v (n,) mm/s) → (n, p): L = columns @ amplitudes.
+        columns: (θ (g, k), v (n,) mm/s) → (g, n, p), for g settings at once: L = columns @ amplitudes.
         grid: (g, k) starting points. lower, upper: (k,) bounds of θ.
     """
 
@@ -45,23 +45,26 @@ class Form:
 
 
 def _constant(theta: FloatArray, v: FloatArray) -> FloatArray:
-    return np.ones((v.size, 1))
+    return np.ones((theta.shape[0], v.size, 1))
 
 
 def _exponential(theta: FloatArray, v: FloatArray) -> FloatArray:
-    return np.column_stack([np.exp(-theta[0] * v), np.ones_like(v)])
+    decay = np.exp(-theta[:, :1] * v)
+    return np.stack([decay, np.ones_like(decay)], axis=2)
 
 
 def _double(theta: FloatArray, v: FloatArray) -> FloatArray:
-    return np.column_stack([np.exp(-theta[0] * v), np.exp(-theta[1] * v), np.ones_like(v)])
+    fast, slow = np.exp(-theta[:, :1] * v), np.exp(-theta[:, 1:2] * v)
+    return np.stack([fast, slow, np.ones_like(fast)], axis=2)
 
 
 def _double_plateau(theta: FloatArray, v: FloatArray) -> FloatArray:
-    return _double(theta, np.maximum(v, theta[2]))
+    return _double(theta, np.maximum(v, theta[:, 2:3]))
 
 
 def _low_pass(theta: FloatArray, v: FloatArray) -> FloatArray:
-    return np.column_stack([1e3 / (2 * np.pi * (theta[0] + v)), np.ones_like(v)])
+    slow = 1e3 / (2 * np.pi * (theta[:, :1] + v))
+    return np.stack([slow, np.ones_like(slow)], axis=2)
 
 
 _PAIRS = np.array([(a, b) for i, a in enumerate(RATE_GRID) for b in RATE_GRID[i + 2 :]])

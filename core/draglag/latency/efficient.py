@@ -12,14 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.stats import t as student
+from scipy.linalg.lapack import dpbtrf, dpbtrs
+from scipy.special import stdtrit
 
 from draglag.beam import Lines, sides, stylus_diameter_mm
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
-from draglag.latency.path import Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import APART_S, Path, corner_of, events_of, smooth_path, spectrum_of
 from draglag.latency.scan import Scan, scan
 from draglag.latency.tremor import Tremor, tremor_of
 from draglag.motion import contact_losses, in_contact
@@ -28,8 +28,9 @@ from draglag.recording import FloatArray
 SPEED_SLOPE_SD_S = 0.08  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
 SCATTER_LASTS_S = 0.03
-SCATTER_MM = np.concatenate([[0.0], np.geomspace(0.01, 10.0, 31)])
-SCATTER_LOG_PRIOR = np.log(np.append(31.0, np.ones(31)))  # as likely none as any, and then of any size
+SCATTER_MM = np.concatenate([[0.0], 0.01 * 1.6 ** np.arange(15)])
+SCATTER_LOG_PRIOR = np.log(np.append(15.0, np.ones(15)))  # as likely none as any, and then of any size
+SURELY_CALM = 0.2  # nothing calls for another explanation of the edges
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
 UNSURE = 3.0  # a place this many times less sure than the median is none
 
@@ -54,16 +55,13 @@ class Track:
             xy_mm = xy_mm + self.tremor.at(t_s)
         return xy_mm
 
-    def covariance(self, t_s: FloatArray) -> FloatArray:
-        out = self.path.covariance(t_s, self.edges_of_trace_s)
-        if self.tremor is not None:
-            out = out + self.tremor.covariance(t_s, self.with_tremor)
-        return out
-
 
 @dataclass(frozen=True)
 class Solution:
-    """A converged fit. parameters: L (s), slope, middle (mm), half width (mm), dL/dln v (s)."""
+    """A converged fit. parameters: L (s), slope, middle (mm), half width (mm), dL/dln v (s).
+
+    tau_mm: scatter of single edges beyond what is known; calm: the probability that there is none.
+    """
 
     latency_s: float
     parameters: FloatArray
@@ -75,6 +73,7 @@ class Solution:
     residual_mm: FloatArray
     log_likelihood: float
     tau_mm: float
+    calm: float
     n_outside: int
     track: Track
 
@@ -107,11 +106,13 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
         return replace(blank, flags=("unidentifiable",))
     solutions.sort(key=lambda s: -s.log_likelihood / max(s.edges.t_s.size, 1))
     best = solutions[0]
-    if track.tremor is not None:
+    if track.tremor is not None and best.calm < SURELY_CALM:
         # Where a steep law re-times the trace, what looks like tremor is not where the stylus was: the edges tell.
-        plain = solve(ready, best.latency_s, replace(track, with_tremor=False))
-        if plain is not None and plain.log_likelihood > best.log_likelihood:
-            best = plain
+        without = replace(track, with_tremor=False)
+        if _likelihood(best, without) > best.log_likelihood - 1.0:
+            plain = solve(ready, best.latency_s, without)
+            if plain is not None and plain.log_likelihood > best.log_likelihood:
+                best = plain
     extra = []
     if any(
         best.log_likelihood - rival.log_likelihood < ALIAS_LOG_LIKELIHOOD
@@ -145,7 +146,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
     edges = _placed(ready, latency_s, track)
     n_lost = total - edges.t_s.size
     start_s, slope = latency_s, 0.0
-    known: FloatArray | None = None
+    known: _Known | None = None
     fit: _Fit | None = None
     for step in range(10):
         if edges.t_s.size < FEWEST_EDGES:
@@ -158,25 +159,27 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         if not keep.all():
             # An edge that cannot be placed is dropped; one that no stylus made is rejected further down.
             n_lost += int(np.count_nonzero(~keep))
-            edges, known = Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected), None
+            edges, known, fit = Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected), None, None
             continue
-        if known is None or known.shape[0] != edges.t_s.size:
-            known = track.covariance(at_s)
-            basis = _basis(edges.t_s, known)
+        if known is None:
+            known = _known(edges.t_s, at_s, track)
         side = sides(edges.falling, across)
-        fit = _weighted_fit(_design(xy_mm, speed, side, across), xy_mm[:, 1], basis)
+        design = _design(xy_mm, speed, side, across)
+        fit = _weighted_fit(design, xy_mm[:, 1], known, SCATTER_MM[:1])
         slope = float(fit.estimate[1])
         latency_s += float(np.clip(fit.estimate[0], -0.03, 0.03))
         if abs(latency_s - start_s) > 0.06:
             return None
-        outlier = _outliers(fit.residual, known)
+        outlier = _outliers(fit.residual, known.variance)
         if step >= 1 and outlier.any() and edges.t_s.size - np.count_nonzero(outlier) >= FEWEST_EDGES:
             edges, known, fit = edges.take(~outlier), None, None
             continue
         if abs(fit.estimate[0]) < 2e-6 and step >= 1:
             break
-    if fit is None or fit.residual.size != edges.t_s.size:
+    if fit is None or known is None:
         return None
+    fit = _weighted_fit(design, xy_mm[:, 1], known)
+    latency_s += float(np.clip(fit.estimate[0], -0.03, 0.03))
     parameters = fit.estimate.copy()
     parameters[0] = latency_s
     return Solution(
@@ -190,9 +193,19 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         fit.residual,
         fit.log_likelihood,
         fit.tau_mm,
+        fit.calm,
         n_lost,
         track,
     )
+
+
+def _likelihood(solution: Solution, track: Track) -> float:
+    """Of the edges of a solution, at its latency, on another track."""
+    at_s = solution.edges.t_s + solution.latency_s
+    xy_mm, speed = track.at(at_s), solution.speed_mm_s
+    across = solution.v_mm_s[:, 1] - solution.parameters[1] * solution.v_mm_s[:, 0]
+    design = _design(xy_mm, speed, solution.side, across)
+    return _weighted_fit(design, xy_mm[:, 1], _known(solution.edges.t_s, at_s, track)).log_likelihood
 
 
 def _placed(ready: Prepared, latency_s: float, track: Track) -> Edges:
@@ -212,23 +225,33 @@ def _design(xy_mm: FloatArray, speed_mm_s: FloatArray, side: FloatArray, across:
 
 
 @dataclass(frozen=True)
-class _Basis:
-    """Coordinates in which the known covariance is the identity and the extra scatter is diagonal."""
+class _Known:
+    """Covariances of the edges as bands below the diagonal, (b, m): what is known, and the form of what is not."""
 
-    vectors: FloatArray
+    bands: FloatArray
     extra: FloatArray
-    log_det: float
+
+    @property
+    def variance(self) -> FloatArray:
+        return np.asarray(self.bands[0])
 
 
-def _basis(edge_t_s: FloatArray, covariance: FloatArray) -> _Basis:
+def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> _Known:
     """What scatters edges beyond what is known lasts tens of milliseconds: two edges of a fast crossing share it."""
     m = edge_t_s.size
-    lag = (edge_t_s[:, None] - edge_t_s[None, :]) / SCATTER_LASTS_S
-    extra = np.exp(-0.5 * lag**2) + 0.02 * np.eye(m)
-    known = covariance + (1e-3 * float(np.trace(covariance)) / m + 1e-9) * np.eye(m)
-    values, vectors = eigh(extra, known, check_finite=False)
-    # vectors' known vectors = 1, so log det known = −2 log |det vectors|.
-    return _Basis(vectors, values, -2 * float(np.linalg.slogdet(vectors)[1]))
+    reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + APART_S) - np.arange(m)))
+    row = np.arange(reach)[:, None] + np.arange(m)[None, :]
+    inside = row < m
+    row = np.minimum(row, m - 1)
+    lag_s = np.where(inside, edge_t_s[row] - edge_t_s, np.inf)
+    scale = track.path.excess_error(at_s, track.edges_of_trace_s)
+    bands = track.path.by_lag(lag_s) * scale[row] * scale
+    if track.tremor is not None:
+        bands += track.tremor.by_lag(lag_s, track.with_tremor)
+    bands[0] += 1e-3 * bands[0].mean() + 1e-9
+    extra = np.exp(-0.5 * (lag_s / SCATTER_LASTS_S) ** 2)
+    extra[0] += 0.02
+    return _Known(bands, extra)
 
 
 @dataclass(frozen=True)
@@ -237,40 +260,52 @@ class _Fit:
     spread: FloatArray
     residual: FloatArray
     tau_mm: float
+    calm: float
     log_likelihood: float
 
 
-def _weighted_fit(design: FloatArray, response: FloatArray, basis: _Basis) -> _Fit:
-    """Generalised least squares for every extra scatter τ at once, by restricted likelihood."""
+def _weighted_fit(
+    design: FloatArray, response: FloatArray, known: _Known, scatter_mm: FloatArray = SCATTER_MM
+) -> _Fit:
+    """Generalised least squares, averaged over the extra scatters τ by their restricted likelihood."""
     scale = np.sqrt((design**2).mean(0)) + 1e-12
-    prior = np.zeros(design.shape[1])
+    prior = np.zeros(5)
     prior[4] = (scale[4] ** -2) / SPEED_SLOPE_SD_S**2
-    a, b = basis.vectors.T @ (design / scale), basis.vectors.T @ response
-    weight = 1 / (1 + SCATTER_MM[:, None] ** 2 * basis.extra)
-    normal = np.einsum("tn,np,nq->tpq", weight, a, a, optimize=True) + np.diag(prior)
-    moment = weight @ (a * b[:, None])
-    spread = np.linalg.inv(normal)
-    estimate = np.einsum("tpq,tq->tp", spread, moment)
-    chi2 = weight @ (b * b) - np.einsum("tp,tp->t", moment, estimate)
-    value = -0.5 * (chi2 - np.log(weight).sum(1) + np.linalg.slogdet(normal)[1] + basis.log_det) + SCATTER_LOG_PRIOR
+    both = np.column_stack([design / scale, response])
+    grams, log_dets = np.empty((scatter_mm.size, 6, 6)), np.empty(scatter_mm.size)
+    for k, tau in enumerate(scatter_mm):
+        factor, bad = dpbtrf(known.bands + tau**2 * known.extra, lower=1)
+        if bad:
+            raise np.linalg.LinAlgError("the edges' covariance is not positive definite")
+        grams[k] = both.T @ dpbtrs(factor, both, lower=1)[0]
+        log_dets[k] = np.log(factor[0]).sum()
+    normal, moment = grams[:, :5, :5] + np.diag(prior), grams[:, :5, 5]
+    spreads = np.linalg.inv(normal)
+    estimates = np.einsum("tpq,tq->tp", spreads, moment)
+    chi2 = grams[:, 5, 5] - (moment * estimates).sum(1)
+    value = SCATTER_LOG_PRIOR[: scatter_mm.size] - 0.5 * chi2 - log_dets - 0.5 * np.linalg.slogdet(normal)[1]
     # The mean over τ, by its probability: the best τ alone is often 0, and its interval then too short.
     share = np.exp(value - value.max())
     total = float(share.sum())
     share /= total
-    mean = share @ estimate
-    apart = estimate - mean
-    together = np.einsum("t,tpq->pq", share, spread) + (apart * share[:, None]).T @ apart
+    mean = share @ estimates
+    apart = estimates - mean
+    together = np.einsum("t,tpq->pq", share, spreads) + (apart * share[:, None]).T @ apart
     best = mean / scale
-    tau_mm = float(np.sqrt(share @ SCATTER_MM**2))
-    evidence = float(value.max()) + float(np.log(total))
-    return _Fit(best, together / np.outer(scale, scale), response - design @ best, tau_mm, evidence)
+    return _Fit(
+        best,
+        together / np.outer(scale, scale),
+        response - design @ best,
+        float(np.sqrt(share @ scatter_mm**2)),
+        float(share[0]),
+        float(value.max()) + float(np.log(total)),
+    )
 
 
-def _outliers(residual: FloatArray, covariance: FloatArray) -> np.ndarray:
+def _outliers(residual: FloatArray, variance: FloatArray) -> np.ndarray:
     """Edges that no stylus made: beyond 5 robust standard deviations of the rest, at most a fifth at a time."""
     scale = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
-    expected = np.sqrt(np.diag(covariance))
-    limit = 5 * np.maximum(expected, scale)
+    limit = 5 * np.maximum(np.sqrt(variance), scale)
     out = np.abs(residual) > limit
     if np.count_nonzero(out) > 0.2 * residual.size:
         worst = np.argsort(-np.abs(residual / limit))[: int(0.2 * residual.size)]
@@ -300,7 +335,7 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
         best.v_mm_s,
         lines,
     )
-    reach = float(student.ppf(0.975, max(min(best.dof, best.track.path.noise_dof), 1.0))) * best.se_s
+    reach = float(stdtrit(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975)) * best.se_s
     x_mm = alignment.x_mm
     # Noise across the motion adds half its variance over the speed, which is taken off again. The path averages tremor
     # away, which a steeply falling law makes the trace run fast and slow with.

@@ -13,10 +13,10 @@ What is left of the events is noise and whatever the hand did faster than the co
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.fft import irfft
+from scipy.fft import irfft, rfft
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import get_window
 
@@ -27,6 +27,7 @@ SEGMENT_S = 8.0
 KNOTS_PER_PERIOD = 10.0  # of the corner frequency
 LONGEST_FILL = 3  # missing events that interpolation bridges without harm
 NOISE_UP_TO_HZ = 7.0  # between the path and tremor there is only noise
+APART_S = 3.0  # edges further apart share no error
 LAG_STEP_S, LAG_POINTS = 0.005, 2048  # of the table of covariances
 QUIET_FROM_HZ = 14.0  # and above tremor
 FILTERS_HZ = (2.0, 4.0, 8.0, 16.0)
@@ -74,19 +75,23 @@ def spectrum_of(events: Events) -> Spectrum:
     even = events.even(events.xy_mm - velocity * (late_s - _slow(late_s))[:, None])
     n = even.shape[0]
     m = min(round(SEGMENT_S / events.dt_s), n)
-    window = get_window("blackmanharris", m)
+    window, ramp = _window(m)
     starts = np.arange(0, n - m + 1, max(m // (4 if n < 3 * m else 2), 1))
     # A filled gap looks like noise of every frequency: only stretches without one count, where there are any.
     gap = events.slot[:-1][np.diff(events.slot) > LONGEST_FILL]
     holes = np.searchsorted(gap, starts + m) - np.searchsorted(gap, starts)
     starts = starts[holes == holes.min()]
-    pieces = np.stack([even[s : s + m] for s in starts])
-    ramp = np.linspace(0, 1, m)[None, :, None]
-    pieces = pieces - pieces[:, :1] - ramp * (pieces[:, -1:] - pieces[:, :1])
-    pieces = pieces - pieces.mean(1, keepdims=True)
-    transform = np.fft.rfft(window[None, :, None] * pieces, axis=1)
-    power = np.mean(transform.real**2 + transform.imag**2, axis=(0, 2)) * 2 * events.dt_s / float(window @ window)
+    pieces = np.lib.stride_tricks.sliding_window_view(np.ascontiguousarray(even.T), m, axis=1)[:, starts]
+    pieces = pieces - pieces[..., :1] - ramp * (pieces[..., -1:] - pieces[..., :1])
+    pieces -= pieces.mean(-1, keepdims=True)
+    transform = rfft(window * pieces)
+    power = np.mean(transform.real**2 + transform.imag**2, axis=(0, 1)) * 2 * events.dt_s / float(window @ window)
     return Spectrum(np.asarray(np.fft.rfftfreq(m, events.dt_s)), np.asarray(power, np.float64), events.dt_s)
+
+
+@lru_cache(maxsize=16)
+def _window(m: int) -> tuple[FloatArray, FloatArray]:
+    return np.asarray(get_window("blackmanharris", m)), np.linspace(0, 1, m)
 
 
 def _slow(late_s: FloatArray) -> FloatArray:
@@ -193,36 +198,29 @@ class Path:
     def _weights(self, t_s: FloatArray, order: int) -> tuple[IntArray, list[FloatArray]]:
         return _bspline(t_s, self.start_s, self.step_s, self.coefficients.shape[0], order)
 
-    def covariance(self, t_s: FloatArray, edge_of: FloatArray) -> FloatArray:
-        """Covariance of the error of one coordinate at times (m,), mm², (m, m).
+    def by_lag(self, lag_s: FloatArray) -> FloatArray:
+        """Covariance of the errors of one coordinate at two times that far apart, away from ends and gaps, mm²."""
+        return looked_up(self._by_lag, lag_s / LAG_STEP_S)
 
-        Far from ends and gaps it depends on the lag only. edge_of: (k,) times of ends and gaps; near these
-        it is larger.
-        """
-        lag = np.abs(t_s[:, None] - t_s[None, :])
-        table = self._by_lag
-        k = np.minimum((lag / LAG_STEP_S).astype(np.int64), table.size - 2)
-        f = np.minimum(lag / LAG_STEP_S - k, 1.0)
-        out = (1 - f) * table[k] + f * table[k + 1]
-        near = np.flatnonzero(np.abs(t_s[:, None] - edge_of[None, :]).min(1) < 1.0 / self.corner_hz)
+    def excess_error(self, t_s: FloatArray, edge_of_s: FloatArray) -> FloatArray:
+        """By how much the error at times (m,) is larger than far from ends and gaps, whose times are edge_of_s (k,)."""
+        scale = np.ones(t_s.size)
+        near = np.flatnonzero(np.abs(t_s[:, None] - edge_of_s[None, :]).min(1) < 1.0 / self.corner_hz)
         if near.size:
-            first, weights = self._weights(t_s, 0)
-            basis = np.zeros((self.coefficients.shape[0], near.size))
+            first, weights = self._weights(t_s[near], 0)
+            basis = np.zeros((self.coefficients.shape[0], near.size), order="F")
             for j in range(4):
-                basis[first[near] + j, np.arange(near.size)] = weights[j][near]
+                basis[first + j, np.arange(near.size)] = weights[j]
             solved = cho_solve_banded((self.factor, True), basis, check_finite=False)
-            own = [weights[j][near] * solved[first[near] + j, np.arange(near.size)] for j in range(4)]
-            scale = np.ones(t_s.size)
-            scale[near] = np.sqrt(np.maximum(self.noise_mm**2 * sum(own) / table[0], 1.0))
-            out *= scale[:, None] * scale[None, :]
-        return np.asarray(out)
+            variance = self.noise_mm**2 * (basis * solved).sum(0)
+            scale[near] = np.sqrt(np.maximum(variance / self._by_lag[0], 1.0))
+        return scale
 
     @cached_property
     def _by_lag(self) -> FloatArray:
         f_hz, kept = self._kept
         size = 2 * (f_hz.size - 1)
-        table = self.noise_mm**2 * self.dt_s / LAG_STEP_S * irfft(kept, size)[: size // 2]
-        return np.asarray(table * np.linspace(1, 0, table.size))  # the taper keeps it a covariance
+        return self.noise_mm**2 * self.dt_s / LAG_STEP_S * tapered(irfft(kept, size)[: size // 2], LAG_STEP_S)
 
     @cached_property
     def _kept(self) -> tuple[FloatArray, FloatArray]:
@@ -236,6 +234,24 @@ class Path:
         """Variance of the error of one component of the velocity, (mm/s)²."""
         f_hz, kept = self._kept
         return float(self.noise_mm**2 * 2 * self.dt_s * f_hz[1] * np.sum((2 * np.pi * f_hz) ** 2 * kept))
+
+
+def looked_up(table: FloatArray, position: FloatArray) -> FloatArray:
+    """Linear interpolation in a table that is zero beyond its end; positions ≥ 0 in steps of the table."""
+    position = np.minimum(position, table.size - 1.001)
+    k = position.astype(np.int64)
+    low = table[k]
+    return np.asarray(low + (position - k) * (table[k + 1] - low))
+
+
+def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
+    """A table of autocovariances, zero from APART_S on, still a covariance (Parzen's window)."""
+    u = step_s * np.arange(int(APART_S / step_s) + 2) / APART_S
+    window = np.where(u < 0.5, 1 - 6 * u**2 * (1 - u), 2 * np.maximum(1 - u, 0.0) ** 3)
+    out = np.zeros(u.size)
+    k = min(u.size, by_lag.size)
+    out[:k] = by_lag[:k] * window[:k]
+    return out
 
 
 def _penalty(f_hz: FloatArray, rhythm_hz: float) -> FloatArray:

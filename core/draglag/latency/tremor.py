@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from draglag.latency.path import Events, Path
+from draglag.latency.path import Events, Path, looked_up, tapered
 from draglag.recording import FloatArray
 
 BAND_HZ = (7.0, 14.0)
@@ -35,35 +35,28 @@ class Tremor:
     whole: FloatArray
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        """(..., 2) mm at any times."""
-        return _between(self.xy_mm, (t_s - self.start_s) / self.step_s)
+        """(m, 2) mm at times (m,)."""
+        position = np.clip((t_s - self.start_s) / self.step_s, 0.0, self.xy_mm.shape[0] - 1.001)
+        k = position.astype(np.int64)
+        f = (position - k)[:, None]
+        return np.asarray((1 - f) * self.xy_mm[k] + f * self.xy_mm[k + 1])
 
-    def covariance(self, t_s: FloatArray, estimated: bool) -> FloatArray:
-        """(m, m) covariance, mm², of the error of one coordinate with or without the estimate."""
-        table = self.unseen if estimated else self.whole
-        lag = np.abs(t_s[:, None] - t_s[None, :]) / self.step_s
-        return _between(table, lag)
-
-
-def _between(table: FloatArray, position: FloatArray) -> FloatArray:
-    k = np.clip(position.astype(np.int64), 0, table.shape[0] - 2)
-    f = np.clip(position - k, 0.0, 1.0)
-    if table.ndim == 2:
-        f = f[..., None]
-    return np.asarray((1 - f) * table[k] + f * table[k + 1])
+    def by_lag(self, lag_s: FloatArray, estimated: bool) -> FloatArray:
+        """Covariance, mm², of the errors of one coordinate that far apart, with or without the estimate."""
+        return looked_up(self.unseen if estimated else self.whole, lag_s / self.step_s)
 
 
 def tremor_of(events: Events, path: Path) -> Tremor | None:
     """The tremor of a run; None where the touch rate cannot show any."""
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
-    left = np.zeros((size, 2))
-    left[events.slot] = events.xy_mm - path.at(events.t_s)
+    left = np.zeros((2, size))
+    left[:, events.slot] = (events.xy_mm - path.at(events.t_s)).T
     f_hz = np.fft.rfftfreq(size, events.dt_s)
     if f_hz[-1] < BESIDE_HZ[1][1] + 2 or n * events.dt_s < 2.0:
         return None
-    transform = rfft(left, axis=0)
-    power = (transform.real**2 + transform.imag**2).sum(1) / 2 * 2 * events.dt_s / events.slot.size
+    transform = rfft(left)
+    power = (transform.real**2 + transform.imag**2).sum(0) / 2 * 2 * events.dt_s / events.slot.size
     width = max(1, round(SMOOTH_HZ / f_hz[1]))
     total = np.cumsum(np.pad(power, (width // 2 + 1, width - width // 2), mode="edge"))
     smooth = (total[width:] - total[:-width])[: power.size] / width
@@ -73,12 +66,12 @@ def tremor_of(events: Events, path: Path) -> Tremor | None:
     inside = (f_hz >= BAND_HZ[0]) & (f_hz <= BAND_HZ[1])
     excess = np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)
     gain = excess / np.maximum(excess + floor, 1e-12)
-    fine = irfft(transform * gain[:, None], size * FINER, axis=0) * FINER
-    lag_hz = np.fft.rfftfreq(LAG_POINTS, events.dt_s / FINER)
+    fine = irfft(transform * gain, size * FINER).T * FINER
+    step_s = events.dt_s / FINER
+    lag_hz = np.fft.rfftfreq(LAG_POINTS, step_s)
     to_lag = 0.5 * lag_hz[1] * LAG_POINTS
-    taper = np.linspace(1, 0, LAG_POINTS // 2)  # keeps it a covariance
     unseen, whole = (
-        irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), LAG_POINTS)[: LAG_POINTS // 2] * taper
+        tapered(irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), LAG_POINTS)[: LAG_POINTS // 2], step_s)
         for one in (gain * floor, excess)
     )
-    return Tremor(float(events.t_s[0]), events.dt_s / FINER, fine[: n * FINER], unseen, whole)
+    return Tremor(float(events.t_s[0]), step_s, fine[: n * FINER], unseen, whole)
