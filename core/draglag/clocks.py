@@ -158,6 +158,21 @@ def laser_clock(run: Run, also: Sequence[ClockBounds] = ()) -> ClockFit | None:
     return fit_clock(parts) if parts else None
 
 
+def remapped_within(run: Run, also: Sequence[ClockBounds] = ()) -> tuple[Run, float | None]:
+    """``remapped`` and ``latency_uncertainty_s`` of a run at once."""
+    device_s = run.laser.device_t_s
+    if not len(device_s):
+        return run, 0.0
+    fit = laser_clock(run, also)
+    if fit is None:
+        return run, None
+    try:
+        host_s, width = fit.map_to_host(device_s, run.laser.epoch if len(run.laser.epoch) else 0)
+    except DataError:
+        return run, None
+    return replace(run, laser=replace(run.laser, t_s=host_s)), float(width.max())
+
+
 def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float | None:
     """By how much the clocks may shift every latency of a run, a half-width in s.
 
@@ -165,17 +180,7 @@ def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float |
     comparison covers them. ``also``: comparisons from outside the run (``Session.clocks``). It is a bound on a
     shift common to all edges, so it adds to the ends of an interval and does not shrink with more edges.
     """
-    device_s = run.laser.device_t_s
-    if not len(device_s):
-        return 0.0
-    fit = laser_clock(run, also)
-    if fit is None:
-        return None
-    try:
-        _, width = fit.map_to_host(device_s, run.laser.epoch if len(run.laser.epoch) else 0)
-    except DataError:
-        return None
-    return float(width.max())
+    return remapped_within(run, also)[1]
 
 
 def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
@@ -183,15 +188,7 @@ def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
 
     Returned unchanged where there is nothing to map with. Edges stay in the order they were in.
     """
-    device_s = run.laser.device_t_s
-    fit = laser_clock(run, also) if len(device_s) else None
-    if fit is None:
-        return run
-    try:
-        host_s, _ = fit.map_to_host(device_s, run.laser.epoch if len(run.laser.epoch) else 0)
-    except DataError:
-        return run
-    return replace(run, laser=replace(run.laser, t_s=host_s))
+    return remapped_within(run, also)[0]
 
 
 def _with_epochs(part: ClockBounds) -> ClockBounds:
@@ -208,12 +205,15 @@ def _fit_epoch(epoch: int, device: FloatArray, low: FloatArray, high: FloatArray
     # Lines must pass above the floor and below the ceiling; only the hulls of both can touch them.
     floor = _hull(span, low - device - base, upper=True)
     ceiling = _hull(span, high - device - base, upper=False)
-    slack, uneven = _least_slack(floor, ceiling), 0.0
-    if slack > 0:
-        slack = 1.01 * slack + _ROUNDING_S
+    slack, uneven = 0.0, 0.0
+    polygon = _feasible(floor, ceiling, slack)
+    if not len(polygon):
+        slack = 1.01 * _least_slack(floor, ceiling) + _ROUNDING_S
         trips = (high - low)[np.isfinite(high - low)]
         uneven = slack + (float(np.median(trips)) if trips.size else 0.0)
-    polygon = _feasible(floor, ceiling, slack)
+        polygon = _feasible(floor, ceiling, slack)
+    if not len(polygon):
+        raise DataError("the clock comparisons cannot be fitted", "compare the clocks again")
     offset, drift = _centre(polygon)
     corners = polygon - np.array([offset, 0.0])
     return EpochClock(
@@ -253,7 +253,7 @@ def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
 
 
 def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
-    """The smallest widening with which a line fits (a linear programme); 0 where one fits as it is."""
+    """The smallest widening with which a line fits (a linear programme), s."""
     scale = 1e6  # microseconds and ppm keep the solver's tolerances meaningful
     rows = [[-1.0, -x, -1.0] for x, _ in floor] + [[1.0, x, -1.0] for x, _ in ceiling]
     sides = [-scale * y for _, y in floor] + [scale * y for _, y in ceiling]
@@ -261,12 +261,14 @@ def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
     found = linprog([0.0, 0.0, 1.0], A_ub=rows, b_ub=sides, bounds=[(None, None), (-limit, limit), (0.0, None)])
     if not found.success:
         raise DataError("the clock comparisons cannot be fitted", "compare the clocks again")
-    slack = float(found.x[2]) / scale
-    return slack if slack > 1e-10 else 0.0
+    return float(found.x[2]) / scale
 
 
 def _feasible(floor: FloatArray, ceiling: FloatArray, slack: float) -> FloatArray:
-    """Corners (offset, drift) of the lines between floor and ceiling: a box, cut by one half-plane a bound."""
+    """Corners (offset, drift) of the lines between floor and ceiling: a box, cut by one half-plane a bound.
+
+    Without corners where no line fits.
+    """
     reach = 1.0 + float(np.abs(np.concatenate([floor[:, 1], ceiling[:, 1]])).max())
     reach += LARGEST_DRIFT * float(np.abs(np.concatenate([floor[:, 0], ceiling[:, 0]])).max())
     b = LARGEST_DRIFT
@@ -276,8 +278,6 @@ def _feasible(floor: FloatArray, ceiling: FloatArray, slack: float) -> FloatArra
         polygon = _cut(polygon, np.array([-1.0, -x]), -(y - widen))
     for x, y in ceiling:
         polygon = _cut(polygon, np.array([1.0, x]), y + widen)
-    if not len(polygon):
-        raise DataError("the clock comparisons cannot be fitted", "compare the clocks again")
     return polygon
 
 

@@ -337,10 +337,10 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
     )
     reach = float(stdtrit(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975)) * best.se_s
     x_mm = alignment.x_mm
-    # Noise across the motion adds half its variance over the speed, which is taken off again. The path averages tremor
-    # away, which a steeply falling law makes the trace run fast and slow with.
-    noise2 = best.track.path.speed_variance
-    mean = float(np.mean(speed - noise2 / (2 * np.maximum(speed, 1.0))))
+    # Noise across the motion adds half its variance over the speed, which is taken off again. Tremor, which the path
+    # averages away, adds as much; and an edge is the likelier the faster the stylus crosses.
+    noise2, tremor2 = best.track.path.speed_variance, 0.0 if best.track.tremor is None else best.track.tremor.speed2
+    mean = float(np.mean(speed + (3 * tremor2 - noise2) / (2 * np.maximum(speed, 10.0))))
     return replace(
         blank,
         n_edges=n,
@@ -348,6 +348,7 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
         speed_mm_s=mean,
         # Edges of one crossing share their windows: half as many independent speeds as edges.
         speed_se_mm_s=float(np.sqrt(2 * noise2 / n)),
+        speed_sd_mm_s=float(np.sqrt(max(float(np.var(speed)) - noise2, 0.0) + tremor2)),
         latency_s=latency_s,
         latency_se_s=best.se_s,
         latency_ci95_s=(latency_s - reach, latency_s + reach),

@@ -57,7 +57,8 @@ class Alignment:
 class RunEstimate:
     """Latency of one run with its 95 % interval and its verdict; ``latency_s`` is None where there is none.
 
-    ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words. ``clock_uncertainty_s``
+    ``speed_se_mm_s`` is the standard error of the mean speed, ``speed_sd_mm_s`` how much the speed varied from edge to
+    edge. ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words. ``clock_uncertainty_s``
     is what the laser's clock may shift the latency by (the interval holds it); None where that is not known.
     """
 
@@ -70,6 +71,7 @@ class RunEstimate:
     speed_mm_s: float | None = None
     speed_filtered_mm_s: float | None = None
     speed_se_mm_s: float | None = None
+    speed_sd_mm_s: float | None = None
     latency_s: float | None = None
     latency_se_s: float | None = None
     latency_ci95_s: tuple[float, float] | None = None

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.clocks import WARN_S, clock_warnings, fit_clocks, latency_uncertainty_s, remapped
+from draglag.clocks import WARN_S, clock_warnings, fit_clocks, remapped_within
 from draglag.errors import DataError
 from draglag.latency.estimate import WINDOW_S, RunEstimate, estimate_run
 from draglag.recording import ClockBounds, FloatArray, Run, Session, Taps
@@ -56,7 +56,7 @@ def estimate_on_clock(
     """
     around = nearby(run, clocks)
     try:
-        run, bound_s = remapped(run, around), latency_uncertainty_s(run, around)
+        run, bound_s = remapped_within(run, around)
     except DataError:  # comparisons that cannot be read as such tell nothing
         bound_s = None
     return with_clock(estimate_run(run, stylus_diameter_mm, estimator, update_rate_hz, window_s), bound_s)

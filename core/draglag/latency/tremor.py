@@ -26,6 +26,8 @@ class Tremor:
     """Estimated tremor on a fine grid, (g, 2) mm, and autocovariances by lag in the same steps, mm², (k,).
 
     ``unseen``: of the estimate's own error. ``whole``: of the tremor, for those who leave it out.
+    ``speed2``: variance of one component of the tremor's velocity, (mm/s)²; from what lies across the motion, since a
+    latency that depends on speed magnifies what lies along it.
     """
 
     start_s: float
@@ -33,6 +35,7 @@ class Tremor:
     xy_mm: FloatArray
     unseen: FloatArray
     whole: FloatArray
+    speed2: float
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """(m, 2) mm at times (m,)."""
@@ -66,6 +69,16 @@ def tremor_of(events: Events, path: Path) -> Tremor | None:
     inside = (f_hz >= BAND_HZ[0]) & (f_hz <= BAND_HZ[1])
     excess = np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)
     gain = excess / np.maximum(excess + floor, 1e-12)
+    v_mm_s = path.at(events.t_s, 1)
+    across = (left[0, events.slot] * v_mm_s[:, 1] - left[1, events.slot] * v_mm_s[:, 0]) / np.maximum(
+        np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6
+    )
+    square = np.zeros(size)
+    square[events.slot] = across
+    square = np.abs(rfft(square)) ** 2 * 2 * events.dt_s / events.slot.size
+    level = [float(square[(f_hz >= low) & (f_hz < high)].mean()) for low, high in BESIDE_HZ]
+    own = square[inside] - np.interp(f_hz[inside], centres, level)
+    speed2 = max(float(((2 * np.pi * f_hz[inside]) ** 2 * own).sum()) * float(f_hz[1]), 0.0)
     fine = irfft(transform * gain, size * FINER).T * FINER
     step_s = events.dt_s / FINER
     lag_hz = np.fft.rfftfreq(LAG_POINTS, step_s)
@@ -74,4 +87,4 @@ def tremor_of(events: Events, path: Path) -> Tremor | None:
         tapered(irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), LAG_POINTS)[: LAG_POINTS // 2], step_s)
         for one in (gain * floor, excess)
     )
-    return Tremor(float(events.t_s[0]), step_s, fine[: n * FINER], unseen, whole)
+    return Tremor(float(events.t_s[0]), step_s, fine[: n * FINER], unseen, whole, speed2)
