@@ -79,7 +79,7 @@ def test_tremor_is_seen_as_far_as_the_noise_allows() -> None:
     noise = NOISE_MM * rng.standard_normal((t_s.size, 2))
     events = events_of(t_s, circle(t_s) + tremor(t_s) + noise)
     path = smooth_path(events, *corner_of(spectrum_of(events)))
-    found = tremor_of(events, path)
+    found = tremor_of(events, path, path.at(t_s, 1))
     assert found is not None
     at_s = np.arange(1.0, 39.0, 0.007)
     error = float(np.var(found.at(at_s) - tremor(at_s)))
@@ -92,4 +92,5 @@ def test_tremor_is_seen_as_far_as_the_noise_allows() -> None:
 def test_a_slow_stream_shows_no_tremor() -> None:
     t_s = np.arange(0, 20, 1 / 30)
     events = events_of(t_s, circle(t_s))
-    assert tremor_of(events, smooth_path(events, *corner_of(spectrum_of(events)))) is None
+    path = smooth_path(events, *corner_of(spectrum_of(events)))
+    assert tremor_of(events, path, path.at(t_s, 1)) is None

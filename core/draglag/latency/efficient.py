@@ -37,11 +37,20 @@ UNSURE = 3.0  # a place this many times less sure than the median is none
 
 @dataclass(frozen=True)
 class Track:
-    """The run's movement as the touch trace shows it. tremor: None where it is left out or cannot be seen."""
+    """The run's movement as the touch trace shows it.
+
+    Attributes:
+        tremor: None where it cannot be seen. with_tremor: whether it counts as movement.
+        uneven: by how much the trace is ahead for each unit of dL/dln v (mm/s): velocity times the logarithm of the
+            speed relative to ``usual_mm_s``, smoothed as the path is. Uneven speed puts harmonics of the rhythm on the
+            trace, which the smoother takes off again in part; unaccounted, that shifts all edges together.
+    """
 
     path: Path
     tremor: Tremor | None
     with_tremor: bool
+    uneven: Path
+    usual_mm_s: float
     losses_s: FloatArray
     span_s: tuple[float, float]
 
@@ -130,8 +139,14 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
 def _track(ready: Prepared) -> Track:
     events = events_of(ready.touch.t_s, ready.xy_mm)
     path = smooth_path(events, *corner_of(spectrum_of(events)))
-    t_s = ready.touch.t_s
-    return Track(path, tremor_of(events, path), True, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
+    t_s = events.t_s
+    v_mm_s = path.at(t_s, 1)
+    speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
+    usual = float(np.exp(np.mean(np.log(np.maximum(speed, 1e-3)))))
+    relative = np.clip(np.log(np.maximum(speed, 1e-3) / usual), -1, 1)
+    uneven = path.like(events, v_mm_s * relative[:, None])
+    tremor = tremor_of(events, path, v_mm_s)
+    return Track(path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
@@ -164,7 +179,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         if known is None:
             known = _known(edges.t_s, at_s, track)
         side = sides(edges.falling, across)
-        design = _design(xy_mm, speed, side, across)
+        design = _design(track, at_s, slope, side, xy_mm, v_mm_s)
         fit = _weighted_fit(design, xy_mm[:, 1], known, SCATTER_MM[:1])
         slope = float(fit.estimate[1])
         latency_s += float(np.clip(fit.estimate[0], -0.03, 0.03))
@@ -202,9 +217,8 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
 def _likelihood(solution: Solution, track: Track) -> float:
     """Of the edges of a solution, at its latency, on another track."""
     at_s = solution.edges.t_s + solution.latency_s
-    xy_mm, speed = track.at(at_s), solution.speed_mm_s
-    across = solution.v_mm_s[:, 1] - solution.parameters[1] * solution.v_mm_s[:, 0]
-    design = _design(xy_mm, speed, solution.side, across)
+    xy_mm = track.at(at_s)
+    design = _design(track, at_s, float(solution.parameters[1]), solution.side, xy_mm, solution.v_mm_s)
     return _weighted_fit(design, xy_mm[:, 1], _known(solution.edges.t_s, at_s, track)).log_likelihood
 
 
@@ -217,11 +231,16 @@ def _placed(ready: Prepared, latency_s: float, track: Track) -> Edges:
     return Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected)
 
 
-def _design(xy_mm: FloatArray, speed_mm_s: FloatArray, side: FloatArray, across: FloatArray) -> FloatArray:
+def _design(
+    track: Track, at_s: FloatArray, slope: float, side: FloatArray, xy_mm: FloatArray, v_mm_s: FloatArray
+) -> FloatArray:
     """y = slope · x + middle + side · half − across · δL, columns δL, slope, middle, half, dL/dln v."""
-    relative = np.log(np.maximum(speed_mm_s, 1e-3))
-    relative = np.clip(relative - relative.mean(), -1, 1)
-    return np.column_stack([-across, xy_mm[:, 0], np.ones_like(across), side, -across * relative])
+    across = v_mm_s[:, 1] - slope * v_mm_s[:, 0]
+    speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
+    ahead = track.uneven.at(at_s)
+    relative = np.clip(np.log(np.maximum(speed, 1e-3) / track.usual_mm_s), -1, 1)
+    uneven = ahead[:, 1] - slope * ahead[:, 0] - float(relative.mean()) * across
+    return np.column_stack([-across, xy_mm[:, 0], np.ones_like(across), side, -uneven])
 
 
 @dataclass(frozen=True)

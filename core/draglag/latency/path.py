@@ -12,7 +12,7 @@ What is left of the events is noise and whatever the hand did faster than the co
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -195,6 +195,12 @@ class Path:
             out += weights[j][..., None] * self.coefficients[first + j]
         return np.asarray(out)
 
+    def like(self, events: Events, values: FloatArray) -> Path:
+        """The same smoother put on other values of the same events, (n, 2)."""
+        first, weights = self._weights(events.t_s, 0)
+        target = _moments(first, weights, values, self.coefficients.shape[0])
+        return replace(self, coefficients=cho_solve_banded((self.factor, True), target, check_finite=False))
+
     def _weights(self, t_s: FloatArray, order: int) -> tuple[IntArray, list[FloatArray]]:
         return _bspline(t_s, self.start_s, self.step_s, self.coefficients.shape[0], order)
 
@@ -281,6 +287,14 @@ def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int, order: int)
     return first, [c * (1 - u), c * (3 * u - 2), c * (1 - 3 * u), c * u]
 
 
+def _moments(first: IntArray, weights: list[FloatArray], values: FloatArray, n: int) -> FloatArray:
+    out = np.zeros((n, 2))
+    for a in range(4):
+        for column in range(2):
+            out[:, column] += np.bincount(first + a, weights[a] * values[:, column], n)
+    return out
+
+
 def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power: float) -> Path:
     """The penalised B-spline with that rhythm and corner. noise_power: mm²/Hz, one-sided, at the corner."""
     step_s = 1 / (KNOTS_PER_PERIOD * corner_hz)
@@ -290,10 +304,7 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
     n = max(n, 8)
     first, weights = _bspline(t_s, start_s, step_s, n, 0)
     bands = np.zeros((7, n))
-    target = np.zeros((n, 2))
     for a in range(4):
-        for column in range(2):
-            target[:, column] += np.bincount(first + a, weights[a] * events.xy_mm[:, column], n)
         for b in range(a, 4):
             bands[b - a] += np.bincount(first + a, weights[a] * weights[b], n)
     taps = np.array([1.0, -2.0, 1.0])
@@ -307,6 +318,7 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
             bands[k, a : a + rows] += strength * taps[a] * taps[a + k]
     bands[0] += 1e-10 * step_s / events.dt_s
     factor = cholesky_banded(bands, lower=True, check_finite=False)
+    target = _moments(first, weights, events.xy_mm, n)
     coefficients = cho_solve_banded((factor, True), target, check_finite=False)
     noise_mm = float(np.sqrt(noise_power / (2 * events.dt_s)))
     # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.

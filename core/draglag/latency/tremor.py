@@ -49,8 +49,8 @@ class Tremor:
         return looked_up(self.unseen if estimated else self.whole, lag_s / self.step_s)
 
 
-def tremor_of(events: Events, path: Path) -> Tremor | None:
-    """The tremor of a run; None where the touch rate cannot show any."""
+def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
+    """The tremor of a run, v_mm_s (n, 2) the path's velocity at its events; None where the touch rate cannot show any."""
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
     left = np.zeros((2, size))
@@ -69,7 +69,6 @@ def tremor_of(events: Events, path: Path) -> Tremor | None:
     inside = (f_hz >= BAND_HZ[0]) & (f_hz <= BAND_HZ[1])
     excess = np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)
     gain = excess / np.maximum(excess + floor, 1e-12)
-    v_mm_s = path.at(events.t_s, 1)
     across = (left[0, events.slot] * v_mm_s[:, 1] - left[1, events.slot] * v_mm_s[:, 0]) / np.maximum(
         np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6
     )
