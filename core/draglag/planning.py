@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.curve.forms import FORMS
-from draglag.latency.bound import HandSpectrum, TouchNoise, UnevenSpeed, latency_bound_s
+from draglag.latency.bound import HandSpectrum, TouchNoise, latency_bound_s
 from draglag.protocols import PlannedRun, Protocol, expand, load_protocol
 from draglag.recording import FloatArray
 from draglag.simulation import Human, Rig, rig_for_screen
@@ -147,18 +147,24 @@ def _precision(run: PlannedRun, rig: Rig, human: Human) -> PlannedPrecision:
             human.wander_mm, human.wander_hz, human.timing_sd_s, gain_sd=human.gain_sd, tremor_mm=human.tremor_mm
         ),
         float(np.mean(beam_at)) - middle,
-        _uneven(human, rig, speed, speed * slope_s),
     )
+    se_s = float(np.hypot(se_s, abs(slope_s) * _tremor_at_edges_mm_s(human, edge_s, clear[k] > 0)))
     return PlannedPrecision(run.id, speed, int(edge_s.size), latency_s, se_s, run.note)
 
 
-def _uneven(human: Human, rig: Rig, speed_mm_s: float, law_slope_s: float) -> UnevenSpeed:
-    """Tremor (8 to 12 Hz) along the path as a share of the speed, less what touch events of this noise can follow."""
-    tremor_mm_s = 2 * np.pi * 10.0 * human.tremor_mm
-    signal = human.tremor_mm**2 / 4.0  # mm² per Hz over the 4 Hz of its band
-    noise = rig.noise_mm**2 * (1 - rig.noise_slow_share) / (rig.touch_rate_hz / 2)
-    unseen = np.sqrt(noise / max(signal + noise, 1e-12))
-    return UnevenSpeed(law_slope_s, float(unseen * tremor_mm_s / speed_mm_s))
+def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray) -> float:
+    """Standard deviation of the mean speed that tremor gives the edges of a run, mm/s.
+
+    Where the law is steep every edge has a latency of its own, and a run has only so many edges. The two edges of one
+    crossing share their tremor as far as the time between them lets them; a hand's timing parts crossings.
+    """
+    low_hz, high_hz = HandSpectrum().tremor_hz
+    f_hz = np.linspace(low_hz, high_hz, 41)[:, None]
+    crossing = np.cumsum(falling) - int(falling[0])
+    turned = np.exp(2j * np.pi * f_hz * (edge_s - edge_s[0]))
+    sums = np.array([np.bincount(crossing, row.real) + 1j * np.bincount(crossing, row.imag) for row in turned])
+    together = (np.abs(sums) ** 2).sum(1) / edge_s.size**2
+    return float(human.tremor_mm * np.sqrt(np.mean((2 * np.pi * f_hz[:, 0]) ** 2 * together)))
 
 
 def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> FloatArray | None:

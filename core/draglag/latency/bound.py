@@ -22,7 +22,6 @@ from scipy.linalg import cho_factor, cho_solve
 from draglag.recording import FloatArray
 
 REACH_S = 0.6  # events further from a crossing say nothing more about it
-TREMOR_LASTS_S = 0.03
 BLOCK_GAP_S = 0.35  # edges closer together than this share touch noise
 
 
@@ -53,20 +52,6 @@ class HandSpectrum:
     gain_sd: float = 0.02
     tremor_mm: float = 0.05
     tremor_hz: tuple[float, float] = (8.0, 12.0)
-
-
-@dataclass(frozen=True)
-class UnevenSpeed:
-    """What a law that depends on speed adds where a hand's speed varies within the run.
-
-    Attributes:
-        law_slope_s: dL/d(ln v) at the run's speed.
-        fast_share: standard deviation of ln v by tremor that touch events are too noisy to follow: it scatters the
-            latency of single edges.
-    """
-
-    law_slope_s: float
-    fast_share: float
 
 
 class _Kernel:
@@ -133,7 +118,6 @@ def latency_bound_s(
     noise: TouchNoise,
     hand: HandSpectrum | None = None,
     edge_y_mm: float = 0.0,
-    uneven: UnevenSpeed | None = None,
 ) -> float:
     """Smallest standard error any unbiased estimate of a run's latency can have, s.
 
@@ -142,7 +126,6 @@ def latency_bound_s(
         event_t_s, event_v_mm_s, event_y_mm: (n,) touch events in the stylus' own time (stamp less latency), the
             intended velocity across the beam, and the distance from the middle of the figure.
         edge_y_mm: the beam's distance from that middle.
-        uneven: for a law that depends on speed; None for one latency at all speeds.
 
     Infinite when the edges do not determine a latency.
     """
@@ -163,10 +146,6 @@ def latency_bound_s(
         factor = cho_factor(noise.covariance(u_s))
         precision = np.eye(edge_f.shape[1]) + event_f.T @ cho_solve(factor, event_f)
         posterior = edge_f @ cho_solve(cho_factor(precision), edge_f.T)
-        if uneven is not None:
-            # The edges of one crossing share their tremor, but not across crossings.
-            moved = edge_v_mm_s[block] * uneven.law_slope_s * uneven.fast_share
-            posterior += np.outer(moved, moved) * np.exp(-np.abs(t_s[:, None] - t_s[None, :]) / TREMOR_LASTS_S)
         posterior += 1e-9 * max(float(np.trace(posterior)), 1e-9) * np.eye(t_s.size)
         information += design[block].T @ np.linalg.solve(posterior, design[block])
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
