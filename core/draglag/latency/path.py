@@ -3,7 +3,8 @@
 A hand that follows a circle moves at the circle's frequency, a little around it, and slowly about its centre; a few
 hertz above that the spectrum falls into the events' noise within an octave. Local polynomials cut too softly for so
 steep an edge. So the path is a penalised B-spline whose penalty leaves straight lines and the run's own rhythm
-alone, with its corner where the spectrum meets the noise: D²(D² + ω²)² p. The equations are banded: gaps, ends and
+alone, with its corner where the spectrum meets the noise: D²(D² + ω²)²(D² + 9ω²) p. The third harmonic is what a
+latency that depends on speed makes of an oval. The equations are banded: gaps, ends and
 uneven stamps are treated exactly, and the covariance of any set of its points follows from the same factor.
 
 What is left of the events is noise and whatever the hand did faster than the corner (tremor, 8 to 12 Hz).
@@ -121,7 +122,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
     noise = float(np.median(power[between])) / np.log(2) ** 0.25
     start = max(1.15 * rhythm, rhythm + 2 * step, 3 * step)
     corners = start * (max(12.0, 3 * rhythm) / start) ** np.linspace(0, 1, 30)
-    shape, at = _penalty(f, rhythm), _penalty(corners, rhythm)
+    shape, at = _penalty(f, rhythm), _penalty_at_corner(corners, rhythm)
     used = f < top
     for _ in range(2):
         loss = 1 / (1 + at[:, None] / np.maximum(shape[None, used], 1e-30))
@@ -233,7 +234,7 @@ class Path:
         """What the smoother lets through of each frequency."""
         f_hz = np.arange(LAG_POINTS // 2 + 1) / (LAG_POINTS * LAG_STEP_S)
         shape = _penalty(f_hz, self.rhythm_hz)
-        return f_hz, 1 / (1 + shape / _penalty(np.array([self.corner_hz]), self.rhythm_hz))
+        return f_hz, 1 / (1 + shape / _penalty_at_corner(np.array([self.corner_hz]), self.rhythm_hz))
 
     @property
     def speed_variance(self) -> float:
@@ -261,7 +262,15 @@ def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
 
 
 def _penalty(f_hz: FloatArray, rhythm_hz: float) -> FloatArray:
-    return np.asarray((f_hz**2 * (f_hz**2 - rhythm_hz**2) ** 2) ** 2)
+    """Penalty by frequency: none at 0, at the rhythm, and at its third harmonic."""
+    third = f_hz**2 - 9 * rhythm_hz**2 if rhythm_hz > 0 else 1.0
+    return np.asarray((f_hz**2 * (f_hz**2 - rhythm_hz**2) ** 2 * third) ** 2)
+
+
+def _penalty_at_corner(corner_hz: FloatArray, rhythm_hz: float) -> FloatArray:
+    """The penalty at the corner; where the third harmonic is near, what goes on rising past it."""
+    third = np.maximum(9 * rhythm_hz**2 - corner_hz**2, corner_hz**2 / 3) if rhythm_hz > 0 else 1.0
+    return np.asarray((corner_hz**2 * (corner_hz**2 - rhythm_hz**2) ** 2 * third) ** 2)
 
 
 def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int, order: int) -> tuple[IntArray, list[FloatArray]]:
@@ -301,20 +310,20 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
     t_s = events.t_s
     start_s = float(t_s[0])
     n = int((t_s[-1] - start_s) / step_s) + 4
-    n = max(n, 8)
+    n = max(n, 12)
+    taps = np.array([1.0, -2.0, 1.0])
+    for turn_hz in (rhythm_hz, rhythm_hz, 3 * rhythm_hz) if rhythm_hz > 0 else (0.0, 0.0):
+        taps = np.convolve(taps, [1.0, -2 * np.cos(2 * np.pi * turn_hz * step_s), 1.0])
     first, weights = _bspline(t_s, start_s, step_s, n, 0)
-    bands = np.zeros((7, n))
+    bands = np.zeros((taps.size, n))
     for a in range(4):
         for b in range(a, 4):
             bands[b - a] += np.bincount(first + a, weights[a] * weights[b], n)
-    taps = np.array([1.0, -2.0, 1.0])
-    turn = np.array([1.0, -2 * np.cos(2 * np.pi * rhythm_hz * step_s), 1.0])
-    taps = np.convolve(np.convolve(taps, turn), turn)
-    phase = np.exp(2j * np.pi * corner_hz * step_s * np.arange(7))
-    strength = step_s / events.dt_s / abs(taps @ phase) ** 2
-    rows = n - 6
-    for k in range(7):
-        for a in range(7 - k):
+    strength = step_s / events.dt_s / float(_penalty_at_corner(np.array([corner_hz]), rhythm_hz)[0])
+    strength /= (2 * np.pi * step_s) ** (2 * (taps.size - 1))
+    rows = n - taps.size + 1
+    for k in range(taps.size):
+        for a in range(taps.size - k):
             bands[k, a : a + rows] += strength * taps[a] * taps[a + k]
     bands[0] += 1e-10 * step_s / events.dt_s
     factor = cholesky_banded(bands, lower=True, check_finite=False)
