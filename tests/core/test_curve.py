@@ -89,3 +89,19 @@ def test_curves_that_differ_are_told_apart_and_equal_ones_are_not() -> None:
     assert other is not None
     assert same.p_value > 1e-3
     assert other.p_value < 1e-6
+
+
+def test_runs_of_uneven_speed_do_not_bend_the_curve() -> None:
+    law = LatencyLaw(*TABLE_2[0])
+    rng = np.random.default_rng(5)
+    spread = 0.2 * SPEEDS
+    uneven = [v + s * rng.standard_normal(20000) for v, s in zip(SPEEDS, spread, strict=True)]
+    shown = np.array([np.mean(law.latency_s(v)) for v in uneven])
+    speed, sd = np.array([v.mean() for v in uneven]), np.array([v.std() for v in uneven])
+    runs = CurvePoints(speed, shown, np.full(16, 1e-4), speed_sd_mm_s=sd)
+    errors = [
+        np.abs(fit_form(one, "double_exponential").predict_s(SPEEDS) - law.latency_s(SPEEDS)).max()
+        for one in (runs, replace(runs, speed_sd_mm_s=None))
+    ]
+    assert errors[0] < 6e-4
+    assert errors[1] > 2 * errors[0]

@@ -13,7 +13,7 @@ from bench.rigs import bound_of, circle_run, rig_with_latency
 from draglag.latency import RunEstimate, estimate_run
 from draglag.latency.flags import MEANING
 from draglag.recording import Beam, LaserTrace, Run, TouchTrace
-from draglag.simulation import Human
+from draglag.simulation import Human, LatencyLaw, rig_for_screen
 
 D_MM = 7.0
 SETTINGS = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
@@ -115,6 +115,90 @@ def test_hard_cases_are_right_or_say_so(case: dict[str, float], seed: int) -> No
         return
     # Six standard errors and 50 µs: a wrong minimum is off by tens of milliseconds.
     assert abs(found.latency_s - truth.mean_latency_s) < 6 * (found.latency_se_s or 0.0) + 5e-5 or found.flags
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@given(
+    speed=st.sampled_from([60.0, 150.0, 250.0, 600.0, 1000.0]),
+    latency_s=st.floats(0.005, 0.4),
+    travel=st.floats(0.0, 3.0),
+    revolutions=st.floats(2.0, 40.0),
+    degrees=st.floats(-3.0, 3.0),
+    offset_mm=st.floats(-15.0, 15.0),
+    turn=st.sampled_from([-1, 1]),
+    losses_per_s=st.sampled_from([0.0, 0.0, 0.1, 0.4]),
+    bounces=st.sampled_from([0, 0, 5, 12]),
+    first=st.sampled_from([0, 1]),
+    seed=st.integers(0, 10**6),
+)
+def test_no_run_is_silently_wrong(
+    speed: float,
+    latency_s: float,
+    travel: float,
+    revolutions: float,
+    degrees: float,
+    offset_mm: float,
+    turn: int,
+    losses_per_s: float,
+    bounces: int,
+    first: int,
+    seed: int,
+) -> None:
+    rig = rig_with_latency(latency_s, contact_loss_per_s=losses_per_s, sensor_response_s=0.0)
+    slope = float(np.tan(np.radians(degrees)))
+    rig = replace(rig, beam=Beam(slope, (rig.screen.height_mm - slope * rig.screen.width_mm) / 2))
+    # Three diameters of travel and the circle itself have to fit the screen.
+    radius_mm = min(50.0, 0.9 * rig.screen.width_mm / (2 * travel + 2))
+    run, _, _, _ = circle_run(
+        speed,
+        seed,
+        rig,
+        None,
+        radius_mm,
+        max(revolutions, 2 * speed / (2 * np.pi * radius_mm)),
+        travel,
+        offset_mm,
+        turn,
+    )
+    t_s, light = run.laser.t_s, run.laser.light
+    if bounces:
+        at = t_s[::bounces]
+        t_s = np.concatenate([t_s, at + 1e-4, at + 2e-4])
+        light = np.concatenate([light, 1 - light[::bounces], light[::bounces]])
+        order = np.argsort(t_s)
+        t_s, light = t_s[order], light[order]
+    begin = int(np.flatnonzero(light == first)[0])
+    found = measured(replace(run, laser=LaserTrace(t_s[begin:], light[begin:])), window_s=(-0.02, 0.45))
+    if found.latency_s is None:
+        assert found.flags
+        return
+    assert found.latency_se_s is not None
+    # Five standard errors (with few edges more) and 50 µs; a wrong minimum is off by tens of milliseconds.
+    reach = 5.0 + 40.0 / found.n_edges
+    assert found.flags or abs(found.latency_s - latency_s) < reach * found.latency_se_s + 5e-5
+
+
+@pytest.mark.parametrize(("screen", "speed", "radius_mm"), [("screen-1", 700.0, 100.0), ("screen-2", 295.0, 30.0)])
+def test_a_steep_law_and_an_oval_do_not_shift_a_run(screen: str, speed: float, radius_mm: float) -> None:
+    # Uneven speed puts the third harmonic of the rhythm on the trace; smoothed away, it shifts all edges together.
+    rig = replace(rig_for_screen(screen), run_latency_sd_s=0.0, contact_loss_per_s=0.0, sensor_response_s=0.0)
+    z = []
+    for seed in range(25):
+        run, truth, _, _ = circle_run(speed, seed, rig, Human(gain_sd=0.03), radius_mm, 40.0)
+        found = measured(run)
+        assert found.latency_s is not None
+        z.append((found.latency_s - truth.mean_latency_s) / (found.latency_se_s or np.nan))
+    # 25 values know their scatter to 14 %.
+    assert np.sqrt(np.mean(np.square(z))) < 1.35
+
+
+def test_speed_is_that_of_the_stylus_though_the_law_is_steep() -> None:
+    rig = replace(rig_for_screen("screen-1"), law=LatencyLaw(0.0, 0.0, 300.0, 0.02, 30.0))
+    ratio = []
+    for seed in range(12):
+        run, truth, _, _ = circle_run(60.0, seed, rig, radius_mm=30.0, revolutions=14)
+        ratio.append((measured(run).speed_mm_s or np.nan) / truth.mean_speed_mm_s)
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.006)  # tremor alone would make it 0.6 % slow
 
 
 @pytest.mark.parametrize("seed", range(4))

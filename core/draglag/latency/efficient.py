@@ -283,9 +283,7 @@ class _Fit:
     log_likelihood: float
 
 
-def _weighted_fit(
-    design: FloatArray, response: FloatArray, known: _Known, scatter_mm: FloatArray = SCATTER_MM
-) -> _Fit:
+def _weighted_fit(design: FloatArray, response: FloatArray, known: _Known, scatter_mm: FloatArray = SCATTER_MM) -> _Fit:
     """Generalised least squares, averaged over the extra scatters τ by their restricted likelihood."""
     scale = np.sqrt((design**2).mean(0)) + 1e-12
     prior = np.zeros(5)

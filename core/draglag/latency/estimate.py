@@ -58,8 +58,9 @@ class RunEstimate:
     """Latency of one run with its 95 % interval and its verdict; ``latency_s`` is None where there is none.
 
     ``speed_se_mm_s`` is the standard error of the mean speed, ``speed_sd_mm_s`` how much the speed varied from edge to
-    edge. ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words. ``clock_uncertainty_s``
-    is what the laser's clock may shift the latency by (the interval holds it); None where that is not known.
+    edge. ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words.
+    ``clock_uncertainty_s`` is what the laser's clock may shift the latency by (the interval holds it); None where that
+    is not known.
     """
 
     id: str

@@ -13,7 +13,6 @@ from draglag.latency.path import Path
 from draglag.motion import contact_losses, in_contact, sample_interval_s
 from draglag.recording import FloatArray, TouchTrace
 
-
 MANY_EDGES = 50
 
 
