@@ -50,7 +50,11 @@ class Tremor:
 
 
 def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
-    """The tremor of a run; None where the touch rate cannot show any. v_mm_s: (n, 2) the path's velocity at its events."""
+    """The tremor of a run; None where the touch rate cannot show any.
+
+    Args:
+        v_mm_s: (n, 2) the path's velocity at its events.
+    """
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
     left = np.zeros((2, size))
