@@ -23,7 +23,7 @@ from draglag_app.session.taps import TapPairer
 from draglag_devices.source import Batch, DeviceError
 
 # A crash may cost at most 0.5 s of data; live plots follow the flushes.
-FLUSH_S = 0.1
+FLUSH_S = 0.2
 _T = TypeVar("_T")
 
 

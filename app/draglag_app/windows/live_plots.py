@@ -81,7 +81,7 @@ class SpeedPlot(Plot):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(tr("Speed"), tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
         self.keep_axes_drawn()
-        self.add_legend(columns=2)
+        self.add_legend((-10, 1), columns=2)
 
     def draw(self, live: LiveRun) -> None:
         speed = live.speeds()
@@ -92,4 +92,4 @@ class SpeedPlot(Plot):
         self.line(tr("target"), t_s, target, theme().muted, 2, dash=True)
         thin = _thinned(speed)
         self.line(tr("stylus"), thin[:, 0], thin[:, 1], theme().blue, 1)
-        self.setYRange(0, 1.6 * float(target.max()), padding=0)
+        self.setYRange(0, 1.9 * float(target.max()), padding=0)

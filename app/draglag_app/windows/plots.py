@@ -10,8 +10,8 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.exporters import ImageExporter, SVGExporter
 from PySide6.QtCore import QCoreApplication, QPoint, Qt
-from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
-from PySide6.QtWidgets import QFileDialog, QGraphicsItem, QLabel, QMenu, QSizePolicy, QWidget
+from PySide6.QtGui import QColor, QFocusEvent, QGuiApplication, QResizeEvent
+from PySide6.QtWidgets import QFileDialog, QFrame, QGraphicsItem, QLabel, QMenu, QSizePolicy, QWidget
 
 from draglag_app.windows.theme import theme
 
@@ -59,8 +59,21 @@ class Plot(pg.PlotWidget):
         self._nothing.setObjectName("hint")
         self._nothing.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._nothing.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        # A border of its own would push the axes out of sight.
+        self._ring = QFrame(self)
+        self._ring.setObjectName("focusRing")
+        self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        self._ring.hide()
         self.restyle()
         self._show_emptiness()
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        super().focusInEvent(event)
+        self._ring.setVisible(event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason))
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        super().focusOutEvent(event)
+        self._ring.hide()
 
     def add_legend(self, offset: tuple[int, int] = (-10, 8), columns: int = 1) -> None:
         """Names of what is drawn, in a corner."""
@@ -127,6 +140,7 @@ class Plot(pg.PlotWidget):
         nothing = getattr(self, "_nothing", None)
         if nothing is not None:  # the base class resizes itself while it is made
             nothing.setGeometry(self.rect())
+            self._ring.setGeometry(self.rect())
 
     def remove(self, name: str) -> None:
         for item in self._items.pop(name, []):
