@@ -88,13 +88,20 @@ def test_rows_without_numbers_are_left_out_and_said(tmp_path: Path) -> None:
     assert "2 rows hold no number and are left out, the first in line 3" in said(folder)
 
 
-def test_times_are_put_in_order_and_doubles_merged_and_said(tmp_path: Path) -> None:
-    folder = folder_of(tmp_path, touch="t_s,x_mm,y_mm\n10.2,5,6\n10.0,1,2\n10.0,3,4\n")
+def test_times_are_put_in_order_and_repeated_rows_merged_and_said(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path, touch="t_s,x_mm,y_mm\n10.2,5,6\n10.0,1,2\n10.0,1,2\n")
     trace = read_exchange(folder).runs[0].touch
     np.testing.assert_array_equal(trace.t_s, [10.0, 10.2])
-    np.testing.assert_array_equal(trace.x_mm, [3, 5])
+    np.testing.assert_array_equal(trace.x_mm, [1, 5])
     assert "go back 1 times" in said(folder)
-    assert "1 touch times come twice" in said(folder)
+    assert "1 rows come twice" in said(folder)
+
+
+def test_frames_delivered_together_are_all_kept(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path, touch="t_s,x_mm,y_mm\n10.0,1,2\n10.0,3,4\n10.2,5,6\n10.2,7,8\n")
+    trace = read_exchange(folder).runs[0].touch
+    np.testing.assert_array_equal(trace.t_s, [10.0, 10.0, 10.2, 10.2])
+    np.testing.assert_array_equal(trace.x_mm, [1, 3, 5, 7])
 
 
 def test_a_level_twice_running_counts_as_a_missing_edge(tmp_path: Path) -> None:

@@ -15,18 +15,19 @@ Floats = NDArray[np.float64]
 
 
 def read_touch(path: Path | None) -> tuple[TouchTrace, list[str]]:
-    """Touch events and what was mended: rows without a number left out, times put in order, doubles merged.
+    """Touch events and what was mended: rows without a number left out, times put in order, repeated rows merged.
 
-    Of several reports with one stamp the last counts, as it does for a program that reads them.
+    Different reports with one stamp are kept: a host that delivers its frames in batches writes such, and that is
+    something to be found, not mended. Estimates go by the last of them, as a program that reads them does.
     """
     if path is None:
         return empty_touch(), ["there is no touch file"]
     rows, said = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
     rows, more = _in_order(path, rows)
     said += more
-    doubled = np.append(np.diff(rows[:, 0]) == 0, False)[: len(rows)]
+    doubled = np.append((np.diff(rows, axis=0) == 0).all(axis=1), False)[: len(rows)]
     if doubled.any():
-        said.append(f"{path.name}: {int(doubled.sum())} touch times come twice; the last report counts")
+        said.append(f"{path.name}: {int(doubled.sum())} rows come twice and count once")
         rows = rows[~doubled]
     if not len(rows):
         return empty_touch(), [*said, f"{path.name}: holds no touch events"]

@@ -284,8 +284,8 @@ def _cost_without_nuisances(white: Whitener, state: _State, use: np.ndarray) -> 
     left: FloatArray = b
     for _ in range(2):
         calm = a / np.maximum(1.0, np.abs(left) / 4)[:, None]
-        size: FloatArray = np.linalg.solve(calm.T @ a + np.diag(precision), calm.T @ b)
-        left = b - a @ size
+        size = np.linalg.solve(calm.T @ a + np.diag(precision), calm.T @ b)
+        left = np.asarray(b - a @ size, float)
     return _calm_cost(left) + 0.5 * float(size**2 @ precision)
 
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from draglag.recording import Run, Session, TouchTrace
 
+FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
+UNEVEN_AGE = 0.03  # of the interval between stamps
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
 
@@ -112,7 +114,7 @@ def _hold(touches: list[TouchTrace]) -> StreamEffect | None:
     """A host loop that writes the last event at each tick: even stamps, and positions that repeat or advance unevenly.
 
     A loop faster than the touch repeats positions; a slower one skips events, now one, now two, so the path advances
-    in steps of two sizes at even stamps.
+    unevenly at even stamps.
     """
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
     period_s = float(np.median(intervals))
@@ -121,8 +123,8 @@ def _hold(touches: list[TouchTrace]) -> StreamEffect | None:
     whole = np.maximum(np.round(intervals / period_s), 1)
     regular = np.abs(intervals - period_s * whole) < 0.015 * period_s
     share = float(np.mean(np.concatenate([_repeats(t) for t in touches])))
-    beating = _beats(touches)
-    if float(np.mean(regular)) < 0.97 or not (share > 0.02 or beating > 0.025):
+    age_s = _uneven_age_s(touches)
+    if float(np.mean(regular)) < 0.97 or not (share > 0.02 or age_s > UNEVEN_AGE * period_s):
         return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
     spread = float(np.std(intervals[regular] / whole[regular])) / np.sqrt(intervals.size)
@@ -130,7 +132,7 @@ def _hold(touches: list[TouchTrace]) -> StreamEffect | None:
     reach = max(1.96 * spread * rate**2, 1e-4 * rate)
     what = f"{100 * share:.0f} % of positions repeat the one before"
     if share <= 0.02:
-        what = f"{100 * beating:.0f} % of steps along the path are of another size"
+        what = f"the age of their positions varies by {1e3 * age_s:.1f} ms"
     return StreamEffect(
         "sample_hold",
         "rate_hz",
@@ -138,24 +140,47 @@ def _hold(touches: list[TouchTrace]) -> StreamEffect | None:
         (rate - reach, rate + reach),
         "every tick of the host's loop",
         f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
-        max(share, beating),
+        max(share, age_s / period_s),
     )
 
 
-def _beats(touches: list[TouchTrace]) -> float:
-    """Share of steps that differ from their neighbours by far more than noise, in runs fast enough to tell."""
-    shares = []
+def _uneven_age_s(touches: list[TouchTrace]) -> float:
+    """By how much the age of the positions varies from stamp to stamp, s (median over runs fast enough to tell; or 0).
+
+    A position of another age lies further along the path, not beside it: what third differences scatter by along the
+    motion beyond what they do across it, less what the stamps themselves scatter by.
+    """
+    ages = []
     for touch in touches:
-        dt = np.diff(touch.t_s)
-        step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
-        if step.size < 200 or np.median(step) < 2.5:
+        t_s, xy_mm = touch.t_s, np.column_stack([touch.x_mm, touch.y_mm])
+        frame_s = float(np.median(np.diff(t_s)))
+        third = xy_mm[3:] - 3 * xy_mm[2:-1] + 3 * xy_mm[1:-2] - xy_mm[:-3]
+        chord, span_s = xy_mm[3:] - xy_mm[:-3], t_s[3:] - t_s[:-3]
+        length = np.hypot(chord[:, 0], chord[:, 1])
+        whole = (np.abs(span_s - 3 * frame_s) < 0.3 * frame_s) & (length > 0)
+        if np.count_nonzero(whole) < 200:
             continue
-        speed = step / np.maximum(dt, 1e-6)
-        local = np.convolve(speed, np.full(15, 1 / 15), mode="valid")
-        ratio = speed[7:-7] / np.maximum(local, 1e-6)
-        noise = 1.4826 * float(np.median(np.abs(ratio - np.median(ratio))))
-        shares.append(float(np.mean(np.abs(ratio - 1) > max(0.2, 5 * noise))))
-    return float(np.median(shares)) if shares else 0.0
+        speed = float(np.median(length[whole] / span_s[whole]))
+        if speed < FAST_MM_S:
+            continue
+        ahead = chord[whole] / length[whole, None]
+        along = np.sum(third[whole] * ahead, axis=1)
+        across = third[whole, 0] * ahead[:, 1] - third[whole, 1] * ahead[:, 0]
+        # Where the motion turns, a latency that depends on direction jumps by itself.
+        straight = np.abs(ahead[:, 1]) > 0.4
+        along, across = along[straight], across[straight]
+        # 1 + 9 + 9 + 1: what third differences make of the variance of single events.
+        variance_s2 = (_calm_variance(along) - _calm_variance(across)) / 20 / speed**2
+        stamps_s2 = 0.5 * _calm_variance(np.diff(t_s)[np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s])
+        ages.append(float(np.sqrt(max(variance_s2 - stamps_s2, 0.0))))
+    return float(np.median(ages)) if ages else 0.0
+
+
+def _calm_variance(values: np.ndarray) -> float:
+    """Mean square about the median, far values brought in to six robust standard deviations."""
+    off = values - np.median(values)
+    far = 6 * 1.4826 * float(np.median(np.abs(off)))
+    return float(np.mean(np.clip(off, -far, far) ** 2))
 
 
 def _evened(touch: TouchTrace) -> TouchTrace:
@@ -183,10 +208,11 @@ def _quantum(touches: list[TouchTrace]) -> StreamEffect | None:
     """Stamps that are multiples of one quantum while the intervals themselves vary: a coarse clock."""
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
     rounded = np.round(intervals, 7)
+    least = max(20, 5e-4 * intervals.size)
     values, counts = np.unique(np.round(rounded / 2e-5).astype(int), return_counts=True)
-    common = values[counts > 0.01 * intervals.size] * 2e-5
+    common = values[counts > least] * 2e-5
     common = common[common > 1e-4]
-    if common.size < 2 or np.sum(counts[counts > 0.01 * intervals.size]) < 0.9 * intervals.size:
+    if common.size < 2 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
         return None
     gaps = np.diff(np.sort(common))
     quantum_s = float(np.min(gaps))
@@ -199,7 +225,7 @@ def _quantum(touches: list[TouchTrace]) -> StreamEffect | None:
     quantum_s = float(np.sum(intervals[good]) / np.sum(whole[good]))
     off = np.abs(intervals - quantum_s * np.round(intervals / quantum_s))
     share = float(np.mean(off < 0.03 * quantum_s))
-    if share < 0.95 or np.mean(np.round(intervals / quantum_s) == np.round(typical / quantum_s)) > 0.97:
+    if share < 0.95 or np.mean(np.round(intervals / quantum_s) == np.round(typical / quantum_s)) > 0.999:
         return None
     return StreamEffect(
         "timestamp_quantisation",
