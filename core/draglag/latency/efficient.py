@@ -117,11 +117,9 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     best = solutions[0]
     if track.tremor is not None and best.calm < SURELY_CALM:
         # Where a steep law re-times the trace, what looks like tremor is not where the stylus was: the edges tell.
-        without = replace(track, with_tremor=False)
-        if _likelihood(best, without) > best.log_likelihood - 1.0:
-            plain = solve(ready, best.latency_s, without)
-            if plain is not None and plain.log_likelihood > best.log_likelihood:
-                best = plain
+        plain = _on_track(best, replace(track, with_tremor=False))
+        if plain.log_likelihood > best.log_likelihood:
+            best = plain
     extra = []
     if any(
         best.log_likelihood - rival.log_likelihood < ALIAS_LOG_LIKELIHOOD
@@ -214,12 +212,27 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
     )
 
 
-def _likelihood(solution: Solution, track: Track) -> float:
-    """Of the edges of a solution, at its latency, on another track."""
+def _on_track(solution: Solution, track: Track) -> Solution:
+    """The solution that the same edges have on another track that is nowhere far from its own: one more step."""
     at_s = solution.edges.t_s + solution.latency_s
     xy_mm = track.at(at_s)
     design = _design(track, at_s, float(solution.parameters[1]), solution.side, xy_mm, solution.v_mm_s)
-    return _weighted_fit(design, xy_mm[:, 1], _known(solution.edges.t_s, at_s, track)).log_likelihood
+    fit = _weighted_fit(design, xy_mm[:, 1], _known(solution.edges.t_s, at_s, track))
+    latency_s = solution.latency_s + float(np.clip(fit.estimate[0], -0.03, 0.03))
+    parameters = fit.estimate.copy()
+    parameters[0] = latency_s
+    return replace(
+        solution,
+        latency_s=latency_s,
+        parameters=parameters,
+        covariance=fit.spread,
+        xy_mm=xy_mm,
+        residual_mm=fit.residual,
+        log_likelihood=fit.log_likelihood,
+        tau_mm=fit.tau_mm,
+        calm=fit.calm,
+        track=track,
+    )
 
 
 def _placed(ready: Prepared, latency_s: float, track: Track) -> Edges:
