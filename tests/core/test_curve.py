@@ -105,3 +105,18 @@ def test_runs_of_uneven_speed_do_not_bend_the_curve() -> None:
     ]
     assert errors[0] < 6e-4
     assert errors[1] > 2 * errors[0]
+
+
+def test_an_exponential_that_no_run_can_see_has_an_open_interval() -> None:
+    # Both rates equal: the runs know the sum of the amplitudes and nothing of either.
+    seen = points((150.0, 0.018, 150.0, 0.0181, 24.0), 2e-4, 3)
+    curve = fit_form(seen, "double_exponential")
+    for amplitude, rate in (("a1_ms", "a2_s_per_mm"), ("a4_ms", "a5_s_per_mm")):
+        assert (
+            curve.parameters[amplitude] == 0
+            or curve.standard_errors[amplitude] > 20
+            or (abs(curve.parameters[rate] / 0.018 - 1) < 4 * curve.standard_errors[rate] / 0.018)
+        )
+    low, high = curve.band_s(SPEEDS)
+    assert np.isfinite(low).all()
+    assert np.max(high - low) < 3e-3

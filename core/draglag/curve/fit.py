@@ -351,7 +351,10 @@ def _finish(
         free[-1] = False
     covariance = np.zeros((values.size, values.size))
     normal = (jacobian[:, free] / variance_s2[:, None]).T @ jacobian[:, free]
-    covariance[np.ix_(free, free)] = np.linalg.pinv(normal, rcond=1e-14, hermitian=True)
+    # Scaled, so that rates in s/mm and amplitudes in ms weigh alike: what the runs leave open has a wide interval.
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+    even = normal / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
+    covariance[np.ix_(free, free)] = np.linalg.inv(even) / np.outer(scale, scale)
     penalty = 2 * k + 2 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
     # The runs' own standard errors are known; the scatter between runs is profiled, so both enter the likelihood.
     deviance = float(np.sum(error_s**2 / variance_s2 + np.log(variance_s2)))

@@ -36,11 +36,15 @@ FILTERS_HZ = (2.0, 4.0, 8.0, 16.0)
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided power of one coordinate, mean of both: f_hz (k,), power (k,) mm²/Hz; dt_s the mean event interval."""
+    """One-sided power of one coordinate, mean of both: f_hz (k,), power (k,) mm²/Hz, and its median over its mean.
+
+    dt_s: the mean event interval.
+    """
 
     f_hz: FloatArray
     power: FloatArray
     dt_s: float
+    median: float
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,9 @@ def spectrum_of(events: Events) -> Spectrum:
     pieces -= pieces.mean(-1, keepdims=True)
     transform = rfft(window * pieces)
     power = np.mean(transform.real**2 + transform.imag**2, axis=(0, 1)) * 2 * events.dt_s / float(window @ window)
-    return Spectrum(np.asarray(np.fft.rfftfreq(m, events.dt_s)), np.asarray(power, np.float64), events.dt_s)
+    f_hz = np.asarray(np.fft.rfftfreq(m, events.dt_s))
+    median = (1 - 1 / (18 * starts.size)) ** 3  # of χ² with four degrees of freedom a window (Wilson–Hilferty)
+    return Spectrum(f_hz, np.asarray(power, np.float64), events.dt_s, float(median))
 
 
 @lru_cache(maxsize=16)
@@ -119,7 +125,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
             rhythm = 0.0
     top = max(NOISE_UP_TO_HZ, 2.5 * rhythm)
     between = (f > rhythm + 2 * step) & (f < top)
-    noise = float(np.median(power[between])) / np.log(2) ** 0.25
+    noise = float(np.median(power[between])) / spectrum.median
     start = max(1.15 * rhythm, rhythm + 2 * step, 3 * step)
     corners = start * (max(12.0, 3 * rhythm) / start) ** np.linspace(0, 1, 30)
     shape, at = _penalty(f, rhythm), _penalty_at_corner(corners, rhythm)
@@ -130,7 +136,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
         corner = float(corners[int(np.argmin(risk))])
         beyond = (f > corner) & (f < max(top, 1.5 * corner))
         if np.count_nonzero(beyond) >= 5:
-            noise = float(np.median(power[beyond]))
+            noise = float(np.median(power[beyond])) / spectrum.median
     return rhythm, corner, _noise_below(spectrum, corner, noise)
 
 

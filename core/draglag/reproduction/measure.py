@@ -179,17 +179,19 @@ def _coefficients(curve: CurveFit, paper: dict[str, float], tap_ci95_s: tuple[fl
     """
     values, errors = curve.parameters, curve.standard_errors
     names = {name: name for name in values}
-    if values["a1_ms"] > values["a4_ms"]:
-        names |= {"a1_ms": "a4_ms", "a4_ms": "a1_ms", "a2_s_per_mm": "a5_s_per_mm", "a5_s_per_mm": "a2_s_per_mm"}
     free = 5 - (curve.tied_asymptote_s is not None)
     reach = float(student.ppf(0.975, max(curve.n_points - free, 1)))
+    sure = {name: values[name] > reach * errors[name] for name in ("a1_ms", "a4_ms")}
+    # An amplitude that may be nothing is not the larger one, whatever its value.
+    if (sure["a1_ms"], values["a1_ms"]) > (sure["a4_ms"], values["a4_ms"]):
+        names |= {"a1_ms": "a4_ms", "a4_ms": "a1_ms", "a2_s_per_mm": "a5_s_per_mm", "a5_s_per_mm": "a2_s_per_mm"}
     out = []
     for name, published in paper.items():
         if name == "rms_ms":
             continue
         ours = names[name]
         partner = {"a2_s_per_mm": "a1_ms", "a5_s_per_mm": "a4_ms"}.get(ours)
-        gone = partner is not None and values[partner] <= reach * errors[partner]
+        gone = partner is not None and not sure[partner]
         error = errors[ours]
         if name == "a7_ms" and curve.tied_asymptote_s is not None:
             low_s, high_s = tap_ci95_s
