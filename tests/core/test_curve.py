@@ -107,16 +107,11 @@ def test_runs_of_uneven_speed_do_not_bend_the_curve() -> None:
     assert errors[1] > 2 * errors[0]
 
 
-def test_an_exponential_that_no_run_can_see_has_an_open_interval() -> None:
-    # Both rates equal: the runs know the sum of the amplitudes and nothing of either.
-    seen = points((150.0, 0.018, 150.0, 0.0181, 24.0), 2e-4, 3)
-    curve = fit_form(seen, "double_exponential")
-    for amplitude, rate in (("a1_ms", "a2_s_per_mm"), ("a4_ms", "a5_s_per_mm")):
-        assert (
-            curve.parameters[amplitude] == 0
-            or curve.standard_errors[amplitude] > 20
-            or (abs(curve.parameters[rate] / 0.018 - 1) < 4 * curve.standard_errors[rate] / 0.018)
-        )
-    low, high = curve.band_s(SPEEDS)
-    assert np.isfinite(low).all()
-    assert np.max(high - low) < 3e-3
+def test_an_exponential_that_hardly_any_run_can_see_has_an_open_interval() -> None:
+    # 6 ms at the slowest run and nothing from the third on: its amplitude at rest is anybody's guess.
+    law = (3000.0, 0.14, 310.0, 0.0187, 23.5)
+    for seed in range(6):
+        curve = fit_form(points(law, 3e-4, seed), "double_exponential")
+        fast = max(("a1_ms", "a4_ms"), key=lambda name: curve.parameters[name])
+        assert curve.standard_errors[fast] > 200
+        assert abs(curve.parameters[fast] - 3000) < 4 * curve.standard_errors[fast]

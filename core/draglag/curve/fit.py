@@ -349,6 +349,7 @@ def _finish(
     free[len(form.shape_names) :] = values[len(form.shape_names) :] > 0
     if tied_s is not None:
         free[-1] = False
+    free &= (jacobian**2).sum(0) > 0  # a rate without an amplitude
     covariance = np.zeros((values.size, values.size))
     normal = (jacobian[:, free] / variance_s2[:, None]).T @ jacobian[:, free]
     # Scaled, so that rates in s/mm and amplitudes in ms weigh alike: what the runs leave open has a wide interval.
