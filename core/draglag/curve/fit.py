@@ -305,16 +305,26 @@ def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None)
     total = np.einsum("gn,gn->g", target, target)
     best_cost = total.copy()
     best = np.zeros((g, free))
-    for size in range(1, free + 1):
+    todo = np.arange(g)
+    for size in range(free, 0, -1):
         for active in combinations(range(free), size):
-            sub = gram[:, active][:, :, active]
+            pick = np.array(active)
+            sub = gram[todo[:, None, None], pick[:, None], pick]
             sub = sub + 1e-12 * np.trace(sub, axis1=1, axis2=2)[:, None, None] * np.eye(size)
-            amplitude = np.linalg.solve(sub, moment[:, active, None])[:, :, 0]
-            cost = total - np.einsum("gp,gp->g", amplitude, moment[:, active])
-            better = (amplitude >= 0).all(1) & (cost < best_cost)
-            best_cost[better] = cost[better]
-            best[better] = 0.0
-            best[np.ix_(better, active)] = amplitude[better]
+            wanted = moment[todo[:, None], pick]
+            amplitude = np.linalg.solve(sub, wanted[:, :, None])[:, :, 0]
+            cost = total[todo] - (amplitude * wanted).sum(1)
+            allowed = (amplitude >= 0).all(1)
+            better = allowed & (cost < best_cost[todo])
+            rows = todo[better]
+            best_cost[rows] = cost[better]
+            best[rows] = 0.0
+            best[rows[:, None], pick] = amplitude[better]
+        if size == free:
+            # Where nothing is negative with all columns, that is the best there is.
+            todo = todo[~allowed]
+            if not todo.size:
+                break
     if tied_s is not None:
         best = np.column_stack([best, np.full(g, fixed)])
     return best_cost, best
