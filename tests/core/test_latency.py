@@ -240,6 +240,20 @@ def test_nan_and_repeated_stamps_in_the_touch_trace_do_no_harm(plain: Run) -> No
     assert found.latency_s == pytest.approx(0.09, abs=6e-4)
 
 
+def test_events_held_back_and_delivered_together_do_no_harm(plain: Run) -> None:
+    """A host that stalls for 45 ms every 2.1 s reports 2 % of the positions late, by half that on average."""
+    t_s = plain.touch.t_s
+    since = (t_s - t_s[0]) % 2.1
+    late_s = np.where(since < 0.045, 0.045 - since, 0.0)
+    order = np.arange(t_s.size)
+    stalled = np.maximum.accumulate(t_s + late_s + 3e-5 * order * (late_s > 0) % 1e-3)
+    trace = replace(plain.touch, t_s=stalled)
+    estimate, sound = measured(replace(plain, touch=trace)), measured(plain)
+    assert estimate.latency_ms is not None
+    assert sound.latency_ms is not None
+    assert estimate.latency_ms == pytest.approx(sound.latency_ms, abs=1.0)
+
+
 def test_no_touch_is_said() -> None:
     run = circle_run(250.0, 1)[0]
     found = measured(replace(run, touch=TouchTrace(np.empty(0), np.empty(0), np.empty(0))))

@@ -93,8 +93,9 @@ def fit_session(
     """
     width = session.screen.width_mm
     less = None
+    sizes: list[tuple[float, ...]] = [() for _ in terms]
     if start is not None and terms:
-        less = _run_latency(start, terms)
+        less, sizes = _first_sizes(start, terms)
     if law is None or (law.plateau_mm_s > 0) != plateau:
         law = starting_law(runs, less, plateau)
     slopes = [(d.estimate.alignment.slope, d.estimate.alignment) for d in runs if d.estimate and d.estimate.alignment]
@@ -102,12 +103,15 @@ def fit_session(
     middle = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for _, a in slopes]))
     geometry = Geometry(slope, middle, session.stylus.diameter_mm)
     placed: Placed | None = None
-    active = [replace(t, sizes=()) for t in terms]
+    active = [replace(t, sizes=q) for t, q in zip(terms, sizes, strict=True)]
     components = START
     state = _look(runs, law, geometry, active, width, None)
+    if any(sizes):
+        state = _look(runs, law, geometry, state.terms, width, state)
     use = _usable(state, runs, loose=True) if start is None else start.use.copy()
     settled = judged = False
-    for iteration in range(8):
+    damping = 0.0
+    for iteration in range(12):
         parts = scatter(runs, state.placed, use, state.blur_mm)
         if (iteration == 4 and not judged) or settled:
             settled = False
@@ -120,17 +124,21 @@ def fit_session(
         white = whitener(parts, components)
         a, b = white.apply(state.design[use]), white.apply(state.residual[use])
         calm = 1 / np.sqrt(np.maximum(1.0, np.abs(b) / 4))  # Huber: far edges pull, but not with their square
-        spread = np.linalg.pinv((a * calm[:, None]).T @ (a * calm[:, None]) + np.diag(state.prior), hermitian=True)
-        step = spread @ ((a * calm[:, None]).T @ (b * calm))
+        normal = (a * calm[:, None]).T @ (a * calm[:, None])
+        moment = (a * calm[:, None]).T @ (b * calm)
         cost = _cost_without_nuisances(white, state, use)
-        for _ in range(5):
+        for _ in range(6):
+            # Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave.
+            damped = normal + np.diag(state.prior + damping * np.diag(normal))
+            step = np.linalg.pinv(damped, hermitian=True) @ moment
             trial = _stepped(state, step, runs, width)
             both = use & np.isfinite(trial.residual)
             if np.count_nonzero(both) == np.count_nonzero(use):
                 new_cost = _cost_without_nuisances(white, trial, use)
                 if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
+                    damping = damping / 10 if damping > 1e-5 else 0.0
                     break
-            step = 0.4 * step
+            damping = max(10 * damping, 1e-3)
         else:
             settled = not judged
             if judged:
@@ -295,8 +303,8 @@ def _calm_cost(z: FloatArray) -> float:
     return float(np.sum(np.where(size < 4, 0.5 * size**2, 4 * size - 8)))
 
 
-def _run_latency(start: Fit, terms: Sequence[Term]) -> FloatArray:
-    """Mean latency that the terms, roughly sized by one linear step, add to each run, s."""
+def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:
+    """The terms roughly sized by one linear step: the mean latency that they add to each run, s, and the sizes."""
     signatures = [term_signature(t, start.view) for t in terms]
     new = np.column_stack([s.columns(start.view) for s in signatures])
     n_base = base_prior(start.law).size
@@ -307,16 +315,17 @@ def _run_latency(start: Fit, terms: Sequence[Term]) -> FloatArray:
     prior = np.concatenate([start.prior[:n_base], np.full(new.shape[1], 1e-12)])
     sizes = (np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True) @ (a.T @ b))[n_base:]
     out = np.zeros(len(start.runs))
-    at = 0
+    each, at = [], 0
     for s in signatures:
         k = s.columns(start.view).shape[1]
+        each.append(tuple(float(q) for q in sizes[at : at + k]))
         if s.latency is not None:
             added = s.latency @ sizes[at : at + k]
             for r in range(len(out)):
                 own = start.run_index == r
                 out[r] += float(added[own].mean()) if own.any() else 0.0
         at += k
-    return out
+    return out, each
 
 
 def _total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, role: str) -> FloatArray:

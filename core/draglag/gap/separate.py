@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -107,14 +107,18 @@ def clock_offset(session: Session, fit: Fit, creep_s_per_s: float = 0.0) -> Offs
 
     ``creep_s_per_s`` is the latency's own creep, which the taps share.
     """
-    summary = summarise_taps(session.taps).get("release")
-    if summary is None or summary.n < 15 or session.taps is None:
+    taps = session.taps
+    if taps is None:
+        return None
+    origin_s = min(run.t_s[0] for run in fit.runs)
+    # Taps before and after the runs lie at two ends of a creep: each is brought back to the session's beginning.
+    crept_s = creep_s_per_s * (taps.registered_s - origin_s)
+    summary = summarise_taps(replace(taps, registered_s=taps.registered_s - crept_s)).get("release")
+    if summary is None or summary.n < 15:
         return None
     a7_variance = fit.covariance[4, 4]
+    difference = summary.median_s - fit.law.a7_s
     # The law tends to its asymptote only beyond the measured speeds: what is left at the fastest is its uncertainty.
-    origin_s = min(run.t_s[0] for run in fit.runs)
-    expected_s = fit.law.a7_s + creep_s_per_s * (float(np.median(session.taps.registered_s)) - origin_s)
-    difference = summary.median_s - expected_s
     fastest = float(np.quantile(fit.view.speed, 0.95))
     left_s = BEYOND * (float(fit.law(np.array([fastest]))[0]) - fit.law.a7_s)
     tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / 3.92

@@ -47,6 +47,9 @@ class Spectrum:
     median: float
 
 
+TOGETHER = 0.25  # of the interval: closer events were delivered together
+
+
 @dataclass(frozen=True)
 class Events:
     """Touch events on slots of an even grid: slot (n,), t_s (n,), xy_mm (n, 2), dt_s."""
@@ -65,10 +68,19 @@ class Events:
 
 
 def events_of(t_s: FloatArray, xy_mm: FloatArray) -> Events:
-    """Events at increasing times t_s (n,), xy_mm (n, 2), numbered by the slots of an even grid."""
+    """Events at increasing times t_s (n,), xy_mm (n, 2), numbered by the slots of an even grid.
+
+    Of events that come together, as after a stall of the host, the last is in time and the others belong to the slots
+    before it.
+    """
     dt_s = sample_interval_s(t_s)
-    steps = np.maximum(np.round(np.diff(t_s) / dt_s), 1).astype(np.int64)
-    slot = np.concatenate([[0], np.cumsum(steps)])
+    last = np.append(np.diff(t_s) > TOGETHER * dt_s, True)
+    ends = np.flatnonzero(last)
+    size = np.diff(np.append(-1, ends))
+    steps = np.maximum(np.round(np.diff(t_s[ends]) / dt_s).astype(np.int64), size[1:])
+    end_slot = size[0] - 1 + np.concatenate([[0], np.cumsum(steps)])
+    group = np.searchsorted(ends, np.arange(t_s.size))
+    slot = end_slot[group] - (ends[group] - np.arange(t_s.size))
     return Events(slot, t_s, xy_mm, float((t_s[-1] - t_s[0]) / slot[-1]))
 
 
@@ -76,7 +88,7 @@ def spectrum_of(events: Events) -> Spectrum:
     """Welch's spectrum with windows whose side lobes are 92 dB down: the path is 80 dB above the noise."""
     late_s = events.t_s - events.t_s[0] - events.dt_s * events.slot
     # Stamps jitter: each event is slid along its velocity onto the grid.
-    velocity = np.gradient(events.xy_mm, events.t_s, axis=0)
+    velocity = np.gradient(events.xy_mm, events.slot, axis=0) / events.dt_s
     even = events.even(events.xy_mm - velocity * (late_s - _slow(late_s))[:, None])
     n = even.shape[0]
     m = min(round(SEGMENT_S / events.dt_s), n)
