@@ -53,7 +53,8 @@ def gap(session: Path, max_effects: int, without: tuple[str, ...], report: Path 
     if report is not None and result.verdict is not None:
         from draglag.report.gap import write_gap_report
 
-        write_gap_report(data, result, report)
+        with progress("Simulating the session again") as tell:
+            write_gap_report(data, result, report, tell)
     if as_json:
         print_json(result.to_dict())
     if result.verdict is None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from draglag.errors import DataError
+from draglag.errors import DataError, DraglagError
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import held_out_residual_mm
+from draglag.gap.replay import Replay, replays
 from draglag.gap.workflow import GapReport
 from draglag.recording import FloatArray, Session
+from draglag.report import replayed
 from draglag.report.style import BLUE, GREEN, GREY, ORANGE, VERMILION, house_style, new_figure
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -33,13 +36,21 @@ _WORDS = {
 _BINS = 12
 
 
-def write_gap_report(session: Session, report: GapReport, path: Path) -> Path:
+def write_gap_report(
+    session: Session, report: GapReport, path: Path, progress: Callable[[float, str], None] | None = None
+) -> Path:
     """Write the page. Raises DataError when the report has no verdict or the folder cannot be written."""
     if report.first is None or report.last is None:
         raise DataError("there is no verdict to report", "Record what is missing: " + "; ".join(report.missing))
+    again, unsimulated = _simulated(session, report, progress)
     with house_style():
         figures = [
-            (_waterfall(report), "RMS residual on runs held out of the fit, step by step, against the noise floor."),
+            (
+                _waterfall(report),
+                "RMS residual on runs held out of the fit, step by step, against the noise floor: in mm across the "
+                "beam, and as the time the stylus takes for it at the session's RMS velocity across the beam.",
+            ),
+            *_overlays(again, report),
             (
                 _residuals(report.first, report.last),
                 "Residual of every edge against what it could follow: mean of each bin with its 95 % interval, "
@@ -53,11 +64,16 @@ def write_gap_report(session: Session, report: GapReport, path: Path) -> Path:
         ]
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
     body.append(f'<p class="verdict">{_WORDS[report.verdict or "no_gap"].format(covariate=report.unexplained_by)}</p>')
+    ms = _ms_per_mm(report.last)
+    first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
+    floor_mm = report.noise_floor_mm or 0.0
     body.append(
-        f"<p>Held-out gap {report.gap_first_mm:.3f} → {report.gap_last_mm:.3f} mm; noise floor "
-        f"{report.noise_floor_mm:.3f} mm; {report.last.residual_mm.size} edges of {len(report.last.runs)} runs.</p>"
+        f"<p>Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
+        f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms); {report.last.residual_mm.size} edges of "
+        f"{len(report.last.runs)} runs.</p>"
     )
     body.append(_table(report))
+    body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
     for figure, caption in figures:
         body.append(f"<figure>{_svg(figure)}<figcaption>{escape(caption)}</figcaption></figure>")
     if report.not_seen:
@@ -101,6 +117,70 @@ def _svg(figure: Any) -> str:
     return text[text.index("<svg") :]
 
 
+def _simulated(
+    session: Session, report: GapReport, progress: Callable[[float, str], None] | None
+) -> tuple[tuple[Replay, ...], str]:
+    """The session simulated again without and with each step, or why that cannot be."""
+    try:
+        return replays(session, report, progress), ""
+    except (DraglagError, ValueError, np.linalg.LinAlgError) as problem:
+        return (), f"The session could not be simulated again: {problem}"
+
+
+def _overlays(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, str]]:
+    if not again:
+        return []
+    first, last = again[0], again[-1]
+    out = [
+        (
+            replayed.edges_figure(first, last),
+            "The session simulated again with the measured motion of the hand. Above: light on the sensor in the run "
+            "that the present model misses most; dotted lines are the measured edges. Below: simulated less measured "
+            "edge times of each run, median and central 95 %.",
+        ),
+        (
+            replayed.latencies_figure(first, last),
+            "Latency of every run, measured and simulated, by the same estimator, with 95 % intervals.",
+        ),
+        (
+            replayed.residuals_figure(first, last),
+            "Residuals as the present model sees them, mean of each bin with its 95 % band: where the simulation holds "
+            "the cause, it shows the measured structure (blue on black).",
+        ),
+        (replayed.spread_figure(first, last), "Distribution of these residuals, measured and simulated with noise."),
+    ]
+    steps = replayed.steps_figure(again, report)
+    if steps is not None:
+        caption = (
+            "Each step on its own: what was measured, and the simulation without and with the effect (95 % bands)."
+        )
+        out.insert(2, (steps, caption))
+    return out
+
+
+def _replay_table(again: tuple[Replay, ...], report: GapReport) -> str:
+    rows = []
+    for k, one in enumerate(again):
+        low, high = one.rms_ms_ci95
+        latencies = one.latencies_ms()
+        inside = sum(abs(s - m) <= 1.96 * np.hypot(me, se) for _, _, m, me, s, se in latencies)
+        name = "present model" if k == 0 else f"+ {report.steps[k - 1].effect.replace('_', ' ')}"
+        rows.append(
+            f"<tr><td>{escape(name)}</td><td>{one.rms_mm:.3f}</td><td>{one.rms_ms:.2f} ({low:.2f} to {high:.2f})</td>"
+            f"<td>{inside} of {len(latencies)}</td></tr>"
+        )
+    head = (
+        "<tr><th>simulated again with</th><th>edges off by, mm RMS</th><th>ms RMS (95 %)</th>"
+        "<th>runs whose latency agrees within its 95 % interval</th></tr>"
+    )
+    return f"<h2>Simulated against measured</h2><table>{head}{''.join(rows)}</table>"
+
+
+def _ms_per_mm(fit: Fit) -> float:
+    """The time a stylus takes for 1 mm across the beam at the session's RMS velocity, ms."""
+    return float(1e3 / np.sqrt(np.mean(fit.view.v_across**2)))
+
+
 def _waterfall(report: GapReport) -> Any:
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
@@ -117,6 +197,10 @@ def _waterfall(report: GapReport) -> Any:
     axes.set_xlim(-0.6, max(len(names), 2) - 0.4)
     axes.set_ylim(0, 1.2 * max([*values, report.noise_floor_mm or 0.0]))
     axes.set_ylabel("held-out gap (mm RMS)")
+    if report.last is not None:
+        ms = _ms_per_mm(report.last)
+        other = axes.secondary_yaxis("right", functions=(lambda mm: ms * mm, lambda late: late / ms))
+        other.set_ylabel("(ms RMS)")
     axes.legend(loc="upper right")
     return figure
 

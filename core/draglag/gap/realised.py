@@ -1,0 +1,129 @@
+"""A fitted model as the forward simulation has it: a rig with the fitted law and beam, and effects of its classes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.gap.fit import Fit, Term
+from draglag.gap.parameters import parameters_of
+from draglag.recording import Beam, FloatArray, Session
+from draglag.simulation.effects import EFFECTS, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.law import LatencyLaw
+from draglag.simulation.rig import Rig
+
+# Their classes have one shape; a fit finds the shape too.
+OF_FREE_SHAPE = ("spatial_warp", "pitch_ripple")
+# Rates with which events come are random where these act; what the streams lost is lost in the measured trace already.
+IN_THE_TRACE = ("loss_of_contact", "frame_drop", "laser_bounce")
+
+
+@dataclass(frozen=True)
+class FittedShape(Effect):
+    """A displacement across the beam in the very shape that a fit found. ``value``: its amplitude, mm.
+
+    about: the panel coordinate (−1 … +1) about which the polynomial's square has no mean.
+    """
+
+    id: ClassVar[str] = "fitted_shape"
+    meaning: ClassVar[str] = "Reported positions are displaced across the beam by a fitted function of the place."
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+
+    effect: str = "spatial_warp"
+    theta: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+    about: float = 0.0
+
+    def __post_init__(self) -> None:
+        """A fitted shape has no bounds of its own."""
+
+    def numbers(self) -> dict[str, float]:
+        return {"amplitude_mm": float(self.value)}
+
+    def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        if self.effect == "pitch_ripple":
+            pitch, axis = self.theta[:2]
+            phase = 2 * np.pi * (k.motion.x_mm if axis == 0 else k.motion.y_mm) / pitch
+            shape = [np.sin(phase), np.cos(phase)]
+        else:
+            u = 2 * k.motion.x_mm / k.width_mm - 1
+            if self.theta:
+                shape = [np.sin(self.theta[0] * np.pi * u), np.cos(self.theta[0] * np.pi * u)]
+            else:
+                shape = [u**2 - self.about, u**3, u**4]
+        for size, part in zip(self.sizes, shape, strict=True):
+            y_mm = y_mm + size * part
+        return x_mm, y_mm
+
+
+def named_effects(fit: Fit) -> dict[str, dict[str, float]]:
+    """Effects of a fit's terms and law under their own names: id → parameters."""
+    ids = [*(["low_speed_plateau"] if fit.law.plateau_mm_s > 0 else []), *(term.effect for term in fit.terms)]
+    return {name: {k: value for k, (value, _) in parameters_of(name, fit).items()} for name in ids}
+
+
+def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = None) -> tuple[Effect, ...]:
+    """Effects as the simulation has them; a size beyond the bounds of its class is held at the bound."""
+    named = named_effects(fit) if named is None else named
+    out: list[Effect] = []
+    for name, numbers in named.items():
+        if name in IN_THE_TRACE:
+            continue
+        term = next((t for t in fit.terms if t.effect == name), None)
+        if name in OF_FREE_SHAPE and term is not None:
+            out.append(fitted_shape(term, fit))
+            continue
+        out.append(made(name, numbers))
+    return tuple(out)
+
+
+def fitted_shape(term: Term, fit: Fit) -> FittedShape:
+    """The term as a displacement of its own shape."""
+    panel_x = 2 * fit.placed.xy_mm[:, 0] / fit.width_mm - 1
+    return FittedShape(float(np.linalg.norm(term.sizes[:2])), term.effect, term.theta, term.sizes, float(panel_x.mean()))
+
+
+def made(name: str, numbers: Mapping[str, float]) -> Effect:
+    """An effect of the library from its numbers; what is not given is typical, what is out of bounds is held."""
+    cls = EFFECTS[name]
+    return cls(*(min(max(numbers.get(p.name, p.typical), p.lower), p.upper) for p in cls.parameters))
+
+
+def held_s(effects: Sequence[Effect]) -> float:
+    """By how much a loop's ticks stamp events late, s: a fit to its ticks has that in its law."""
+    return next((0.5 / effect.value for effect in effects if effect.id == "sample_hold"), 0.0)
+
+
+def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
+    """The rig that the fit describes: its law, its beam, the session's position noise; nothing else is random."""
+    size = {effect.id: effect.value for effect in effects}
+    law = fit.law
+    # Late stamps make latency read short: what the clock is blamed for is the law's again.
+    asymptote_ms = 1e3 * (law.a7_s + size.get("clock_offset", 0.0))
+    asymptote_ms -= 1e3 * held_s(effects)
+    slope, intercept = fit.geometry.slope, fit.geometry.intercept_mm
+    share = size.get("scale_error", 0.0)
+    # The fit knows the beam in the screen's coordinates, the simulation in the world's.
+    middle = 0.5 * (session.screen.height_mm - slope * session.screen.width_mm)
+    intercept = (intercept + share * middle) / (1 + share)
+    noise = float(np.median([data.noise_mm for data in fit.runs]))
+    return Rig(
+        session.screen,
+        session.stylus,
+        LatencyLaw(1e3 * law.a1_s, law.a2_s_mm, 1e3 * law.a4_s, law.a5_s_mm, asymptote_ms),
+        Beam(slope, intercept),
+        noise_mm=noise,
+        noise_slow_share=0.0,
+        run_latency_sd_s=0.0,
+        run_offset_sd_mm=0.0,
+        contact_loss_per_s=0.0,
+        sensor_response_s=0.0,
+        laser_clock_offset_s=0.0,
+        laser_clock_ppm=0.0,
+        resolution_mm=0.0,
+        scan_jitter_s=0.0,
+    )

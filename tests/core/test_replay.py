@@ -1,0 +1,107 @@
+"""A measured session simulated again: with the cause in the model the simulation shows what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from draglag.exchange import read_exchange
+from draglag.gap.edges import gather
+from draglag.gap.fit import Fit, Term, fit_session
+from draglag.gap.realised import OF_FREE_SHAPE, effects_of_fit, made
+from draglag.gap.replay import Replay, replay
+from draglag.protocols import load_protocol
+from draglag.recording import Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import EFFECTS
+
+SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
+
+
+def few_runs(session: Session) -> Session:
+    """Seven circles and the chirp: enough for a law, quick to simulate."""
+    circles = sorted((r for r in session.runs if r.nominal_speed_mm_s), key=lambda r: r.nominal_speed_mm_s or 0.0)
+    kept = {r.id for r in circles[::2]} | {r.id for r in session.runs if r.protocol == "chirp"}
+    return replace(session, runs=tuple(r for r in session.runs if r.id in kept))
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return few_runs(read_exchange(SAMPLE))
+
+
+@pytest.fixture(scope="module")
+def fits(session: Session) -> tuple[Fit, Fit]:
+    runs = gather(session)
+    before = fit_session(session, runs)
+    return before, fit_session(session, runs, plateau=True, start=before)
+
+
+@pytest.fixture(scope="module")
+def replays(session: Session, fits: tuple[Fit, Fit]) -> tuple[Replay, Replay]:
+    before, after = fits
+    return replay(session, before), replay(session, after, reference=before)
+
+
+def test_edges_fall_where_they_were_measured_once_the_cause_is_in_the_model(replays: tuple[Replay, Replay]) -> None:
+    before, after = replays
+    assert np.isfinite(after.simulated_s).mean() > 0.98
+    assert after.rms_mm < 0.25 * before.rms_mm
+    assert after.rms_ms_ci95[1] < before.rms_ms_ci95[0]
+    # What is left is the position noise of the touch trace, which the fit leaves too.
+    assert after.rms_mm < 0.2
+
+
+def test_the_same_estimator_gives_simulated_runs_the_measured_latency(replays: tuple[Replay, Replay]) -> None:
+    before, after = replays
+    z = np.array([(s - m) / np.hypot(me, se) for _, _, m, me, s, se in after.latencies_ms()])
+    assert z.size >= 6
+    assert np.abs(z).max() < 4
+    off = np.array([s - m for _, _, m, _, s, _ in before.latencies_ms()])
+    assert np.abs(off).max() > 3, "without the plateau a slow run is several ms off"
+
+
+def test_simulated_residuals_show_the_measured_structure(replays: tuple[Replay, Replay]) -> None:
+    """The present model sees the same in both sessions once the simulation holds the cause, and nothing before."""
+    before, after = replays
+    assert before.simulated is not None
+    assert after.simulated is not None
+
+    def by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
+        return np.array([np.median(values[run == k]) for k in range(6)])
+
+    measured = by_run(after.measured.late_ms, after.measured.run)
+    assert np.abs(measured).max() > 2
+    assert by_run(after.simulated.late_ms, after.simulated.run) == pytest.approx(measured, abs=0.5)
+    assert np.abs(by_run(before.simulated.late_ms, before.simulated.run)).max() < 0.5
+
+
+def test_numbers_of_the_pictures_are_plain_json(replays: tuple[Replay, Replay]) -> None:
+    found = replays[1].to_dict()
+    assert found["effects"] == {"low_speed_plateau": {"speed_mm_s": pytest.approx(125, abs=3)}}
+    assert {"edge_rms_mm", "edge_rms_ms", "edge_rms_ms_ci95", "runs"} <= found.keys()
+
+
+@pytest.mark.parametrize("name", ["clock_drift", "scan_skew", "beam_wedge", "spatial_warp"])
+def test_a_fitted_effect_moves_simulated_edges_as_it_moves_measured_ones(name: str, session: Session) -> None:
+    demo = load_protocol("demo")
+    short = demo.model_copy(
+        update={"runs": tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs), "taps": None}
+    )
+    measured = simulate_session("screen-1", short, effects=[EFFECTS[name].typical()], seed=3)
+    runs = gather(measured)
+    bare = fit_session(measured, runs)
+    fit = fit_session(measured, runs, [Term(name)], start=bare)
+    kind = effects_of_fit(fit)[0]
+    assert kind.id == ("fitted_shape" if name in OF_FREE_SHAPE else name)
+    found = replay(measured, fit, reference=bare)
+    assert found.rms_mm < 1.2 * np.sqrt(np.mean(fit.residual_mm**2)) + 0.02
+    assert found.simulated is not None
+    assert np.std(found.simulated.residual_mm) == pytest.approx(np.std(found.measured.residual_mm), rel=0.25)
+
+
+def test_sizes_beyond_an_effect_s_bounds_are_held_at_them() -> None:
+    assert made("clock_drift", {"drift_ppm": 1e6}).value == EFFECTS["clock_drift"].parameters[0].upper
