@@ -196,6 +196,11 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
     return float(max(values))
 
 
+def log_likelihood_of(fit: Fit, parts: Scatter, components: Components) -> float:
+    """The fit's log-likelihood if its noise had these components."""
+    return _profile(whitener(parts, components), fit.residual_mm, fit.design, fit.prior)[0]
+
+
 @dataclass(frozen=True)
 class _State:
     """One point of the search: parameters, and the session seen from there."""

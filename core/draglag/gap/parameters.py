@@ -47,7 +47,8 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
         value, reach = factor * sizes[0], abs(factor) * 1.96 * se[0]
         out: Parameters = {name: (float(value), (float(value - reach), float(value + reach)))}
         if effect == "second_filter_mode" and theta:
-            out["threshold_mm_s"] = (theta[0], (0.8 * theta[0], 1.25 * theta[0]))
+            unit = "threshold_mm_s2" if theta[1] else "threshold_mm_s"
+            out[unit] = (theta[0], (0.8 * theta[0], 1.25 * theta[0]))
         return out
     if effect == "scale_error":
         diameter = fit.geometry.diameter_mm

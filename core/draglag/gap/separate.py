@@ -29,7 +29,7 @@ EXTRA_RUN = {
     "direction_asymmetry": "circles whose centre lies 30 mm off the beam",
 }
 
-BEYOND = 0.25  # how well the law's fall beyond the fastest speed is known, as a share of it
+BEYOND = 0.15  # how well the law's fall beyond the fastest speed is known, as a share of it
 
 
 @dataclass(frozen=True)

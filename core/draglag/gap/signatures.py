@@ -159,8 +159,15 @@ def smoothing_shrink(v: View) -> list[Signature]:
 
 
 def second_filter_mode(v: View) -> list[Signature]:
-    limits = np.quantile(v.speed, np.linspace(0.12, 0.88, 16))
-    return [Signature(latency=_column((v.speed > limit).astype(float)), theta=(limit,), n_grid=16) for limit in limits]
+    # A stronger filter above some speed, or while the stylus speeds up or slows down.
+    out = []
+    for kind, values in enumerate((v.speed, np.abs(v.accel))):
+        limits = np.quantile(values, np.linspace(0.12, 0.88, 16))
+        out += [
+            Signature(latency=_column((values > limit).astype(float)), theta=(float(limit), float(kind)), n_grid=32)
+            for limit in limits
+        ]
+    return out
 
 
 SIGNATURES: dict[str, Callable[[View], list[Signature]]] = {

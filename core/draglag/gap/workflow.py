@@ -17,11 +17,13 @@ from draglag.gap.naming import PLATEAU, TOO_CLOSE, UNNAMED_MARGIN, Name, gained,
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
 from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.gap.soundness import excess_scatter
 from draglag.gap.streams import StreamEffect, inspect
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
+UNEVEN_AGES = {"sample_hold", "timestamp_quantisation", "frame_batching", "loss_of_contact"}  # they scatter edges
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 Progress = Callable[[float, str], None]
 
@@ -164,6 +166,8 @@ def close_gap(
     steps = [_settled(step, fit) for step in steps]
     if unexplained is None and finding.significant:
         unexplained = _still_there(fit, finding)
+    if unexplained is None and not {s.effect for s in seen} & UNEVEN_AGES:
+        unexplained = excess_scatter(fit)
     if unexplained is None:
         steps += _offset_step(session, fit, steps, allowed)
     last_mm = gap_mm(fit)
