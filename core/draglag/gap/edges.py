@@ -60,7 +60,8 @@ class Placed:
         accel_apart_mm_s2: the same with an error that is not the position's.
         slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
         stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
-        ok: placed well enough to judge by.
+        ok: placed well enough to judge by. events_mm: the touch events of each run, (n, 2).
+        events_mm: the touch events of each run, (n, 2).
     """
 
     run: IntArray
@@ -82,6 +83,7 @@ class Placed:
     speed_half_s: FloatArray
     position_fit: tuple[LocalFit, ...]
     speed_fit: tuple[LocalFit, ...]
+    events_mm: tuple[FloatArray, ...]
 
     def __len__(self) -> int:
         return int(self.t_s.size)
@@ -196,7 +198,9 @@ def place(
         position_fits.append(fit)
         speed_fits.append(fast)
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return Placed(**joined, position_fit=tuple(position_fits), speed_fit=tuple(speed_fits))
+    return Placed(
+        **joined, position_fit=tuple(position_fits), speed_fit=tuple(speed_fits), events_mm=tuple(d.xy_mm for d in runs)
+    )
 
 
 def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from draglag.gap.fit import Fit
 from draglag.gap.noise import Whitener
-from draglag.gap.signatures import SIGNATURES, Signature, shape_free
+from draglag.gap.signatures import SIGNATURES, Signature, pitch_ripple, shape_free
 from draglag.recording import FloatArray
 
 LEVEL = 0.01
@@ -58,7 +58,8 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     for effect, make in SIGNATURES.items():
         if effect in without or (only is not None and effect not in only):
             continue
-        for signature in make(fit.view):
+        options = pitch_ripple(fit.view, _line_gains(fit)) if effect == "pitch_ripple" else make(fit.view)
+        for signature in options:
             items.append((effect, "", "", signature, signature.columns(fit.view)))
     for (covariate, role), columns in shape_free(fit.view).items():
         items.append((None, covariate, role, None, columns))
@@ -78,14 +79,31 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
             float(gain),
             columns.shape[1],
             made.n_grid if made else 1,
-            float(p),
+            float(min(p * made.looks, 1.0)) if made else float(p),
             made.theta if made else (),
         )
         key = (name, covariate, role)
         if key not in out or candidate.score > out[key].score:
             out[key] = candidate
     ranked = tuple(sorted(out.values(), key=lambda c: -c.score))
-    return Finding(ranked, float(p_values.min(initial=1.0)))
+    return Finding(ranked, min((c.p_value for c in ranked), default=1.0))
+
+
+def _line_gains(fit: Fit) -> Callable[[FloatArray], FloatArray]:
+    """Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
+    white = fit.whiteners[fit.best]
+    design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])
+    q, _ = np.linalg.qr(design)
+    own = q[: fit.residual_mm.size]
+    left = white.apply(fit.residual_mm)
+    left = left - own @ (own.T @ left)
+
+    def gains(columns: FloatArray) -> FloatArray:
+        moment = (white.apply(columns).T @ left).reshape(-1, 2)
+        size = np.sum(white.apply(columns) ** 2, axis=0).reshape(-1, 2)
+        return np.asarray(np.sum(moment**2 / np.maximum(size, 1e-12), axis=1), float)
+
+    return gains
 
 
 def _joint_p(value: float, worst: FloatArray) -> float:

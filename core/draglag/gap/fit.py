@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from draglag.gap.edges import Placed, RunData, place
 from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm, starting_law
 from draglag.gap.noise import BETWEEN, LOCAL, Components, Scatter, Whitener, scatter, whitener
-from draglag.gap.signatures import SIGNATURES, Signature, View, view_of
+from draglag.gap.signatures import Averaged, Signature, View, signature_at, view_of
 from draglag.recording import FloatArray, Session
 
 START = Components(0.05, 0.01, 0.1, 0.0003, 0.03)
@@ -60,20 +61,12 @@ class Fit:
 
 def term_signature(term: Term, view: View) -> Signature:
     """The signature of a term at its setting."""
-    options = SIGNATURES[term.effect](view)
-    if not term.theta:
-        return options[0]
-    options = [o for o in options if len(o.theta) == len(term.theta)]
-    distance = [
-        abs(o.theta[0] - term.theta[0]) + 1e3 * sum(a != b for a, b in zip(o.theta[1:], term.theta[1:], strict=True))
-        for o in options
-    ]
-    return options[int(np.argmin(distance))]
+    return signature_at(term.effect, term.theta, view)
 
 
 def restrict(view: View, use: np.ndarray) -> View:
-    values = {k: (v[use] if isinstance(v, np.ndarray) else v) for k, v in view.__dict__.items()}
-    return View(**values)
+    arrays: dict[str, Any] = {k: v[use] for k, v in view.__dict__.items() if isinstance(v, np.ndarray | Averaged)}
+    return replace(view, **arrays)
 
 
 def fit_session(

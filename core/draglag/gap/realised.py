@@ -46,9 +46,9 @@ class FittedShape(Effect):
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         if self.effect == "pitch_ripple":
-            pitch, axis = self.theta[:2]
-            phase = 2 * np.pi * (k.motion.x_mm if axis == 0 else k.motion.y_mm) / pitch
-            shape = [np.sin(phase), np.cos(phase)]
+            pitch, both = self.theta[:2]
+            along = (k.motion.x_mm, k.motion.y_mm) if both else (k.motion.x_mm,)
+            shape = [wave(2 * np.pi * mm / pitch) for mm in along for wave in (np.sin, np.cos)]
         else:
             u = 2 * k.motion.x_mm / k.width_mm - 1
             if self.theta:
@@ -84,7 +84,8 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 def fitted_shape(term: Term, fit: Fit) -> FittedShape:
     """The term as a displacement of its own shape."""
     panel_x = 2 * fit.placed.xy_mm[:, 0] / fit.width_mm - 1
-    return FittedShape(float(np.linalg.norm(term.sizes[:2])), term.effect, term.theta, term.sizes, float(panel_x.mean()))
+    amplitude = float(np.linalg.norm(term.sizes[:2]))
+    return FittedShape(amplitude, term.effect, term.theta, term.sizes, float(panel_x.mean()))
 
 
 def made(name: str, numbers: Mapping[str, float]) -> Effect:

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import block_diag, csr_matrix
 
-from draglag.gap.edges import Placed
+from draglag.gap.edges import Placed, sparse_rows
 from draglag.gap.model import Geometry, LawParameters, side_of
 from draglag.recording import FloatArray
 
@@ -35,6 +36,19 @@ class View:
     session_time: FloatArray  # −1 … +1 over the session
     span_s: float
     intercept_mm: float
+    averaged: Averaged
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """How a displacement of the events becomes one of the edges: rows (m, n) of weights over all events, (n,) mm."""
+
+    rows: csr_matrix
+    x_mm: FloatArray
+    y_mm: FloatArray
+
+    def __getitem__(self, use: np.ndarray) -> Averaged:
+        return Averaged(self.rows[use], self.x_mm, self.y_mm)
 
 
 @dataclass(frozen=True)
@@ -43,13 +57,15 @@ class Signature:
 
     Attributes:
         latency: (m, k) latency added per unit, s; offset: (m, k) displacement across the beam per unit, mm.
-        theta: the setting. n_grid: how many settings are tried in all, for the penalty. positive: sizes ≥ 0 only.
+        theta: the setting. n_grid: how many settings are tried in all, for the penalty. looks: how many of them
+            were looked at for each one tried in earnest.
     """
 
     latency: FloatArray | None = None
     offset: FloatArray | None = None
     theta: tuple[float, ...] = ()
     n_grid: int = 1
+    looks: float = 1.0
 
     def columns(self, view: View) -> FloatArray:
         """The residual the effect leaves when it is not modelled, (m, k) mm per unit."""
@@ -87,7 +103,18 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
         2 * (t - t.min()) / span - 1,
         span,
         geometry.intercept_mm,
+        averaged_of(placed),
     )
+
+
+def averaged_of(placed: Placed) -> Averaged:
+    """The weights by which each edge's position is averaged from the events of its run."""
+    blocks = [
+        sparse_rows(fit.first, fit.weights, events.shape[0])
+        for fit, events in zip(placed.position_fit, placed.events_mm, strict=True)
+    ]
+    x_mm, y_mm = np.concatenate(placed.events_mm).T
+    return Averaged(csr_matrix(block_diag(blocks)), x_mm, y_mm)
 
 
 def _column(values: FloatArray) -> FloatArray:
@@ -141,16 +168,36 @@ def spatial_warp(v: View) -> list[Signature]:
     ]
 
 
-def pitch_ripple(v: View) -> list[Signature]:
-    pitches = np.geomspace(3.0, 10.0, 45)
-    out = []
-    for pitch in pitches:
-        for axis, coordinate in enumerate((v.x_mm, v.y_mm)):
-            phase = 2 * np.pi * coordinate / pitch
-            out.append(
-                Signature(offset=np.column_stack([np.sin(phase), np.cos(phase)]), theta=(pitch, axis), n_grid=90)
-            )
-    return out
+PITCHES_MM = np.geomspace(3.0, 10.0, 300)
+PITCHES_TRIED = 8
+
+
+def pitch_ripple(v: View, residual: Callable[[FloatArray], FloatArray] | None = None) -> list[Signature]:
+    """Columns only, or rows too: the electrodes' lattice displaces every event, and an edge sees them averaged.
+
+    Over a wide panel a pitch has to be right to half a percent. The pitches tried in earnest are those of the largest
+    lines in the spectrum over the edges' own x and y; how many were passed over counts for the price and the odds.
+
+    Args:
+        residual: maps columns (m, k) to the white residual's gain by each pair of them, (k / 2,).
+    """
+    pitches = PITCHES_MM
+    if residual is not None:
+        lines = np.zeros(pitches.size)
+        for at_mm in (v.x_mm, v.y_mm):
+            phase = 2 * np.pi * at_mm[:, None] / pitches
+            lines += residual(np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(at_mm.size, -1))
+        pitches = pitches[np.argsort(-lines)[:PITCHES_TRIED]]
+    looks = PITCHES_MM.size / pitches.size
+    return [ripple(v, float(p), both, 2 * PITCHES_MM.size, looks) for p in pitches for both in (0.0, 1.0)]
+
+
+def ripple(v: View, pitch_mm: float, both: float, n_grid: int = 1, looks: float = 1.0) -> Signature:
+    """One pitch, along x alone or along both axes."""
+    phase = 2 * np.pi / pitch_mm * np.column_stack([v.averaged.x_mm, v.averaged.y_mm][: 2 if both else 1])
+    seen = v.averaged.rows @ np.column_stack([np.sin(phase), np.cos(phase)])
+    columns = seen[:, [0, 2, 1, 3]] if both else seen  # sin and cos along x, then along y
+    return Signature(offset=columns, theta=(pitch_mm, both), n_grid=n_grid, looks=looks)
 
 
 def smoothing_shrink(v: View) -> list[Signature]:
@@ -184,6 +231,21 @@ SIGNATURES: dict[str, Callable[[View], list[Signature]]] = {
     "smoothing_shrink": smoothing_shrink,
     "second_filter_mode": second_filter_mode,
 }
+
+
+def signature_at(effect: str, theta: tuple[float, ...], v: View) -> Signature:
+    """The signature of an effect at a setting; the nearest of its grid where it has one."""
+    if effect == "pitch_ripple" and theta:
+        return ripple(v, theta[0], theta[1])
+    options = SIGNATURES[effect](v)
+    if not theta:
+        return options[0]
+    options = [o for o in options if len(o.theta) == len(theta)]
+    distance = [
+        abs(o.theta[0] - theta[0]) + 1e3 * sum(a != b for a, b in zip(o.theta[1:], theta[1:], strict=True))
+        for o in options
+    ]
+    return options[int(np.argmin(distance))]
 
 
 def _spline(values: FloatArray, knots: int) -> FloatArray:
