@@ -14,9 +14,12 @@ import draglag
 from draglag.curve import FORMS, CurveFit
 from draglag.errors import DataError
 from draglag.recording import FloatArray
+from draglag.simulation.effects import EFFECTS
 
 VERSION = 1
 LONGEST_FILE = 4_000_000  # bytes; a model is a few kilobytes
+OF_SPEED = ("low_speed_plateau", "second_filter_mode")
+IN_THE_LAW = (*OF_SPEED, "lagging_law", "acceleration_lag")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -24,11 +27,26 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class Shape(_Table):
+    """A displacement across the beam of a fitted shape: its setting, amplitudes (mm) and the squares' mean."""
+
+    theta: tuple[Finite, ...] = ()
+    sizes: tuple[Finite, ...] = ()
+    about: Finite = 0.0
+
+
 class ModelEffect(_Table):
-    """One named cause that the gap workflow added to the model; see ``draglag.simulation.effects``."""
+    """One named cause that the gap workflow added to the model; see ``draglag.simulation.effects``.
+
+    ci95: 95 % intervals of the parameters. where: where it acts, in words.
+    """
 
     id: Annotated[str, Field(min_length=1, max_length=100)]
     parameters: dict[str, Finite] = {}
+    ci95: dict[str, tuple[Finite, Finite]] = {}
+    where: str = ""
+    indistinguishable_from: tuple[str, ...] = ()
+    shape: Shape | None = None
 
 
 class Provenance(_Table):
@@ -42,6 +60,11 @@ class Provenance(_Table):
     input_sha256: str = ""
     created_utc: str = ""
     software: str = ""
+    screen_width_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    screen_height_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    gap_mm: tuple[Finite, Finite] | None = None
+    noise_floor_mm: Finite | None = None
+    verdict: str = ""
 
 
 class LatencyModel(_Table):
@@ -72,6 +95,9 @@ class LatencyModel(_Table):
         low, high = self.speed_range_mm_s
         if not 0 <= low <= high:
             raise ValueError("speed_range_mm_s must run from low to high")
+        unknown = [effect.id for effect in self.effects if effect.id not in EFFECTS]
+        if unknown:
+            raise ValueError(f"unknown effect '{unknown[0]}'; known: {', '.join(EFFECTS)}")
         return self
 
     @property
@@ -97,26 +123,30 @@ class LatencyModel(_Table):
     def latency_s(self, speed_mm_s: FloatArray, extrapolate: bool = False) -> FloatArray:
         """L(v), s, same shape. Outside the measured range the value at its end, unless ``extrapolate``.
 
-        Of the effects a low-speed plateau is part of the law; the others say nothing about speed alone.
+        Of the effects a low-speed plateau and a second filter are part of the law; the others say nothing about speed
+        alone.
         """
-        speed = np.asarray(speed_mm_s, float)
+        shown = np.asarray(speed_mm_s, float)
+        speed, extra_s = shown, 0.0 * shown
         for effect in self.effects:
             if effect.id == "low_speed_plateau" and effect.parameters:
                 speed = np.maximum(speed, next(iter(effect.parameters.values())))
+            if effect.id == "second_filter_mode" and {"extra_s", "threshold_mm_s"} <= effect.parameters.keys():
+                extra_s = effect.parameters["extra_s"] * (shown > effect.parameters["threshold_mm_s"])
         if not extrapolate:
             speed = np.clip(speed, *self.speed_range_mm_s)
-        return self.curve.predict_s(speed)
+        return np.asarray(self.curve.predict_s(speed) + extra_s)
 
     @property
     def not_compensated(self) -> tuple[str, ...]:
         """Ids of effects that the model names but a law of speed cannot undo."""
-        return tuple(effect.id for effect in self.effects if effect.id != "low_speed_plateau")
+        return tuple(effect.id for effect in self.effects if effect.id not in OF_SPEED)
 
 
 def model_of(
     curve: CurveFit,
     provenance: Provenance | None = None,
-    effects: Sequence[tuple[str, Mapping[str, float]]] = (),
+    effects: Sequence[tuple[str, Mapping[str, float]] | ModelEffect] = (),
 ) -> LatencyModel:
     """The model of a fitted curve."""
     return LatencyModel(
@@ -128,7 +158,10 @@ def model_of(
         rms_ms=1e3 * curve.rms_s,
         between_runs_ms=1e3 * curve.between_runs_s,
         tied_asymptote_ms=None if curve.tied_asymptote_s is None else 1e3 * curve.tied_asymptote_s,
-        effects=tuple(ModelEffect(id=name, parameters=dict(numbers)) for name, numbers in effects),
+        effects=tuple(
+            item if isinstance(item, ModelEffect) else ModelEffect(id=item[0], parameters=dict(item[1]))
+            for item in effects
+        ),
         provenance=provenance or Provenance(software=f"draglag {draglag.__version__}"),
     )
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +14,10 @@ from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
 from draglag.recording import Session
 from draglag_app.cli.common import (
+    checksum,
     json_option,
     load_session,
+    now_utc,
     number,
     print_json,
     progress,
@@ -57,6 +57,13 @@ from draglag_app.cli.common import (
 )
 @click.option("--exclude", multiple=True, metavar="RUN[=WHY]", help="Leave a run out of the curve; may be repeated.")
 @click.option("--save-model", type=click.Path(path_type=Path), metavar="FILE.json", help="Write the curve as a model.")
+@click.option(
+    "--model",
+    "model_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE.json",
+    help="Take the effects of an extended model (gap --model) out of the session first.",
+)
 @click.option("--save", is_flag=True, help="Store the result in the session file, beside the raw data.")
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Also write report.html and figures.")
 @json_option
@@ -69,6 +76,7 @@ def analyze(
     window_ms: tuple[float, float] | None,
     exclude: tuple[str, ...],
     save_model: Path | None,
+    model_path: Path | None,
     save: bool,
     report: Path | None,
     as_json: bool,
@@ -92,6 +100,12 @@ def analyze(
     if save_model is not None:
         refuse_existing(save_model)
     data = load_session(session)
+    correction = None
+    if model_path is not None:
+        from draglag.correction import corrected
+        from draglag.model_file import load_model
+
+        data, correction = corrected(data, load_model(model_path))
     left_out = {name: why or "left out by hand" for name, _, why in (text.partition("=") for text in exclude)}
     unknown = sorted(set(left_out) - {run.id for run in data.runs})
     if unknown:
@@ -107,6 +121,8 @@ def analyze(
     with progress("Analysing") as tell:
         analysis = analyze_session(data, options, tell)
     result = analysis.to_dict()
+    if correction is not None:
+        result |= {"model": str(model_path), **correction.to_dict()}
     if save:
         from draglag.store import add_analysis
 
@@ -117,8 +133,9 @@ def analyze(
             "tie_asymptote": tie_asymptote,
             "window_s": list(options.window_s),
             "exclude": left_out,
+            "model": str(model_path or ""),
         }
-        add_analysis(session, result, asked, datetime.now(UTC).isoformat(timespec="seconds"))
+        add_analysis(session, result, asked, now_utc())
     if save_model is not None:
         _save_model(save_model, session, data, analysis)
     if report is not None:
@@ -128,6 +145,8 @@ def analyze(
     if as_json:
         print_json(result)
     else:
+        if correction is not None:
+            click.echo(f"{model_path}: {correction.words() or 'the model names no effect'}\n")
         click.echo("\n\n".join(summary(analysis, result)))
     if analysis.runs and all(run.latency_s is None for run in analysis.runs):
         why = ", ".join(dict.fromkeys(flag.replace("_", " ") for run in analysis.runs for flag in run.flags))
@@ -144,15 +163,14 @@ def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> 
     if analysis.curve is None:
         raise DataError(f"{source}: there is no curve to save", "See the verdict on its runs")
     rate = analysis.options.update_rate_hz
-    checksum = hashlib.sha256(source.read_bytes()).hexdigest() if source.is_file() else ""
     provenance = Provenance(
         session=data.name,
         screen=data.screen.name,
         estimator=analysis.options.estimator,
         stamps="kernel" if rate is None else f"last event held at {rate:g} Hz",
         runs=tuple(run.id for run in analysis.runs if run.latency_s is not None),
-        input_sha256=checksum,
-        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        input_sha256=checksum(source),
+        created_utc=now_utc(),
         software=f"draglag {draglag.__version__}",
     )
     save_model(model_of(analysis.curve, provenance), path)

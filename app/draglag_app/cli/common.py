@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -86,3 +88,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
 def number(value: object, digits: int = 1) -> str:
     """A number for people; an absent one is a dash."""
     return "–" if not isinstance(value, int | float) or value != value else f"{value:.{digits}f}"
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a session file; empty for an exchange folder."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def now_utc() -> str:
+    """The time as provenance has it, ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -50,16 +50,20 @@ def compensate(
     result: dict[str, Any] = {"model": str(model_path), "form": model.form}
     if source is not None and out is not None:
         from draglag.compensation import compensate as apply
+        from draglag.correction import corrected_touch
 
         refuse_existing(out)
         t_s, x_mm, y_mm = _read(source)
-        done = apply(t_s, x_mm, y_mm, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s)
+        freed_s, freed_x, freed_y, correction = corrected_touch(t_s, x_mm, y_mm, model)
+        done = apply(
+            freed_s, freed_x, freed_y, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s
+        )
         columns = {
             "t_s": t_s,
             "x_mm": x_mm,
             "y_mm": y_mm,
             "stylus_t_s": done.stylus_t_s,
-            "latency_ms": 1e3 * done.latency_s,
+            "latency_ms": 1e3 * (t_s - done.stylus_t_s),
             "x_stylus_mm": done.x_stylus_mm,
             "y_stylus_mm": done.y_stylus_mm,
             "speed_mm_s": done.speed_mm_s,
@@ -73,7 +77,12 @@ def compensate(
             raise DataError(
                 f"{out}: cannot be written ({error.strerror})", "Check the folder and free space"
             ) from error
-        result["compensated"] = {**done.report(), "not_compensated": list(model.not_compensated)}
+        result["compensated"] = {
+            **done.report(),
+            "not_compensated": list(correction.left_but_law),
+            **correction.to_dict(),
+            "words": correction.words(),
+        }
     if lookup is not None:
         save_lookup(model, lookup)
         result["lookup"] = str(lookup)
@@ -129,10 +138,8 @@ def _words(result: dict[str, Any], out: Path | None) -> list[str]:
             )
         if done["n_extrapolated"]:
             lines.append(f"  {done['n_extrapolated']} at speeds the model was not measured at: marked 'extrapolated'")
-        if done["not_compensated"]:
-            lines.append(
-                f"  the model also names what a law of speed cannot undo: {', '.join(done['not_compensated'])}"
-            )
+        if done["words"]:
+            lines.append(f"  {done['words']}")
         blocks.append("\n".join(lines))
     if "lookup" in result:
         blocks.append(f"{result['lookup']}: speed_mm_s, latency_s and its 95 % band")

@@ -7,11 +7,15 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError, EstimateError
+from draglag.gap.extended import extended_model
 from draglag.gap.workflow import MOST_EFFECTS, GapReport, close_gap
+from draglag.model_file import save_model
 from draglag.simulation.effects import EFFECTS
 from draglag_app.cli.common import (
+    checksum,
     json_option,
     load_session,
+    now_utc,
     print_json,
     progress,
     refuse_existing,
@@ -31,8 +35,22 @@ from draglag_app.cli.common import (
 )
 @click.option("--without", multiple=True, metavar="ID", help="Leave an effect out of the library; may be repeated.")
 @click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Also write a page with figures.")
+@click.option(
+    "--model",
+    "model_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE.json",
+    help="Write the extended model: law, effects with intervals, provenance.",
+)
 @json_option
-def gap(session: Path, max_effects: int, without: tuple[str, ...], report: Path | None, as_json: bool) -> None:
+def gap(
+    session: Path,
+    max_effects: int,
+    without: tuple[str, ...],
+    report: Path | None,
+    model_path: Path | None,
+    as_json: bool,
+) -> None:
     """Find where SESSION (a session file or an exchange folder) disagrees with the model, name the missing effect,
     add it and show the gap shrink; again until only noise is left, or say what has no name.
 
@@ -41,12 +59,15 @@ def gap(session: Path, max_effects: int, without: tuple[str, ...], report: Path 
         draglag gap session.h5
         draglag gap exchange-folder --json
         draglag gap session.h5 --report gap.html
+        draglag gap session.h5 --model extended.json
     """
     unknown = [effect for effect in without if effect not in EFFECTS]
     if unknown:
         raise DataError(f"unknown effect {unknown[0]}", f"Known are {', '.join(EFFECTS)}")
     if report is not None:
         refuse_existing(report)
+    if model_path is not None:
+        refuse_existing(model_path)
     data = load_session(session)
     with progress("Closing the gap") as tell:
         result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], tell)
@@ -55,12 +76,16 @@ def gap(session: Path, max_effects: int, without: tuple[str, ...], report: Path 
 
         with progress("Simulating the session again") as tell:
             write_gap_report(data, result, report, tell)
+    if model_path is not None and result.verdict is not None:
+        save_model(extended_model(data, result, now_utc(), checksum(session)), model_path)
     if as_json:
         print_json(result.to_dict())
     if result.verdict is None:
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", "Record what is missing")
     if not as_json:
         _tell(result, report)
+        if model_path is not None:
+            click.echo(f"Model: {model_path}")
 
 
 def _tell(result: GapReport, report: Path | None) -> None:

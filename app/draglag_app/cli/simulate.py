@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from draglag_app.cli.common import progress, refuse_existing
+
+if TYPE_CHECKING:
+    from draglag.simulation.effects import Effect
+    from draglag.simulation.rig import Rig
 
 
 @click.command("simulate")
@@ -18,12 +23,21 @@ from draglag_app.cli.common import progress, refuse_existing
     metavar="ID=VALUE",
     help="A physical effect and its size; may be given several times.",
 )
+@click.option(
+    "--model",
+    "model_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE.json",
+    help="Law and effects of a latency model instead of the screen's law.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Makes the session repeatable.")
 @click.option(
     "--protocol", default="demo", show_default=True, metavar="NAME", help="Preset or TOML file of the protocol."
 )
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session file to make.")
-def simulate(screen_name: str, effects: tuple[str, ...], seed: int, protocol: str, out: Path) -> None:
+def simulate(
+    screen_name: str, effects: tuple[str, ...], model_path: Path | None, seed: int, protocol: str, out: Path
+) -> None:
     """Simulate a whole session on a screen and write it like a measured one.
 
     \b
@@ -31,6 +45,7 @@ def simulate(screen_name: str, effects: tuple[str, ...], seed: int, protocol: st
         draglag simulate --screen screen-1 --out session.h5
         draglag simulate --screen screen-2 --effect clock_drift=60 --effect low_speed_plateau=118 \\
             --seed 7 --out drift.h5
+        draglag simulate --screen screen-2 --model extended.json --out again.h5
     """
     from draglag.simulation.chain import simulate_session
     from draglag.simulation.effects import parse_effects
@@ -38,7 +53,30 @@ def simulate(screen_name: str, effects: tuple[str, ...], seed: int, protocol: st
 
     refuse_existing(out)
     chosen = parse_effects(effects)
+    screen: str | Rig = screen_name
+    words = ""
+    if model_path is not None:
+        screen, chosen, words = _of_model(screen_name, model_path, chosen)
     with progress("Simulating"):
-        session = simulate_session(screen_name, protocol, effects=chosen, seed=seed)
+        session = simulate_session(screen, protocol, effects=chosen, seed=seed)
     write_session(session, out)
-    click.echo(f"{out}: {len(session.runs)} runs of {session.screen.name}")
+    click.echo(f"{out}: {len(session.runs)} runs of {session.screen.name}{words}")
+
+
+def _of_model(screen_name: str, path: Path, chosen: tuple[Effect, ...]) -> tuple[Rig, tuple[Effect, ...], str]:
+    """Screen with the model's law, its effects beside those given by hand, and words on both. Raises DataError."""
+    from draglag.correction import realise, size_words
+    from draglag.gap.realised import rig_with_law
+    from draglag.model_file import load_model
+    from draglag.simulation.rig import rig_for_screen
+
+    model = load_model(path)
+    rig, plateau = rig_with_law(rig_for_screen(screen_name), model.form, model.parameters)
+    named = [effect for effect in model.effects if effect.id not in {e.id for e in chosen}]
+    added = [realise(effect) for effect in named]
+    if plateau is not None and not any(e.id == plateau.id for e in (*chosen, *added)):
+        added.append(plateau)
+    words = f", with the law of {model.provenance.session or path}"
+    if named:
+        words += " and " + "; ".join(size_words(effect) for effect in named)
+    return rig, (*chosen, *added), words

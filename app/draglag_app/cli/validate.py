@@ -23,7 +23,8 @@ BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
 @json_option
 def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, raw: bool, as_json: bool) -> None:
     """Apply the latency model of one session to the runs of another and say how much of the misalignment of their
-    edges it removes (the paper's Eq. 4), per run and averaged over repeats.
+    edges it removes (the paper's Eq. 4), per run and averaged over repeats. What an extended model names besides its
+    law (a drifting clock, a skewed scan …) is taken out of the session first.
 
     \b
     Examples:
@@ -31,12 +32,13 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
         draglag validate tuesday.h5 --model model.json
     """
     from draglag.analysis import has_constant_speed, mean_by_protocol
+    from draglag.correction import corrected
     from draglag.latency.estimate import prepare
     from draglag.model_file import load_model
     from draglag.validation import Validation, validate_run
 
     model = load_model(model_path)
-    data = load_session(session)
+    data, correction = corrected(load_session(session), model)
     runs = [run for run in data.runs if all_runs or not has_constant_speed(run)] or list(data.runs)
 
     def law(speed_mm_s: FloatArray) -> FloatArray:
@@ -64,7 +66,8 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
             for item in done
         ],
         "validation_mean": mean_by_protocol(done),
-        "not_compensated": list(model.not_compensated),
+        "not_compensated": list(correction.left_but_law),
+        **correction.to_dict(),
         "problems": problems,
     }
     if as_json:
@@ -84,7 +87,10 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
         for item in done
     ]
     head = ["run", "target", "edges", "J(0)/N mm²", "J/N mm²", "ΔJ %", "speeds mm/s", "verdict"]
-    click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}\n")
+    click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}")
+    if model.effects:
+        click.echo(correction.words())
+    click.echo()
     click.echo(table(head, rows, left=2))
     means = [
         f"  {row['protocol']}: ΔJ {number(row['delta_J_percent'], 2)} %, J(0)/N {number(row['J0_per_edge_mm2'], 2)} mm²"

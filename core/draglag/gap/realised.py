@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
+from draglag.errors import DataError
 from draglag.gap.fit import Fit, Term
 from draglag.gap.parameters import parameters_of
 from draglag.recording import Beam, FloatArray, Session
@@ -95,8 +96,9 @@ def made(name: str, numbers: Mapping[str, float]) -> Effect:
 
 
 def held_s(effects: Sequence[Effect]) -> float:
-    """By how much a loop's ticks stamp events late, s: a fit to its ticks has that in its law."""
-    return next((0.5 / effect.value for effect in effects if effect.id == "sample_hold"), 0.0)
+    """By how much ticks and coarse clocks stamp events late, s: a fit to the repaired stamps has that in its law."""
+    late = {"sample_hold": lambda value: 0.5 / value, "timestamp_quantisation": lambda value: 0.5 * value}
+    return float(sum(late[effect.id](effect.value) for effect in effects if effect.id in late))
 
 
 def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
@@ -128,3 +130,17 @@ def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
         resolution_mm=0.0,
         scan_jitter_s=0.0,
     )
+
+
+def rig_with_law(rig: Rig, form: str, parameters: Mapping[str, float]) -> tuple[Rig, Effect | None]:
+    """A rig with the law of a model instead of its own, and the plateau that a form with one asks for.
+
+    Raises DataError for a form the simulation does not have.
+    """
+    zero = dict.fromkeys(("a1_ms", "a2_s_per_mm", "a4_ms", "a5_s_per_mm", "a7_ms"), 0.0)
+    plateau = parameters.get("plateau_mm_s")
+    own = {name: value for name, value in parameters.items() if name != "plateau_mm_s"}
+    if not own.keys() <= zero.keys():
+        raise DataError(f"a law of the form {form} cannot be simulated", "Save a model with --form double_exponential")
+    effect = made("low_speed_plateau", {"speed_mm_s": plateau}) if plateau else None
+    return replace(rig, law=LatencyLaw(**{**zero, **own})), effect

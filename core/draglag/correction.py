@@ -1,0 +1,270 @@
+"""What an extended model names besides its law, taken out of recorded streams: by the effects' own forward hooks.
+
+Every effect of the simulation says what it adds to a latency, a position, a shadow, an edge or a clock. That is taken
+off again, evaluated on the movement that the touch trace shows under the model's law. Nothing here changes raw data:
+corrected streams are copies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.clocks import remapped, remapped_within
+from draglag.compensation import Law, stylus_path
+from draglag.errors import DataError
+from draglag.gap.realised import FittedShape, made
+from draglag.gap.streams import inspect
+from draglag.latency.on_clock import nearby
+from draglag.model_file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
+from draglag.motion import sample_interval_s, usable
+from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
+from draglag.simulation.effects import EFFECTS, Edges, Effect
+from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
+
+OF_THE_LASER = ("clock_drift", "clock_offset", "laser_hysteresis", "beam_width", "beam_wedge")
+OF_THE_TOUCH = (
+    "spatial_warp", "scale_error", "direction_asymmetry", "contact_trail", "thermal_drift", "scan_skew", "pitch_ripple",
+    "smoothing_shrink",
+)  # fmt: skip
+OF_THE_STREAM = ("sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact")
+LAW_UNDOES = "part of the latency law, which undoes it"
+LONGEST_SHIFT_S = 0.05  # an edge of a stylus that hardly crosses the beam is not moved farther
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What was taken out of recorded streams. applied: the effects; left: id → why it stays."""
+
+    applied: tuple[ModelEffect, ...]
+    left: dict[str, str]
+
+    def words(self) -> str:
+        """What was taken out and what stays, in one line; empty when the model names no effect."""
+        out = []
+        if self.applied:
+            out.append("corrected for " + "; ".join(size_words(effect) for effect in self.applied))
+        if self.left:
+            out.append("not for " + "; ".join(f"{name} ({why})" for name, why in self.left.items()))
+        return ", ".join(out)
+
+    @property
+    def left_but_law(self) -> tuple[str, ...]:
+        """Ids of effects that neither the correction nor a law of speed undoes."""
+        return tuple(name for name in self.left if name not in OF_SPEED)
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "corrected_for": [{"effect": e.id, "parameters": dict(e.parameters)} for e in self.applied],
+            "left_in": dict(self.left),
+        }
+
+
+def size_words(effect: ModelEffect) -> str:
+    """``clock_drift 30.0 ppm (29.1 to 30.9)``."""
+    parts = []
+    specs = {spec.name: spec for spec in EFFECTS[effect.id].parameters}
+    for name, value in effect.parameters.items():
+        unit = f" {specs[name].unit}" if name in specs and specs[name].unit != "1" else ""
+        text = f"{value:.4g}{unit}"
+        if name in effect.ci95:
+            low, high = effect.ci95[name]
+            text += f" ({low:.4g} to {high:.4g})"
+        parts.append(text)
+    return f"{effect.id} {', '.join(parts)}".strip()
+
+
+def realise(effect: ModelEffect) -> Effect:
+    """The effect of the simulation that a model file describes. A single number of an unknown name is its size."""
+    if effect.shape is not None and effect.shape.sizes:
+        shape = effect.shape
+        return FittedShape(
+            next(iter(effect.parameters.values()), 0.0), effect.id, shape.theta, shape.sizes, shape.about
+        )
+    numbers = dict(effect.parameters)
+    main = EFFECTS[effect.id].parameters[0].name
+    if main not in numbers and len(numbers) == 1:
+        numbers = {main: next(iter(numbers.values()))}
+    return made(effect.id, numbers)
+
+
+def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correction]:
+    """A session without the effects of clock, laser, beam, place and stream that a model names.
+
+    Effects that are part of the law of latency stay, for the law undoes them. A drift of the laser's clock is left to
+    the session's own clock comparisons where it has them.
+    """
+    applied: list[ModelEffect] = []
+    left: dict[str, str] = {}
+    effects: list[Effect] = []
+    compared = "clock_drift" in {item.id for item in model.effects} and _clock_is_known(session)
+    if compared:
+        session = replace(session, runs=tuple(remapped(run, nearby(run, session.clocks)) for run in session.runs))
+    for item in model.effects:
+        if item.id in IN_THE_LAW:
+            left[item.id] = LAW_UNDOES if item.id in OF_SPEED else "it follows the acceleration"
+        elif item.id == "clock_drift" and compared:
+            left[item.id] = "the session's own clock comparisons take it out"
+        elif item.id in OF_THE_LASER or item.id in OF_THE_TOUCH:
+            applied.append(item)
+            effects.append(realise(item))
+        elif item.id in OF_THE_STREAM:
+            seen, repaired = inspect(session)
+            if any(found.effect == item.id for found in seen):
+                session = repaired
+                applied.append(item)
+            else:
+                left[item.id] = "the streams of this session do not show it"
+        else:
+            left[item.id] = "it cannot be undone"
+    if effects:
+        starts = [run.touch.t_s[0] for run in session.runs if run.touch.t_s.size]
+        origin_s = float(min(starts)) if starts else 0.0
+        size = (session.screen.width_mm, session.screen.height_mm)
+        runs = tuple(_without(run, effects, model.latency_s, origin_s, size, session) for run in session.runs)
+        session = replace(session, runs=runs)
+    return session, Correction(tuple(applied), left)
+
+
+def _clock_is_known(session: Session) -> bool:
+    """Whether every run's edges can be mapped to the host's clock by comparisons of the session itself."""
+    runs = [run for run in session.runs if len(run.laser.t_s)]
+    if not runs or not all(len(run.laser.device_t_s) for run in runs):
+        return False
+    try:
+        return all(remapped_within(run, nearby(run, session.clocks))[1] is not None for run in runs)
+    except DataError:
+        return False
+
+
+def corrected_touch(
+    t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, model: LatencyModel
+) -> tuple[FloatArray, FloatArray, FloatArray, Correction]:
+    """Touch events (n,) without what a model names, as far as events alone allow: times, positions, what was done.
+
+    Repeated positions of a holding loop get the time of the first. Effects of laser and clock do not act on touch.
+    """
+    size = (model.provenance.screen_width_mm or 0.0, model.provenance.screen_height_mm or 0.0)
+    applied: list[ModelEffect] = []
+    left: dict[str, str] = {}
+    effects: list[Effect] = []
+    for item in model.effects:
+        if item.id in IN_THE_LAW:
+            left[item.id] = LAW_UNDOES if item.id in OF_SPEED else "it follows the acceleration"
+            continue
+        if item.id in OF_THE_LASER or item.id == "laser_bounce":
+            left[item.id] = "it does not act on touch"
+        elif item.id == "thermal_drift":
+            left[item.id] = "the events do not say how long the screen had been on"
+        elif item.id in OF_THE_TOUCH and size[0] > 0:
+            applied.append(item)
+            effects.append(realise(item))
+        elif item.id in OF_THE_TOUCH:
+            left[item.id] = "the model does not say how large its screen is"
+        elif item.id == "sample_hold":
+            applied.append(item)
+            t_s = _first_shown(t_s, x_mm, y_mm)
+        else:
+            left[item.id] = "it cannot be undone"
+    done = Correction(tuple(applied), left)
+    if not effects:
+        return t_s, x_mm, y_mm, done
+    good = np.isfinite(t_s) & np.isfinite(x_mm) & np.isfinite(y_mm)
+    touch = usable(TouchTrace(t_s, x_mm, y_mm))
+    if touch.t_s.size < 8:
+        return t_s, x_mm, y_mm, done
+    moved = _freed(touch, effects, model.latency_s, float(touch.t_s[0]), size)
+    index = np.clip(np.searchsorted(touch.t_s, t_s), 0, touch.t_s.size - 1)
+    return (
+        np.where(good, moved.t_s[index], np.nan),
+        np.where(good, moved.x_mm[index], np.nan),
+        np.where(good, moved.y_mm[index], np.nan),
+        done,
+    )
+
+
+def _first_shown(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+    """The time at which each event's position was first shown, (n,) s."""
+    repeats = np.append(False, (np.diff(x_mm) == 0) & (np.diff(y_mm) == 0))
+    first = np.maximum.accumulate(np.where(repeats, 0, np.arange(t_s.size)))
+    return np.asarray(t_s[first])
+
+
+def _hand(
+    touch: TouchTrace, law: Law, origin_s: float, size_mm: tuple[float, float]
+) -> tuple[Kinematics, FloatArray, FloatArray]:
+    """The movement behind a trace as the simulation has it, its host times (g,), and each event's own time (n,)."""
+    xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
+    path = stylus_path(touch.t_s, xy_mm, law, max(0.05, 4.5 * sample_interval_s(touch.t_s)))
+    n = int((path.t_s[-1] - path.t_s[0]) * GRID_HZ)
+    t = np.arange(n) / GRID_HZ
+    host_s = t + path.t_s[0]
+    x, y = (np.interp(host_s, path.t_s, column) for column in path.xy_mm.T)
+    vx, vy = (np.interp(host_s, path.t_s, np.gradient(column, path.t_s)) for column in path.xy_mm.T)
+    motion = Motion(t, x, y, vx, vy, np.ones(n, bool))
+    return Kinematics(motion, host_s - origin_s, *size_mm), host_s, path.event_t_s
+
+
+def _freed(
+    touch: TouchTrace, effects: Sequence[Effect], law: Law, origin_s: float, size_mm: tuple[float, float]
+) -> TouchTrace:
+    """Touch events without what effects add to their latency and position."""
+    k, host_s, own_s = _hand(touch, law, origin_s, size_mm)
+    rng = np.random.default_rng(0)
+    late = np.zeros(host_s.size)
+    x, y = k.motion.x_mm, k.motion.y_mm
+    for effect in effects:
+        late = effect.latency(late, k, rng)
+        x, y = effect.position(x, y, k)
+    t_s = touch.t_s - np.interp(own_s, host_s, late)
+    # Where a latency jumps, events may overtake: they keep their order.
+    t_s = np.maximum.accumulate(t_s + 1e-9 * np.arange(t_s.size))
+    return replace(
+        touch,
+        t_s=t_s,
+        x_mm=touch.x_mm - np.interp(own_s, host_s, x - k.motion.x_mm),
+        y_mm=touch.y_mm - np.interp(own_s, host_s, y - k.motion.y_mm),
+    )
+
+
+def _without(
+    run: Run, effects: Sequence[Effect], law: Law, origin_s: float, size_mm: tuple[float, float], session: Session
+) -> Run:
+    """A run without effects; as it is where its trace is too poor to know the movement."""
+    touch = usable(run.touch)
+    if touch.t_s.size < 50 or not len(run.laser.t_s):
+        return run
+    try:
+        freed = _freed(touch, effects, law, origin_s, size_mm)
+        k, host_s, _ = _hand(freed, law, origin_s, size_mm)
+    except (DataError, ValueError):
+        return run
+    laser = _laser_without(run.laser, effects, k, host_s, origin_s, session.stylus.diameter_mm)
+    return replace(run, touch=freed, laser=laser)
+
+
+def _laser_without(
+    laser: LaserTrace, effects: Sequence[Effect], k: Kinematics, host_s: FloatArray, origin_s: float, diameter_mm: float
+) -> LaserTrace:
+    """Edges without delays, drift and false width, device stamps moved with them."""
+    t = laser.t_s - origin_s
+    for effect in effects:
+        t = t - (effect.laser_clock(t) - t)
+    rng = np.random.default_rng(0)
+    for effect in effects:
+        shown = effect.edges(Edges(t, laser.light), rng)
+        if shown.t_s.size == t.size:
+            t = t - (shown.t_s - t)
+    width = np.full(host_s.size, diameter_mm)
+    for effect in effects:
+        width = effect.diameter(width, k)
+    wider = np.interp(t + origin_s, host_s, width) - diameter_mm
+    across = np.maximum(np.abs(np.interp(t + origin_s, host_s, k.motion.vy_mm_s)), 1.0)
+    # A wider shadow begins earlier and ends later.
+    early = np.clip(0.5 * wider / across, -LONGEST_SHIFT_S, LONGEST_SHIFT_S)
+    t = t + np.where(laser.light == 0, early, -early)
+    moved = t + origin_s - laser.t_s
+    device = laser.device_t_s + moved if laser.device_t_s.size == moved.size else laser.device_t_s
+    return replace(laser, t_s=laser.t_s + moved, device_t_s=device)

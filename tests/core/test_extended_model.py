@@ -1,0 +1,188 @@
+"""The model a gap report ends with: as a file, and put to work on other sessions."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from draglag.analysis import AnalysisOptions, analyze
+from draglag.correction import corrected, corrected_touch
+from draglag.errors import DataError
+from draglag.exchange import read_exchange
+from draglag.gap import close_gap
+from draglag.gap.edges import gather
+from draglag.gap.extended import extended_model, law_of_fit
+from draglag.gap.fit import Term, fit_session
+from draglag.model_file import LatencyModel, ModelEffect, load_model, save_model
+from draglag.protocols import Protocol, load_protocol
+from draglag.recording import Session
+from draglag.simulation import rig_for_screen, simulate_session
+from draglag.simulation.effects import parse_effect
+from draglag.store import write_session
+from draglag_app.cli import cli
+
+SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
+
+
+def short() -> Protocol:
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
+    return demo.model_copy(update={"runs": runs, "taps": None})
+
+
+def simulated(*effects: str) -> Session:
+    return simulate_session("screen-1", short(), effects=[parse_effect(e) for e in effects], seed=3)
+
+
+@pytest.fixture(scope="module")
+def compared() -> Session:
+    return simulated("clock_drift=100")
+
+
+@pytest.fixture(scope="module")
+def drifting(compared: Session) -> Session:
+    """As a rig without clock comparisons records it."""
+    runs = tuple(replace(r, sync=(), laser=replace(r.laser, device_t_s=np.empty(0))) for r in compared.runs)
+    return replace(compared, runs=runs, clocks=())
+
+
+@pytest.fixture(scope="module")
+def model(drifting: Session) -> LatencyModel:
+    report = close_gap(drifting, candidates=["clock_drift"], max_effects=1)
+    return extended_model(drifting, report, "2026-01-02T03:04:05+00:00", "ab" * 32)
+
+
+def with_effects(model: LatencyModel, *effects: ModelEffect) -> LatencyModel:
+    return model.model_copy(update={"effects": effects})
+
+
+def test_a_saved_model_says_what_it_holds_and_where_it_comes_from(
+    model: LatencyModel, drifting: Session, tmp_path: Path
+) -> None:
+    save_model(model, tmp_path / "m.json")
+    back = load_model(tmp_path / "m.json")
+    assert back == model
+    (effect,) = back.effects
+    assert effect.id == "clock_drift"
+    low, high = effect.ci95["drift_ppm"]
+    assert low - 3 < 100 < high + 3
+    assert effect.where
+    source = back.provenance
+    assert (source.session, source.input_sha256, source.created_utc[:4]) == (drifting.name, "ab" * 32, "2026")
+    assert source.software.startswith("draglag ")
+    assert source.gap_mm is not None
+    assert source.gap_mm[1] < source.gap_mm[0]
+    assert source.noise_floor_mm
+
+
+def test_the_law_of_a_fit_is_the_same_law_as_a_file() -> None:
+    session = read_exchange(SAMPLE)
+    circles = [r for r in session.runs if r.protocol == "circle"][:9]
+    session = Session(session.name, session.screen, session.stylus, tuple(circles))
+    fit = fit_session(session, gather(session), plateau=True)
+    curve = law_of_fit(fit)
+    speed = np.geomspace(40, 900, 50)
+    assert curve.predict_s(speed) == pytest.approx(fit.law(speed), abs=1e-9)
+    low, high = curve.band_s(np.array([200.0]))
+    assert 0 < high[0] - low[0] < 0.01
+
+
+def test_a_clock_s_drift_is_taken_out_before_runs_are_estimated(model: LatencyModel, drifting: Session) -> None:
+    law = rig_for_screen("screen-1").law
+    fixed, correction = corrected(drifting, model)
+    assert "corrected for clock_drift" in correction.words()
+    assert " ppm (" in correction.words()
+
+    def off_s(session: Session) -> float:
+        runs = analyze(session, AnalysisOptions(form="double_exponential")).runs
+        pairs = [(r.latency_s, r.speed_mm_s) for r in runs if r.latency_s is not None and (r.speed_mm_s or 0) > 120]
+        return float(np.max([abs(late - law.latency_s(v)) for late, v in pairs if v is not None]))
+
+    assert off_s(drifting) > 0.01
+    assert off_s(fixed) < 0.003
+
+
+def test_a_drift_that_clock_comparisons_show_is_not_taken_out_twice(model: LatencyModel, compared: Session) -> None:
+    fixed, correction = corrected(compared, model)
+    assert correction.left == {"clock_drift": "the session's own clock comparisons take it out"}
+    true_s = np.concatenate([run.laser.t_s for run in simulated().runs])
+    shown_s = np.concatenate([run.laser.t_s for run in fixed.runs])
+    assert shown_s - true_s == pytest.approx(0, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("effect", "sizes"),
+    [
+        ("scan_skew", {"across_s": 0.02}),
+        ("direction_asymmetry", {"difference_s": 0.012}),
+        ("laser_hysteresis", {"delay_s": 0.003}),
+        ("beam_wedge", {"across_mm": 2.0}),
+    ],
+)
+def test_what_is_taken_out_is_no_longer_found(effect: str, sizes: dict[str, float], model: LatencyModel) -> None:
+    session = simulated(f"{effect}={next(iter(sizes.values()))}")
+    fixed, correction = corrected(session, with_effects(model, ModelEffect(id=effect, parameters=sizes)))
+    assert [e.id for e in correction.applied] == [effect]
+
+    def size(of: Session) -> float:
+        runs = gather(of)
+        return float(fit_session(of, runs, [Term(effect)], start=fit_session(of, runs)).terms[0].sizes[0])
+
+    assert abs(size(fixed)) < 0.15 * abs(size(session))
+
+
+def test_laser_and_clock_leave_the_compensation_of_touch_alone(model: LatencyModel, drifting: Session) -> None:
+    touch = drifting.runs[0].touch
+    t_s, x_mm, y_mm, correction = corrected_touch(touch.t_s, touch.x_mm, touch.y_mm, model)
+    assert np.array_equal(t_s, touch.t_s)
+    assert np.array_equal(x_mm, touch.x_mm)
+    assert np.array_equal(y_mm, touch.y_mm)
+    assert correction.left == {"clock_drift": "it does not act on touch"}
+    skewed = with_effects(model, ModelEffect(id="scan_skew", parameters={"across_s": 0.02}))
+    moved_s = touch.t_s - corrected_touch(touch.t_s, touch.x_mm, touch.y_mm, skewed)[0]
+    expected_s = 0.02 * (touch.x_mm / drifting.screen.width_mm - 0.5)
+    assert moved_s == pytest.approx(expected_s, abs=0.001)
+
+
+def test_a_second_filter_is_part_of_the_law(model: LatencyModel) -> None:
+    second = ModelEffect(id="second_filter_mode", parameters={"extra_s": 0.006, "threshold_mm_s": 300.0})
+    speed = np.array([200.0, 400.0])
+    added = with_effects(model, second).latency_s(speed) - with_effects(model).latency_s(speed)
+    assert added == pytest.approx([0.0, 0.006])
+
+
+def test_an_unknown_effect_in_a_model_file_is_refused_in_one_sentence(model: LatencyModel, tmp_path: Path) -> None:
+    content = model.model_dump(mode="json")
+    content["effects"] = [{"id": "gremlins", "parameters": {}}]
+    (tmp_path / "m.json").write_text(json.dumps(content))
+    with pytest.raises(DataError, match="unknown effect 'gremlins'"):
+        load_model(tmp_path / "m.json")
+    del content["effects"], content["provenance"]
+    (tmp_path / "old.json").write_text(json.dumps(content))
+    assert load_model(tmp_path / "old.json").effects == ()
+
+
+def test_commands_say_what_they_corrected_for(model: LatencyModel, drifting: Session, tmp_path: Path) -> None:
+    save_model(model, tmp_path / "m.json")
+    write_session(drifting, tmp_path / "s.h5")
+    touch = drifting.runs[0].touch
+    rows = np.column_stack([touch.t_s, touch.x_mm, touch.y_mm])
+    np.savetxt(tmp_path / "in.csv", rows, delimiter=",", header="t_s,x_mm,y_mm", comments="")
+
+    def said(*arguments: str) -> str:
+        result = CliRunner().invoke(cli, list(arguments))
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    m, s = str(tmp_path / "m.json"), str(tmp_path / "s.h5")
+    assert "corrected for clock_drift" in said("validate", s, "--model", m)
+    assert "corrected for clock_drift" in said("analyze", s, "--model", m)
+    assert json.loads(said("analyze", s, "--model", m, "--json"))["corrected_for"][0]["effect"] == "clock_drift"
+    text = said("compensate", m, str(tmp_path / "in.csv"), str(tmp_path / "out.csv"))
+    assert "clock_drift (it does not act on touch)" in text
+    assert "clock_drift" in said("simulate", "--screen", "screen-1", "--model", m, "--out", str(tmp_path / "new.h5"))
