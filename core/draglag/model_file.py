@@ -130,7 +130,7 @@ class LatencyModel(_Table):
         speed, extra_s = shown, 0.0 * shown
         for effect in self.effects:
             if effect.id == "low_speed_plateau" and effect.parameters:
-                speed = np.maximum(speed, next(iter(effect.parameters.values())))
+                speed = np.asarray(np.maximum(speed, next(iter(effect.parameters.values()))))
             if effect.id == "second_filter_mode" and {"extra_s", "threshold_mm_s"} <= effect.parameters.keys():
                 extra_s = effect.parameters["extra_s"] * (shown > effect.parameters["threshold_mm_s"])
         if not extrapolate:
