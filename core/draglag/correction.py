@@ -119,13 +119,18 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
                 left[item.id] = "the streams of this session do not show it"
         else:
             left[item.id] = "it cannot be undone"
-    if effects:
-        starts = [run.touch.t_s[0] for run in session.runs if run.touch.t_s.size]
-        origin_s = float(min(starts)) if starts else 0.0
-        size = (session.screen.width_mm, session.screen.height_mm)
-        runs = tuple(_without(run, effects, model.latency_s, origin_s, size, session) for run in session.runs)
-        session = replace(session, runs=runs)
-    return session, Correction(tuple(applied), left)
+    return without_effects(session, effects, model.latency_s), Correction(tuple(applied), left)
+
+
+def without_effects(session: Session, effects: Sequence[Effect], law: Law) -> Session:
+    """A session with effects of laser, clock, beam and place taken out of its streams; the law tells the motion."""
+    if not effects:
+        return session
+    starts = [run.touch.t_s[0] for run in session.runs if run.touch.t_s.size]
+    origin_s = float(min(starts)) if starts else 0.0
+    size = (session.screen.width_mm, session.screen.height_mm)
+    runs = tuple(_without(run, effects, law, origin_s, size, session) for run in session.runs)
+    return replace(session, runs=runs)
 
 
 def _clock_is_known(session: Session) -> bool:

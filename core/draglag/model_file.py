@@ -130,9 +130,10 @@ class LatencyModel(_Table):
         speed, extra_s = shown, 0.0 * shown
         for effect in self.effects:
             if effect.id == "low_speed_plateau" and effect.parameters:
-                speed = np.asarray(np.maximum(speed, next(iter(effect.parameters.values()))))
+                speed = np.maximum(speed, next(iter(effect.parameters.values())))
             if effect.id == "second_filter_mode" and {"extra_s", "threshold_mm_s"} <= effect.parameters.keys():
-                extra_s = effect.parameters["extra_s"] * (shown > effect.parameters["threshold_mm_s"])
+                above = shown > effect.parameters["threshold_mm_s"]
+                extra_s = np.where(above, effect.parameters["extra_s"], 0.0)
         if not extrapolate:
             speed = np.clip(speed, *self.speed_range_mm_s)
         return np.asarray(self.curve.predict_s(speed) + extra_s)

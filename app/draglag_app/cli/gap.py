@@ -8,6 +8,7 @@ import click
 
 from draglag.errors import DataError, EstimateError
 from draglag.gap.extended import extended_model
+from draglag.gap.provisional import Provisional, provisional_term
 from draglag.gap.workflow import MOST_EFFECTS, GapReport, close_gap
 from draglag.model_file import save_model
 from draglag.simulation.effects import EFFECTS
@@ -36,6 +37,11 @@ from draglag_app.cli.common import (
 @click.option("--without", multiple=True, metavar="ID", help="Leave an effect out of the library; may be repeated.")
 @click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Also write a page with figures.")
 @click.option(
+    "--provisional",
+    is_flag=True,
+    help="Close what stays unexplained by a smooth term without a name.",
+)
+@click.option(
     "--model",
     "model_path",
     type=click.Path(path_type=Path),
@@ -49,6 +55,7 @@ def gap(
     without: tuple[str, ...],
     report: Path | None,
     model_path: Path | None,
+    provisional: bool,
     as_json: bool,
 ) -> None:
     """Find where SESSION (a session file or an exchange folder) disagrees with the model, name the missing effect,
@@ -78,14 +85,29 @@ def gap(
             write_gap_report(data, result, report, tell)
     if model_path is not None and result.verdict is not None:
         save_model(extended_model(data, result, now_utc(), checksum(session)), model_path)
+    unnamed = provisional_term(result) if provisional else None
     if as_json:
-        print_json(result.to_dict())
+        more = {"provisional": None if unnamed is None else unnamed.to_dict()} if provisional else {}
+        print_json({**result.to_dict(), **more})
     if result.verdict is None:
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", "Record what is missing")
     if not as_json:
         _tell(result, report)
+        if provisional:
+            click.echo(_unnamed_words(unnamed))
         if model_path is not None:
             click.echo(f"Model: {model_path}")
+
+
+def _unnamed_words(term: Provisional | None) -> str:
+    if term is None:
+        return "No provisional term: nothing is unexplained that a smooth term would close."
+    k = int(abs(term.value).argmax())
+    return (
+        f"Provisional term {term.name} ({term.role}): gap {term.gap_before_mm:.3f} → {term.gap_after_mm:.3f} mm, noise "
+        f"floor {term.noise_floor_mm:.3f} mm, p {term.p_value:.1g}; at most {term.value[k]:.3g} {term.unit} "
+        f"({term.low[k]:.3g} to {term.high[k]:.3g}) at {term.x[k]:.4g}. It has no name: look for the cause."
+    )
 
 
 def _tell(result: GapReport, report: Path | None) -> None:

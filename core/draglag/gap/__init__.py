@@ -1,7 +1,21 @@
-"""Closing the gap: find where model and measurement differ, name the cause, add it, see the gap shrink."""
+"""Closing the gap: find where model and measurement differ, name the cause, add it, see the gap shrink.
 
-from draglag.gap.finding import Finding, find
-from draglag.gap.naming import name
+``close_gap`` is the whole workflow; ``Model``, ``find``, ``name`` and ``shrinkage`` are its verbs, one by one.
+"""
+
+from draglag.gap.compose import Gap, Model, Shrinkage, find, name, shrinkage
+from draglag.gap.finding import Finding
 from draglag.gap.workflow import GapReport, Step, close_gap
 
-__all__ = ["Finding", "GapReport", "Step", "close_gap", "find", "name"]
+__all__ = [
+    "Finding",
+    "Gap",
+    "GapReport",
+    "Model",
+    "Shrinkage",
+    "Step",
+    "close_gap",
+    "find",
+    "name",
+    "shrinkage",
+]

@@ -8,7 +8,7 @@ import draglag
 from draglag.curve import FORMS, CurveFit
 from draglag.errors import EstimateError
 from draglag.gap.fit import Fit
-from draglag.gap.realised import OF_FREE_SHAPE, fitted_shape
+from draglag.gap.realised import fitted_shape, has_free_shape
 from draglag.gap.workflow import GapReport, Step
 from draglag.model_file import LatencyModel, ModelEffect, Provenance, Shape, model_of
 from draglag.recording import Session
@@ -84,7 +84,7 @@ def extended_model(session: Session, report: GapReport, created_utc: str = "", i
 def _effect(step: Step, fit: Fit) -> ModelEffect:
     shape = None
     term = next((t for t in fit.terms if t.effect == step.effect), None)
-    if step.effect in OF_FREE_SHAPE and term is not None:
+    if term is not None and has_free_shape(term):
         made = fitted_shape(term, fit)
         shape = Shape(theta=made.theta, sizes=made.sizes, about=made.about)
     return ModelEffect(

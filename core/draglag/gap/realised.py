@@ -25,13 +25,15 @@ IN_THE_TRACE = ("loss_of_contact", "frame_drop", "laser_bounce")
 
 @dataclass(frozen=True)
 class FittedShape(Effect):
-    """A displacement across the beam in the very shape that a fit found. ``value``: its amplitude, mm.
+    """A displacement across the beam in the very shape that a fit found, or a filter that follows the acceleration.
+
+    ``value``: its amplitude, mm (the filter: s).
 
     about: the panel coordinate (−1 … +1) about which the polynomial's square has no mean.
     """
 
     id: ClassVar[str] = "fitted_shape"
-    meaning: ClassVar[str] = "Reported positions are displaced across the beam by a fitted function of the place."
+    meaning: ClassVar[str] = "A displacement or latency in the shape that a fit found."
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
     effect: str = "spatial_warp"
@@ -45,11 +47,17 @@ class FittedShape(Effect):
     def numbers(self) -> dict[str, float]:
         return {"amplitude_mm": float(self.value)}
 
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        if self.effect != "second_filter_mode":
+            return latency_s
+        return latency_s + self.sizes[0] * (np.abs(k.tangential_mm_s2) > self.theta[0])
+
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        if self.effect == "second_filter_mode":
+            return x_mm, y_mm
         if self.effect == "pitch_ripple":
-            pitch, both = self.theta[:2]
-            along = (k.motion.x_mm, k.motion.y_mm) if both else (k.motion.x_mm,)
-            shape = [wave(2 * np.pi * mm / pitch) for mm in along for wave in (np.sin, np.cos)]
+            waves = [2 * np.pi * at / self.theta[0] for at in (k.motion.x_mm, k.motion.y_mm)]
+            shape = [f(wave) for wave in waves for f in (np.sin, np.cos)][: len(self.sizes)]
         else:
             u = 2 * k.motion.x_mm / k.width_mm - 1
             if self.theta:
@@ -75,11 +83,16 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
         if name in IN_THE_TRACE:
             continue
         term = next((t for t in fit.terms if t.effect == name), None)
-        if name in OF_FREE_SHAPE and term is not None:
+        if term is not None and has_free_shape(term):
             out.append(fitted_shape(term, fit))
             continue
         out.append(made(name, numbers))
     return tuple(out)
+
+
+def has_free_shape(term: Term) -> bool:
+    """Whether its numbers alone do not say what the term does: a fitted shape, a filter that follows acceleration."""
+    return term.effect in OF_FREE_SHAPE or (term.effect == "second_filter_mode" and term.theta[1:2] == (1.0,))
 
 
 def fitted_shape(term: Term, fit: Fit) -> FittedShape:

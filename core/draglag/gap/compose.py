@@ -1,0 +1,253 @@
+"""The workflow's four verbs, to be put together by hand: find, name, add, shrink.
+
+model = Model()                                    # Eq. 5 and a beam
+gap = find(session, model)                         # where session and model disagree
+names = name(gap)                                  # effects that explain it, best first
+better = find(session, gap.model.with_effect(names[0].effect))
+shrinkage(gap, better)                             # by how much the gap on held-out runs shrank, and its interval
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from draglag.errors import DataError, EstimateError
+from draglag.gap.edges import gather
+from draglag.gap.finding import Candidate, Finding
+from draglag.gap.finding import find as find_in
+from draglag.gap.fit import Fit, Term, fit_session
+from draglag.gap.heldout import IN_EVERY_FIT, floor_mm, folds, gap_mm, held_out_residual_mm, shrinks
+from draglag.gap.model import Geometry, LawParameters
+from draglag.gap.naming import PLATEAU, gained
+from draglag.gap.naming import name as names_of
+from draglag.gap.parameters import parameters_of
+from draglag.gap.signatures import SIGNATURES
+from draglag.gap.streams import StreamEffect, inspect
+from draglag.gap.workflow import COVARIATE, TERM_OF, Step, _left_out, _step
+from draglag.recording import FloatArray, IntArray, Session
+from draglag.simulation.effects import EFFECTS
+
+STREAMS = (
+    "sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact", "frame_drop",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a session is held against: a law, a beam, and effects.
+
+    Attributes:
+        effects: ids of effects that are fitted, in order. held: id → parameters of effects of a known size, which are
+            taken out of the session instead.
+        law, geometry, terms: what the last fit found; None and empty before any.
+    """
+
+    effects: tuple[str, ...] = ()
+    held: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
+    law: LawParameters | None = None
+    geometry: Geometry | None = None
+    terms: tuple[Term, ...] = ()
+    fit: Fit | None = field(default=None, repr=False, compare=False)
+
+    def with_effect(self, effect_id: str, values: Mapping[str, float] | None = None) -> Model:
+        """The model with one more effect: of fitted size, or held at ``values``.
+
+        Raises DataError for an unknown effect or parameter, one that is there already, or one that cannot be held.
+        """
+        if effect_id not in EFFECTS:
+            raise DataError(f"unknown effect '{effect_id}'", f"Known are {', '.join(EFFECTS)}")
+        if effect_id in self.effects or effect_id in dict(self.held):
+            raise DataError(f"{effect_id} is in the model already", "Add another effect")
+        if values is None:
+            if effect_id not in (*SIGNATURES, PLATEAU, *TERM_OF, *STREAMS):
+                raise DataError(f"{effect_id} cannot be fitted to edges", "Give its values, or add another effect")
+            return replace(self, effects=(*self.effects, effect_id))
+        known = {spec.name for spec in EFFECTS[effect_id].parameters}
+        unknown = set(values) - known
+        if unknown:
+            raise DataError(f"{effect_id} has no parameter '{min(unknown)}'", f"Known are {', '.join(sorted(known))}")
+        _check_held(effect_id)
+        return replace(self, held=(*self.held, (effect_id, tuple(sorted(values.items())))))
+
+    def without_effect(self, effect_id: str) -> Model:
+        """The model without one of its effects. Raises DataError where it has none of that id."""
+        if effect_id not in self.effects and effect_id not in dict(self.held):
+            raise DataError(f"{effect_id} is not in the model", "Take out one that is")
+        effects = tuple(e for e in self.effects if e != effect_id)
+        return Model(effects, tuple(item for item in self.held if item[0] != effect_id))
+
+    @property
+    def parameters(self) -> dict[str, dict[str, tuple[float, tuple[float, float]]]]:
+        """Effect → parameter → (value, 95 % interval), of the effects that were fitted."""
+        if self.fit is None:
+            return {}
+        return {effect: parameters_of(effect, self.fit) for effect in self.effects if effect not in STREAMS}
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Where a session and a model disagree.
+
+    Attributes: model: with what the fit found. finding: every candidate cause with its joint p-value. streams: what
+    the streams show by themselves. gap_mm: RMS residual on runs held out of the fit; noise_floor_mm: what noise leaves.
+    """
+
+    session: Session = field(repr=False)
+    model: Model
+    fit: Fit = field(repr=False)
+    finding: Finding = field(repr=False)
+    streams: tuple[StreamEffect, ...]
+    gap_mm: float
+    noise_floor_mm: float
+
+    @property
+    def significant(self) -> tuple[Candidate, ...]:
+        """Candidates beyond the joint false-alarm level, best first."""
+        return self.finding.significant
+
+
+@dataclass(frozen=True)
+class Shrinkage:
+    """How the gap on held-out runs changed. change_ci95_mm: from drawing the runs anew; improves: runs agree that it
+    shrank; verdict: shrinks | open | grows."""
+
+    before_mm: float
+    after_mm: float
+    noise_floor_mm: float
+    change_ci95_mm: tuple[float, float]
+    deviance_gained: float
+    improves: bool
+
+    @property
+    def verdict(self) -> str:
+        low, high = self.change_ci95_mm
+        if self.improves and high < 0:
+            return "shrinks"
+        return "grows" if low > 0 else "open"
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "gap_before_mm": self.before_mm,
+            "gap_after_mm": self.after_mm,
+            "noise_floor_mm": self.noise_floor_mm,
+            "change_ci95_mm": list(self.change_ci95_mm),
+            "deviance_gained": self.deviance_gained,
+            "verdict": self.verdict,
+        }
+
+
+def find(session: Session, model: Model | None = None) -> Gap:
+    """Fit a model to a session and look where they disagree.
+
+    A model that another ``find`` returned is fitted from where that stood, on the same edges, so that the two gaps can
+    be compared.
+
+    Raises EstimateError when the session cannot carry the model.
+    """
+    model = model or Model()
+    streams, repaired = inspect(session)
+    streams = tuple(s for s in streams if s.effect not in model.effects)
+    ready = _without_held(repaired if any(e in STREAMS for e in model.effects) else session, model.held)
+    start = model.fit
+    try:
+        if start is None or any(e in STREAMS for e in model.effects[-1:]) or model.held:
+            start = fit_session(ready, gather(ready))
+        fit = start
+        done = _in_fit(start)
+        plateau = PLATEAU in model.effects
+        for effect in model.effects:
+            term = TERM_OF.get(effect, effect)
+            if effect in STREAMS or term in done:
+                continue
+            done = {*done, term}
+            terms = list(fit.terms) if effect == PLATEAU else [*fit.terms, Term(term, _theta(fit, term))]
+            fit = fit_session(ready, fit.runs, terms, plateau and PLATEAU in done, fit)
+    except (np.linalg.LinAlgError, ValueError) as problem:
+        raise EstimateError(f"{session.name}: the model cannot be fitted: {problem}", "Take an effect out") from None
+    fitted = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit)
+    used = {TERM_OF.get(effect, effect) for effect in model.effects}
+    finding = find_in(fit, without=_left_out(frozenset(EFFECTS)) | used)
+    return Gap(ready, fitted, fit, finding, streams, gap_mm(fit), floor_mm(fit))
+
+
+def name(gap: Gap, candidates: Collection[str] | None = None) -> tuple[Step, ...]:
+    """Effects that explain a gap, best first, each refitted jointly with the model; empty when nothing does.
+
+    Effects that the streams give away by themselves come first: they have to be repaired before edges can be judged.
+    """
+    allowed = frozenset(EFFECTS) if candidates is None else frozenset(candidates)
+    seen = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
+    if seen:
+        return seen
+    finding = gap.finding
+    names, _ = names_of(gap.session, gap.fit, finding, allowed, PLATEAU in gap.model.effects)
+    return tuple(_step(gap.session, names[k:], finding, allowed) for k in range(len(names)))
+
+
+def shrinkage(before: Gap, after: Gap) -> Shrinkage:
+    """How much smaller the gap on held-out runs is after an effect was added."""
+    old, new = _by_run(before.fit), _by_run(after.fit)
+    shared = sorted(old.keys() & new.keys())
+    draws = np.random.default_rng(20260101).integers(0, max(len(shared), 1), (1000, max(len(shared), 1)))
+    interval = (float("nan"), float("nan"))
+    if len(shared) > 1:
+        table = np.array([(*old[k], *new[k]) for k in shared])[draws].sum(axis=1)
+        change = np.sqrt(table[:, 2] / table[:, 3]) - np.sqrt(table[:, 0] / table[:, 1])
+        interval = (float(np.quantile(change, 0.025)), float(np.quantile(change, 0.975)))
+    return Shrinkage(
+        before.gap_mm,
+        after.gap_mm,
+        after.noise_floor_mm,
+        interval,
+        float(gained(before.fit, after.fit)) if before.fit.use.size == after.fit.use.size else float("nan"),
+        shrinks(before.fit, after.fit),
+    )
+
+
+def _check_held(effect_id: str) -> None:
+    from draglag.correction import OF_THE_LASER, OF_THE_TOUCH
+
+    if effect_id not in (*OF_THE_LASER, *OF_THE_TOUCH):
+        raise DataError(f"{effect_id} cannot be held at a value", "Leave its values out: then it is fitted")
+
+
+def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, float], ...]]]) -> Session:
+    """The session with effects of known size taken out, on the law of a first fit."""
+    if not held:
+        return session
+    from draglag.correction import without_effects  # the correction itself builds on this package
+    from draglag.gap.realised import made
+
+    law = fit_session(session, gather(session)).law
+    return without_effects(session, [made(name, dict(values)) for name, values in held], law)
+
+
+def _in_fit(fit: Fit) -> set[str]:
+    return {t.effect for t in fit.terms} | ({PLATEAU} if fit.law.plateau_mm_s > 0 else set())
+
+
+def _theta(fit: Fit, effect: str) -> tuple[float, ...]:
+    """The setting of what an effect is not linear in, where it explains most."""
+    found = find_in(fit, only={effect}).candidates
+    best = [c for c in found if c.effect == effect]
+    return best[0].theta if best else ()
+
+
+def _by_run(fit: Fit) -> dict[int, tuple[float, int]]:
+    """Sum of squares and number of the held-out residuals of each run."""
+    residual, _ = held_out_residual_mm(fit)
+    held: IntArray = np.asarray(folds(fit) != IN_EVERY_FIT)
+    out = {}
+    for k in np.unique(fit.run_index[held]):
+        own: FloatArray = residual[held & (fit.run_index == k)]
+        out[int(k)] = (float(np.sum(own**2)), int(own.size))
+    return out
+
+
+def _stream_step(item: StreamEffect, gap: Gap) -> Step:
+    parameters = {item.parameter: (item.value, item.ci95)}
+    covariate = COVARIATE.get(item.effect, "")
+    return Step(item.effect, parameters, item.where, covariate, 1e-9, item.evidence, gap.gap_mm, gap.gap_mm)

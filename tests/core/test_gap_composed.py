@@ -1,0 +1,109 @@
+"""The workflow's verbs put together by hand: the same result as the workflow's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from draglag.errors import DataError
+from draglag.exchange import read_exchange
+from draglag.gap import Gap, GapReport, Model, close_gap, find, name, shrinkage
+from draglag.gap.provisional import provisional_term
+from draglag.protocols import load_protocol
+from draglag.recording import Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
+
+SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return read_exchange(SAMPLE)
+
+
+@pytest.fixture(scope="module")
+def whole(session: Session) -> GapReport:
+    return close_gap(session)
+
+
+@pytest.fixture(scope="module")
+def before(session: Session) -> Gap:
+    return find(session, Model())
+
+
+def simulated(effect: str) -> Session:
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
+    protocol = demo.model_copy(update={"runs": runs, "taps": None})
+    return simulate_session("screen-1", protocol, effects=[parse_effect(effect)], seed=3)
+
+
+def test_the_verbs_composed_reproduce_the_workflow(session: Session, before: Gap, whole: GapReport) -> None:
+    assert before.gap_mm == pytest.approx(whole.gap_first_mm, rel=0.02)
+    names = name(before)
+    assert names[0].effect == whole.steps[0].effect == "low_speed_plateau"
+    after = find(session, before.model.with_effect(names[0].effect))
+    assert after.gap_mm == pytest.approx(whole.gap_last_mm, rel=0.05)
+    assert after.noise_floor_mm == pytest.approx(whole.noise_floor_mm, rel=0.05)
+    value, (low, high) = after.model.parameters["low_speed_plateau"]["speed_mm_s"]
+    assert value == pytest.approx(whole.steps[0].parameters["speed_mm_s"][0], abs=high - low)
+    shrunk = shrinkage(before, after)
+    assert shrunk.verdict == "shrinks"
+    assert shrunk.change_ci95_mm[1] < 0
+    assert shrunk.to_dict()["gap_after_mm"] == after.gap_mm
+    assert name(after) == ()
+
+
+def test_the_manual_s_example_runs_as_printed(session: Session) -> None:
+    """The lines under “One by one, in Python” of docs/gap.md."""
+    page = (Path(__file__).parents[2] / "docs" / "gap.md").read_text("utf-8")
+    code = page.split("```python")[1].split("```")[0]
+    scope: dict[str, object] = {"session": session}
+    exec(code.replace('session = read_session("session.h5")', ""), scope)
+    assert scope["verdict"] == "shrinks"
+
+
+def test_an_effect_of_known_size_is_taken_out_and_one_of_unknown_size_fitted() -> None:
+    measured = simulated("laser_hysteresis=0.0025")
+    before = find(measured, Model())
+    held = find(measured, Model().with_effect("laser_hysteresis", {"delay_s": 0.0025}))
+    fitted = find(measured, before.model.with_effect("laser_hysteresis"))
+    size, (low, high) = fitted.model.parameters["laser_hysteresis"]["delay_s"]
+    assert low - 1e-4 < 0.0025 < high + 1e-4, size
+    assert held.gap_mm == pytest.approx(fitted.gap_mm, rel=0.1)
+    assert held.gap_mm < 0.5 * before.gap_mm
+
+
+def test_what_cannot_be_added_is_refused_in_one_sentence() -> None:
+    model = Model().with_effect("clock_drift")
+    for call, words in (
+        (lambda: model.with_effect("gremlins"), "unknown effect"),
+        (lambda: model.with_effect("clock_drift"), "already"),
+        (lambda: model.with_effect("scan_skew", {"width": 1.0}), "no parameter"),
+        (lambda: model.with_effect("low_speed_plateau", {"speed_mm_s": 100.0}), "cannot be held"),
+        (lambda: model.without_effect("scan_skew"), "not in the model"),
+    ):
+        with pytest.raises(DataError, match=words):
+            call()
+    assert model.without_effect("clock_drift") == Model()
+
+
+def test_a_gap_without_a_name_is_closed_provisionally() -> None:
+    report = close_gap(simulated("scan_skew=0.03"), candidates=["laser_bounce"])
+    assert report.verdict == "unexplained"
+    term = provisional_term(report)
+    assert term is not None
+    assert term.name == f"unnamed:{report.unexplained_by}"
+    assert term.gap_after_mm < 0.7 * term.gap_before_mm
+    assert (term.low < term.value).all()
+    assert term.to_dict()["term"]
+    # 30 ms over the panel, earlier on the left.
+    assert term.covariate == "x"
+    slope = (term.value[-1] - term.value[0]) / (term.x[-1] - term.x[0]) * 509.2
+    assert slope == pytest.approx(30, abs=6)
+
+
+def test_without_a_gap_there_is_no_provisional_term(whole: GapReport) -> None:
+    assert provisional_term(whole) is None
