@@ -62,10 +62,53 @@ def _child(there: Connection, function: Callable[..., Any], arguments: tuple[Any
         there.close()
 
 
-def close_gap_of(session: Any, without: frozenset[str], progress: Progress) -> dict[str, object]:
-    """The gap report of a session as the design's JSON; effects in ``without`` may not be named."""
+def close_gap_of(
+    session: Any, without: frozenset[str], added: tuple[str, ...], kept: Any, path: Any, progress: Progress
+) -> dict[str, object]:
+    """The gap report of a session as the design's JSON, and what a page shows beside it.
+
+    Args:
+        without: effects that may not be named. added: effects to add by hand, in order.
+        kept: a report (``report`` of an earlier result) to go on from, with some of ``added`` in it, or None.
+        path: the session's file, for the model's provenance, or None.
+
+    Further keys: ``overlay`` (``overlay_numbers``, or None and ``overlay_why``),
+    ``model`` (the extended model's JSON or None) and ``report`` (to go on from).
+    """
+    import hashlib
+    from datetime import UTC, datetime
+
     from draglag.gap import close_gap
+    from draglag.gap.by_hand import add_by_hand
+    from draglag.gap.extended import extended_model
+    from draglag.gap.replay import replays
+    from draglag.report.replayed import overlay_numbers
     from draglag.simulation.effects import EFFECTS
 
     candidates = None if not without else [effect for effect in EFFECTS if effect not in without]
-    return close_gap(session, candidates=candidates, progress=progress).to_dict()
+
+    def part(low: float, high: float) -> Progress:
+        return lambda fraction, text: progress(low + (high - low) * fraction, text)
+
+    report = kept if kept is not None else close_gap(session, candidates=candidates, progress=part(0.0, 0.5))
+    if report.last is None:
+        return {**report.to_dict(), "overlay": None, "model": None, "report": None}
+    there = {step.effect for step in report.steps}
+    for effect in added:
+        if effect not in there:
+            progress(0.5, effect)
+            report = add_by_hand(session, report, effect)
+    overlay, why = None, ""
+    try:
+        overlay = overlay_numbers(replays(session, report, part(0.55, 0.98)), report)
+    except (DraglagError, ValueError) as problem:
+        why = str(problem)
+    checksum = hashlib.sha256(path.read_bytes()).hexdigest() if path is not None and path.is_file() else ""
+    model = extended_model(session, report, datetime.now(UTC).isoformat(timespec="seconds"), checksum)
+    return {
+        **report.to_dict(),
+        "overlay": overlay,
+        "overlay_why": why,
+        "model": model.model_dump(mode="json"),
+        "report": report,
+    }

@@ -94,6 +94,11 @@ class Plot(pg.PlotWidget):
         self._labels = (title, *self._labels[1:])
         self.restyle()
 
+    def relabel(self, title: str, x: str, y: str) -> None:
+        """Another title and other axes."""
+        self._labels = (title, x, y)
+        self.restyle()
+
     def restyle(self) -> None:
         """Take the present theme's colours."""
         colours = theme()

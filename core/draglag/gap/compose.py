@@ -163,7 +163,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
             if effect in STREAMS or term in done:
                 continue
             done = {*done, term}
-            terms = list(fit.terms) if effect == PLATEAU else [*fit.terms, Term(term, _theta(fit, term))]
+            terms = list(fit.terms) if effect == PLATEAU else [*fit.terms, Term(term, theta_of(fit, term))]
             fit = fit_session(ready, fit.runs, terms, plateau and PLATEAU in done, fit)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"{session.name}: the model cannot be fitted: {problem}", "Take an effect out") from None
@@ -229,7 +229,7 @@ def _in_fit(fit: Fit) -> set[str]:
     return {t.effect for t in fit.terms} | ({PLATEAU} if fit.law.plateau_mm_s > 0 else set())
 
 
-def _theta(fit: Fit, effect: str) -> tuple[float, ...]:
+def theta_of(fit: Fit, effect: str) -> tuple[float, ...]:
     """The setting of what an effect is not linear in, where it explains most."""
     found = find_in(fit, only={effect}).candidates
     best = [c for c in found if c.effect == effect]

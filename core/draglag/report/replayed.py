@@ -246,3 +246,41 @@ def spread_figure(before: Replay, after: Replay) -> Any:
     axes.set_ylabel("edges (%)")
     axes.legend()
     return figure
+
+
+def overlay_numbers(replays: Sequence[Replay], report: GapReport) -> dict[str, object]:
+    """The pictures in numbers, plain enough for another process: measured, and one entry a model of the report."""
+    measured = replays[0].measured
+    limits = {covariate: limits_of(measured, covariate) for covariate in OFTEN}
+    reach = 1.1 * float(np.quantile(np.abs(measured.residual_mm), 0.99)) + 1e-6
+    bins = np.linspace(-reach, reach, 41)
+
+    def seen(overlay: Overlay | None) -> dict[str, object]:
+        if overlay is None:
+            return {}
+        count = np.histogram(np.clip(overlay.residual_mm, -reach, reach), bins)[0]
+        return {
+            "residuals": {c: [column.tolist() for column in against(overlay, c, limits[c])] for c in OFTEN},
+            "spread": [(0.5 * (bins[1:] + bins[:-1])).tolist(), (100 * count / max(count.sum(), 1)).tolist()],
+        }
+
+    models = []
+    for k, replay in enumerate(replays):
+        edges = []
+        for r, run in enumerate(replay.runs):
+            d = replay.difference_ms[(replay.run == r) & np.isfinite(replay.difference_ms)]
+            if d.size and np.isfinite(_speed(replay, r)):
+                edges.append([run.id, _speed(replay, r), *np.quantile(d, [0.5, 0.025, 0.975]).tolist()])
+        low, high = replay.rms_ms_ci95
+        models.append(
+            {
+                "name": "" if k == 0 else report.steps[k - 1].effect,
+                "edges": edges,
+                "latencies": [list(row) for row in replay.latencies_ms()],
+                "edge_rms_ms": replay.rms_ms,
+                "edge_rms_ms_ci95": [low, high],
+                "runs_that_agree": list(replay.runs_that_agree),
+                **seen(replay.simulated),
+            }
+        )
+    return {"measured": seen(measured), "models": models}

@@ -368,6 +368,105 @@ class TestGap:
         assert "Cancelled" in page.verdict.text()
 
 
+class TestGapByHand:
+    """Adding, comparing and saving, with the library's answer made up."""
+
+    OVERLAY: ClassVar[dict[str, object]] = {
+        "measured": {
+            "residuals": {"speed": [[50, 500], [2.0, -1.0], [0.2, 0.1]]},
+            "spread": [[-1, 0, 1], [20, 60, 20]],
+        },
+        "models": [
+            {
+                "name": name,
+                "edges": [["run-01", 50.0, off, off - 1, off + 1]],
+                "latencies": [["run-01", 50.0, 80.0, 0.3, 80.0 + off, 0.4]],
+                "edge_rms_ms": off,
+                "edge_rms_ms_ci95": [off - 0.1, off + 0.1],
+                "runs_that_agree": [1, 1],
+                "residuals": {"speed": [[50, 500], [0.0, 0.0], [0.1, 0.1]]},
+                "spread": [[-1, 0, 1], [0, 100, 0]],
+            }
+            for name, off in (("", 5.0), ("low_speed_plateau", 0.2))
+        ],
+    }
+
+    @pytest.fixture
+    def page(self, opened: OperatorWindow, monkeypatch: pytest.MonkeyPatch) -> QWidget:
+        page = opened.pages["gap"][1]
+        self.asked: list[tuple] = []
+
+        def fake(function: object, arguments: tuple, progress: Progress) -> dict[str, object]:
+            _, without, added, kept, _ = arguments
+            self.asked.append((without, added, kept))
+            step = TestGap.REPORT["steps"][0]  # type: ignore[index]
+            extra = [{**step, "effect": effect, "evidence": {"p_value": 1.0, "text": "by hand"}} for effect in added]
+            report = {**TestGap.REPORT, "steps": [step, *extra], "overlay": self.OVERLAY, "model": None}
+            return {**report, "report": ("report", without, added)}
+
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+        return page
+
+    def test_an_effect_is_added_taken_back_and_added_again(
+        self, page: QWidget, opened: OperatorWindow, until: Callable
+    ) -> None:
+        def settle() -> None:
+            until(lambda: not opened.space.tasks.running)
+
+        page.close_button.click()
+        settle()
+        page.choice.setCurrentText("scan_skew")
+        page.add_button.click()
+        settle()
+        first = ("report", frozenset(), ())
+        assert self.asked == [(frozenset(), (), None), (frozenset(), ("scan_skew",), first)]
+        assert page.table.item(1, 0).text().startswith("scan_skew")
+        assert "scan_skew: by hand" in page.more.text()
+        opened.ask("undo")
+        settle()
+        assert page.table.rowCount() == 1
+        opened.ask("redo")
+        settle()
+        assert page.table.rowCount() == 2
+        assert len(self.asked) == 2, "what was computed is kept"
+        page.add_button.click()
+        settle()
+        assert "already" in page.verdict.text()
+
+    def test_simulated_is_compared_with_measured_before_and_after(
+        self, page: QWidget, opened: OperatorWindow, until: Callable
+    ) -> None:
+        page.close_button.click()
+        until(lambda: not opened.space.tasks.running)
+        picture = page.picture
+        drawn = picture.plot.drawn
+        assert drawn["simulated, before"][1].tolist() == [5.0]
+        assert drawn["simulated, after"][1].tolist() == [0.2]
+        assert "5.00 ms (4.90 to 5.10)" in picture.words.text()
+        picture.which.setCurrentIndex(picture.which.findData("after"))
+        assert "simulated, before" not in picture.plot.drawn
+        for k in range(picture.kind.count()):
+            if picture.kind.itemData(k) in ("latencies", "speed", "spread"):
+                picture.kind.setCurrentIndex(k)
+                assert "measured" in picture.plot.drawn
+
+    def test_a_fault_leaves_the_model_as_it_was(
+        self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        page.close_button.click()
+        until(lambda: not opened.space.tasks.running)
+
+        def broken(function: object, arguments: tuple, progress: Progress) -> None:
+            raise DataError("the model cannot be fitted with it", "Choose another effect")
+
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", broken)
+        page.add_button.click()
+        until(lambda: not opened.space.tasks.running)
+        assert "cannot be fitted" in page.verdict.text()
+        assert page.table.rowCount() == 1
+        assert page.add_button.isEnabled()
+
+
 def test_help_shows_manual_and_keys(open_window: Callable[..., OperatorWindow]) -> None:
     page = open_window().pages["help"][1]
     assert "laser beam" in page.manual.toPlainText()

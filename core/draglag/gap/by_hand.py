@@ -1,0 +1,84 @@
+"""An effect chosen by a person, added to a finished gap report: refitted, judged on held-out runs, looked at again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.errors import DataError, EstimateError
+from draglag.gap.compose import STREAMS, Gap, Model, shrinkage, theta_of
+from draglag.gap.finding import Finding, find
+from draglag.gap.fit import Fit, Term, fit_session
+from draglag.gap.heldout import floor_mm, gap_mm
+from draglag.gap.naming import PLATEAU
+from draglag.gap.parameters import parameters_of, where_of
+from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
+from draglag.gap.signatures import SIGNATURES
+from draglag.gap.streams import inspect
+from draglag.gap.workflow import COVARIATE, TERM_OF, GapReport, Step, _covariate, _left_out, _still_there
+from draglag.recording import Session
+from draglag.simulation.effects import EFFECTS
+
+BY_HAND = tuple(effect for effect in EFFECTS if effect in (*SIGNATURES, PLATEAU, *TERM_OF))
+
+
+def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
+    """The report with one more effect, its size fitted jointly with the rest.
+
+    The step says how the gap on held-out runs changed, with its interval, whether or not it shrank.
+
+    Raises DataError for an effect that cannot be added, EstimateError when the model cannot be fitted with it.
+    """
+    before = report.last
+    if before is None or report.finding is None:
+        raise EstimateError(f"{report.session}: there is no model to add to", "; ".join(report.missing) or "Try again")
+    term = TERM_OF.get(effect, effect)
+    there = {TERM_OF.get(step.effect, step.effect) for step in report.steps}
+    if effect not in BY_HAND:
+        raise DataError(f"{effect} cannot be fitted to edges", f"Choose one of {', '.join(BY_HAND)}")
+    if term in there:
+        raise DataError(f"{effect} is in the model already, or one like it", "Choose another effect")
+    repaired = inspect(session)[1] if there & set(STREAMS) else session
+    plateau = before.law.plateau_mm_s > 0 or effect == PLATEAU
+    terms = list(before.terms) if effect == PLATEAU else [*before.terms, Term(term, theta_of(before, term))]
+    try:
+        fit = fit_session(repaired, before.runs, terms, plateau, before)
+    except (np.linalg.LinAlgError, ValueError) as problem:
+        raise EstimateError(f"the model cannot be fitted with {effect}: {problem}", "Choose another effect") from None
+    finding = find(fit, without=_left_out(frozenset(EFFECTS)) | there | {term})
+    changed = shrinkage(_gap(session, before, report.finding), _gap(session, fit, finding))
+    low, high = changed.change_ci95_mm
+    step = Step(
+        effect,
+        parameters_of(effect, fit),
+        where_of(effect, fit),
+        COVARIATE.get(effect, ""),
+        next((c.p_value for c in report.finding.candidates if c.effect == term), 1.0),
+        f"added by hand; held-out gap changed by {low:+.3f} to {high:+.3f} mm (95 %): {changed.verdict}",
+        changed.before_mm,
+        changed.after_mm,
+        ALWAYS_TOGETHER.get(effect, ()),
+        EXTRA_RUN.get(effect, ""),
+        fit,
+    )
+    left = _still_there(fit, finding) if finding.significant else None
+    settled = [replace(s, parameters=parameters_of(s.effect, fit) or s.parameters) for s in report.steps]
+    verdict = "unexplained" if left else "explained"
+    if not left and report.verdict == "no_gap" and changed.verdict != "shrinks":
+        verdict = "no_gap"
+    return replace(
+        report,
+        verdict=verdict,
+        steps=(*settled, step),
+        noise_floor_mm=floor_mm(fit),
+        gap_last_mm=gap_mm(fit),
+        unexplained_by=None if left is None else _covariate(left),
+        p_value=finding.p_value,
+        last=fit,
+        finding=finding,
+    )
+
+
+def _gap(session: Session, fit: Fit, finding: Finding) -> Gap:
+    return Gap(session, Model(), fit, finding, (), gap_mm(fit), floor_mm(fit))

@@ -1,0 +1,65 @@
+"""An effect that a person adds to a gap report, and what the Gap page shows beside it."""
+
+from __future__ import annotations
+
+import pytest
+
+from draglag.errors import DataError
+from draglag.gap import GapReport, close_gap
+from draglag.gap.by_hand import add_by_hand
+from draglag.model_file import LatencyModel
+from draglag.protocols import load_protocol
+from draglag.recording import Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
+from draglag_app.apart import close_gap_of
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
+    protocol = demo.model_copy(update={"runs": runs, "taps": None})
+    return simulate_session("screen-1", protocol, effects=[parse_effect("scan_skew=0.02")], seed=3)
+
+
+@pytest.fixture(scope="module")
+def unnamed(session: Session) -> GapReport:
+    return close_gap(session, candidates=["laser_bounce"])
+
+
+def test_the_right_effect_shrinks_the_gap_and_says_by_how_much(session: Session, unnamed: GapReport) -> None:
+    after = add_by_hand(session, unnamed, "scan_skew")
+    step = after.steps[-1]
+    value, (low, high) = step.parameters["across_s"]
+    assert low - 0.001 < 0.02 < high + 0.001, value
+    assert step.evidence.endswith("shrinks")
+    assert step.gap_after_mm < 0.6 * step.gap_before_mm
+    assert after.verdict == "explained"
+    assert after.gap_last_mm == step.gap_after_mm
+
+
+def test_a_wrong_effect_is_added_but_not_said_to_help(session: Session, unnamed: GapReport) -> None:
+    after = add_by_hand(session, unnamed, "beam_width")
+    assert not after.steps[-1].evidence.endswith("shrinks")
+    assert after.verdict == "unexplained"
+
+
+def test_what_cannot_be_added_by_hand_is_refused(session: Session, unnamed: GapReport) -> None:
+    with pytest.raises(DataError, match="cannot be fitted"):
+        add_by_hand(session, unnamed, "sample_hold")
+    twice = add_by_hand(session, unnamed, "clock_drift")
+    with pytest.raises(DataError, match="already"):
+        add_by_hand(session, twice, "thermal_drift")
+
+
+def test_the_page_gets_report_overlay_and_model(session: Session, unnamed: GapReport) -> None:
+    told: list[float] = []
+    got = close_gap_of(
+        session, frozenset(), ("scan_skew",), unnamed, None, lambda fraction, text: told.append(fraction)
+    )
+    assert told == sorted(told)
+    assert got["report"].steps[-1].effect == "scan_skew"  # type: ignore[attr-defined]
+    assert LatencyModel.model_validate(got["model"]).effects[0].id == "scan_skew"
+    before, after = got["overlay"]["models"]  # type: ignore[index]
+    assert after["edge_rms_ms_ci95"][1] < before["edge_rms_ms_ci95"][0]
