@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.gap.edges import Placed, RunData, place
 from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm, starting_law
-from draglag.gap.noise import BETWEEN, LOCAL, Components, Scatter, Whitener, scatter, whitener
+from draglag.gap.noise import BETWEEN, EDGE_MM, LOCAL, SPEED, Components, Scatter, Whitener, scatter, whitener
 from draglag.gap.signatures import Averaged, Signature, View, signature_at, view_of
 from draglag.recording import FloatArray, Session
 
@@ -96,10 +96,10 @@ def fit_session(
     middle = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for _, a in slopes]))
     geometry = Geometry(slope, middle, session.stylus.diameter_mm)
     placed: Placed | None = None
-    active = [replace(t, sizes=q) for t, q in zip(terms, sizes, strict=True)]
+    active = [replace(t, sizes=t.sizes or q) for t, q in zip(terms, sizes, strict=True)]
     components = START
     state = _look(runs, law, geometry, active, width, None)
-    if any(sizes):
+    if any(t.sizes for t in active):
         state = _look(runs, law, geometry, state.terms, width, state)
     use = _usable(state, runs, loose=True) if start is None else start.use.copy()
     settled = judged = False
@@ -172,6 +172,19 @@ def fit_session(
         width,
         state.blur_mm,
     )
+
+
+def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:
+    """Of several sets of sized terms beside a law, the one that the edges of ``before`` fit best, unrefined."""
+    values: list[float] = []
+    for terms in options:
+        state = _look(before.runs, law, before.geometry, terms, before.width_mm, None)
+        state = _look(before.runs, law, before.geometry, state.terms, before.width_mm, state)
+        use = before.use & state.placed.ok & np.isfinite(state.residual)
+        white = whitener(scatter(before.runs, state.placed, use, state.blur_mm), START)
+        value, _ = _profile(white, state.residual[use], state.design[use], state.prior)
+        values.append(value / max(int(use.sum()), 1))
+    return options[int(np.argmax(values))]
 
 
 def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
@@ -252,9 +265,12 @@ def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, place
 
 def _stepped(state: _State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float) -> _State:
     n = base_prior(state.law).size
-    law = state.law.moved(step[: n - 4])
+    beam = n - N_NUISANCES - 2
+    law = state.law.moved(step[:beam])
     geometry = replace(
-        state.geometry, slope=state.geometry.slope + step[n - 4], intercept_mm=state.geometry.intercept_mm + step[n - 3]
+        state.geometry,
+        slope=state.geometry.slope + step[beam],
+        intercept_mm=state.geometry.intercept_mm + step[beam + 1],
     )
     terms = []
     for t in state.terms:
@@ -326,6 +342,18 @@ def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tu
     return out, each
 
 
+def latency_of_terms(fit: Fit) -> FloatArray:
+    """Mean latency that the fit's terms add to each run, (runs,) s."""
+    out = np.zeros(len(fit.runs))
+    for term in fit.terms:
+        latency = term_signature(term, fit.view).latency
+        if latency is not None:
+            added = latency @ np.array(term.sizes)
+            for k in np.unique(fit.run_index):
+                out[k] += float(added[fit.run_index == k].mean())
+    return out
+
+
 def _total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, role: str) -> FloatArray:
     total = np.zeros(view.x_mm.size)
     for s, t in zip(signatures, terms, strict=True):
@@ -371,12 +399,17 @@ def _profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: F
 def _likeliest(
     parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray, start: Components
 ) -> Components:
-    """The components of greatest likelihood: those of single edges and those of whole runs, turn about."""
-    best = start
-    for _ in range(2):
-        for name, grid in LOCAL:
-            local = [replace(best, **{name: value}) for value in grid]
-            best = max(local, key=lambda c: _profile(whitener(parts, c), residual, design, prior)[0])
-        between = [replace(best, run_s=a, run_mm=b) for a, b in BETWEEN]
-        best = max(between, key=lambda c: _profile(whitener(parts, c), residual, design, prior)[0])
-    return best
+    """The components of greatest likelihood: one kind after the other, from two starts, for they trade places."""
+
+    def value(components: Components) -> float:
+        return _profile(whitener(parts, components), residual, design, prior)[0]
+
+    ends = []
+    for begin in (start, replace(start, edge_mm=EDGE_MM[0], speed=SPEED[-1])):
+        best = begin
+        for _ in range(2):
+            for name, grid in LOCAL:
+                best = max((replace(best, **{name: size}) for size in grid), key=value)
+            best = max((replace(best, run_s=a, run_mm=b) for a, b in BETWEEN), key=value)
+        ends.append(best)
+    return max(ends, key=value)

@@ -15,10 +15,11 @@ from draglag.recording import FloatArray
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
 LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15
-SPEED_LAG_SD_S = 0.012
+SPEED_LAG_SD_S = 0.008
 FLATTENING_SD = 0.5
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
-N_NUISANCES = 2  # the last base columns: fitted at every step, never carried
+BENT_SD_S2 = 1.5e-5  # as a low-pass of some 5 ms bends
+N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def side_of(placed: Placed) -> FloatArray:
 
 def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
     """How the residual moves with the law's parameters, the beam's slope and intercept and the speed's nuisances,
-    (m, 9 or 10) mm per unit.
+    (m, 10 or 11) mm per unit.
 
     A longer latency reads the trace later: the residual grows by the velocity across the beam.
     """
@@ -131,7 +132,9 @@ def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
     lag = v_n * placed.slope_s2_mm * placed.accel_apart_mm_s2
     # Its noise flattens the law within a run of nearly constant speed (not from run to run): another nuisance.
     uneven = v_n * placed.slope_s2_mm * placed.uneven_mm_s
-    return np.column_stack([columns, -x, -np.ones_like(x), lag, uneven])
+    # The position fits themselves bend a fast circle inwards a little: a third.
+    bent = placed.a_mm_s2[:, 1]
+    return np.column_stack([columns, -x, -np.ones_like(x), lag, uneven, bent])
 
 
 def base_prior(law: LawParameters) -> FloatArray:
@@ -139,4 +142,5 @@ def base_prior(law: LawParameters) -> FloatArray:
     sd = [AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S]
     if law.plateau_mm_s > 0:
         sd.append(60.0)
-    return np.append(1 / np.square(sd), [0.0, 0.0, 1 / SPEED_LAG_SD_S**2, 1 / FLATTENING_SD**2])
+    nuisances = 1 / np.square([SPEED_LAG_SD_S, FLATTENING_SD, BENT_SD_S2])
+    return np.concatenate([1 / np.square(sd), [0.0, 0.0], nuisances])

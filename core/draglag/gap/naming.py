@@ -9,19 +9,24 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.finding import Candidate, Finding
-from draglag.gap.fit import Fit, Term, fit_session, log_likelihood_on
+from draglag.gap.fit import Fit, Term, fit_session, latency_of_terms, log_likelihood_on, most_promising
 from draglag.gap.heldout import gap_mm, shrinks, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
 from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.gap.stepped import find_step
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
-REFITTED = 4
+REFITTED = 6
+NEARLY = 0.05
 RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
-PLATEAU = "low_speed_plateau"
+PLATEAU, MODE = "low_speed_plateau", "second_filter_mode"
+# Of an effect's typical size, 0.1 where not said: less is of no use to anybody, and a proxy more likely than itself.
+SMALLEST = {"smoothing_shrink": 0.6}  # the position fits bend circles as a low-pass of 5 ms would
+BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
 
 @dataclass(frozen=True)
@@ -57,10 +62,19 @@ def gained(before: Fit, after: Fit) -> float:
 
 
 def _possible(effect: str, fit: Fit) -> bool:
-    """Whether the size lies within the bounds of the effect's class: a low-pass cannot swell, a clock not run wild."""
+    """Whether the size can matter and lies within the bounds of the effect's class: a low-pass cannot swell."""
     numbers = parameters_of(effect, fit)
     if effect == "smoothing_shrink" and next(t.sizes[0] for t in fit.terms if t.effect == effect) <= 0:
         return False
+    leading = EFFECTS[effect].parameters[0]
+    if leading.name in numbers:
+        size = abs(numbers[leading.name][0])
+        if size < SMALLEST.get(effect, 0.1) * abs(leading.typical):
+            return False
+    if effect == PLATEAU:
+        slowest = min(float(fit.view.speed[fit.run_index == k].mean()) for k in np.unique(fit.run_index))
+        if fit.law.plateau_mm_s < BEYOND_SLOWEST * slowest:
+            return False
     for spec in EFFECTS[effect].parameters:
         if spec.name in numbers and not spec.lower <= numbers[spec.name][0] <= spec.upper:
             return False
@@ -77,6 +91,11 @@ def name(
     """
     significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
     tries = [(c.effect, c.theta, c.n_columns, c.n_grid) for c in significant[:REFITTED] if c.effect]
+    step = None
+    if MODE in candidates and not plateau and all(t.effect != MODE for t in before.terms):
+        step = find_step(before.runs, latency_of_terms(before))
+    if step is not None:
+        tries = [t for t in tries if t[0] != MODE] + [(MODE, (), 1, 32)]
     if PLATEAU in candidates and not plateau:
         tries.append((PLATEAU, (), 1, 8))
     before_mm = gap_mm(before)
@@ -84,6 +103,10 @@ def name(
     for effect, theta, n_columns, n_grid in tries:
         if effect == PLATEAU:
             fit = refit(session, before, before.terms, True)
+        elif effect == MODE and step is not None:
+            thresholds = [(float(v), 0.0) for v in step.thresholds_mm_s()]
+            options = [[*before.terms, Term(effect, at, (step.size_s,))] for at in thresholds]
+            fit = refit(session, before, most_promising(before, options, step.law), plateau, step.law)
         else:
             fit = refit(session, before, [*before.terms, Term(effect, theta)], plateau)
         if fit is None:
@@ -93,6 +116,9 @@ def name(
         gain = gained(before, fit) - 6 * n_columns - 2 * np.log(n_grid)
         names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit)))
     names.sort(key=lambda n: -n.gain)
+    # Where likelihoods all but agree, the name that closes the gap on held-out runs is the better one.
+    near = [n for n in names if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)]
+    names.sort(key=lambda n: (n not in near, n.gap_after_mm if n in near else 0.0, -n.gain))
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
     names = [n for n in names if n.gain > least and n.improves]

@@ -152,7 +152,10 @@ def acceleration_lag(v: View) -> list[Signature]:
 
 
 def lagging_law(v: View) -> list[Signature]:
-    return [Signature(latency=_column(-v.law_slope * v.accel))]
+    # A speed some time ago; or the present one, which is a latency later than the edge's own.
+    past = Signature(latency=_column(-v.law_slope * v.accel), theta=(0.0,), n_grid=2)
+    present = Signature(latency=_column(v.law_slope * v.accel * v.latency_s / 0.05), theta=(1.0,), n_grid=2)
+    return [past, present]
 
 
 def scan_skew(v: View) -> list[Signature]:
@@ -210,11 +213,14 @@ def second_filter_mode(v: View) -> list[Signature]:
     out = []
     for kind, values in enumerate((v.speed, np.abs(v.accel))):
         limits = np.quantile(values, np.linspace(0.12, 0.88, 16))
-        out += [
-            Signature(latency=_column((values > limit).astype(float)), theta=(float(limit), float(kind)), n_grid=32)
-            for limit in limits
-        ]
+        out += [mode(v, float(limit), float(kind), 32) for limit in limits]
     return out
+
+
+def mode(v: View, limit: float, kind: float, n_grid: int = 1) -> Signature:
+    """More latency above a speed (kind 0) or above an acceleration (1)."""
+    values = np.abs(v.accel) if kind else v.speed
+    return Signature(latency=_column((values > limit).astype(float)), theta=(limit, kind), n_grid=n_grid)
 
 
 SIGNATURES: dict[str, Callable[[View], list[Signature]]] = {
@@ -237,6 +243,8 @@ def signature_at(effect: str, theta: tuple[float, ...], v: View) -> Signature:
     """The signature of an effect at a setting; the nearest of its grid where it has one."""
     if effect == "pitch_ripple" and theta:
         return ripple(v, theta[0], theta[1])
+    if effect == "second_filter_mode" and theta:
+        return mode(v, theta[0], theta[1])
     options = SIGNATURES[effect](v)
     if not theta:
         return options[0]

@@ -23,7 +23,9 @@ from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
+CERTAIN = 80.0  # a structure this strong is there, whatever the held-out runs make of it
 UNEVEN_AGES = {"sample_hold", "timestamp_quantisation", "frame_batching", "loss_of_contact"}  # they scatter edges
+CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 Progress = Callable[[float, str], None]
 
@@ -144,7 +146,8 @@ def close_gap(
         tell(0.2 + 0.12 * len(steps), "naming")
         names, unnamed = name(repaired, fit, finding, allowed, plateau)
         better = refit(repaired, fit, fit.terms, plateau, names[0].fit.law) if names and retries else None
-        if better is not None and gained(fit, better) > SAME_MODEL_BETTER:
+        closes = bool(names) and better is not None and names[0].gap_after_mm < CLOSES * gap_mm(better)
+        if better is not None and not closes and gained(fit, better) > SAME_MODEL_BETTER:
             # The model itself had not found its best point: an effect must not be named for that.
             retries -= 1
             fit = better
@@ -329,6 +332,8 @@ def _still_there(fit: Fit, finding: Finding) -> Candidate | None:
     for candidate in finding.significant:
         if candidate.score <= UNNAMED_MARGIN:
             return None
+        if candidate.effect is None and candidate.score > CERTAIN:
+            return candidate
         if candidate.effect is None and shrinks_with(fit, smooth[candidate.covariate, candidate.role]):
             return candidate
     return None
