@@ -10,6 +10,7 @@ from scipy.sparse import csr_matrix
 
 from draglag.compensation import stylus_speed, stylus_time_s
 from draglag.errors import EstimateError
+from draglag.gap.steep import wide_enough
 from draglag.latency.estimate import RunEstimate, estimate_run, prepare
 from draglag.motion import (
     LocalFit,
@@ -123,7 +124,7 @@ def gather(session: Session) -> tuple[RunData, ...]:
         out.append(
             RunData(run, ready.touch.t_s, xy_mm, edges.t_s, edges.falling, half_s, wide, noise_mm, estimate, guess_s)
         )
-    return tuple(out)
+    return wide_enough(tuple(out))
 
 
 def place(

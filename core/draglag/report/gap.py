@@ -46,7 +46,7 @@ def write_gap_report(
     with house_style():
         figures = [
             (
-                _waterfall(report),
+                waterfall(report),
                 "RMS residual on runs held out of the fit, step by step, against the noise floor: in mm across the "
                 "beam, and as the time the stylus takes for it at the session's RMS velocity across the beam.",
             ),
@@ -180,7 +180,8 @@ def _ms_per_mm(fit: Fit) -> float:
     return float(1e3 / np.sqrt(np.mean(fit.view.v_across**2)))
 
 
-def _waterfall(report: GapReport) -> Any:
+def waterfall(report: GapReport) -> Any:
+    """The held-out gap step by step, in mm and ms, against the noise floor."""
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     names = ["present model", *(f"+ {s.effect.replace('_', ' ')}" for s in report.steps)]

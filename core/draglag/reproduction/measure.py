@@ -15,6 +15,7 @@ from draglag.errors import EstimateError
 from draglag.latency.estimate import prepare
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
+from draglag.reproduction.own_gap import OwnGap, own_gap
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2, TABLE_3
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effects
@@ -76,6 +77,7 @@ class Reproduction:
     table_3: tuple[Cell3, ...]
     validation_sessions: dict[str, Session]
     seed: int
+    own_gap: OwnGap | None = None
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -114,6 +116,7 @@ class Reproduction:
                 }
                 for cell in self.table_3
             ],
+            "own_gap": None if self.own_gap is None else self.own_gap.to_dict(),
         }
 
 
@@ -128,12 +131,13 @@ def reproduce(seed: int = 3, progress: Progress | None = None) -> Reproduction:
     sessions: dict[str, Session] = {}
     for k, screen in enumerate(TABLE_3):
         row = next(r for r in rows if r.screen == ("Screen 1" if screen == "Screen 1" else "Screen 2 (corrected)"))
-        tell(0.4 + 0.3 * k, f"{screen}: validation")
+        tell(0.35 + 0.2 * k, f"{screen}: validation")
         session, found = _cells(screen, row, seed)
         sessions[screen] = session
         cells += found
+    gap = own_gap(seed, progress=lambda fraction, text: tell(0.75 + 0.25 * fraction, f"own gap: {text}"))
     tell(1.0, "done")
-    return Reproduction(tuple(rows), tuple(cells), sessions, seed)
+    return Reproduction(tuple(rows), tuple(cells), sessions, seed, gap)
 
 
 def _effects(screen: str) -> list[str]:

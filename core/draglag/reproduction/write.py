@@ -20,6 +20,7 @@ from draglag.reproduction.drawings import (
     tracking_figure,
 )
 from draglag.reproduction.measure import Cell3, Coefficient, Reproduction
+from draglag.reproduction.own_gap import gap_figures, gap_words
 from draglag.tracking import tracking_response
 
 
@@ -127,6 +128,8 @@ def words(result: Reproduction) -> Iterator[str]:
         "The stylus is 7 mm wide: the paper's 70 mm in Section II.B is a slip, and the width that reads 1 mm low is "
         "Screen 1's, not Screen 2's. Simulated screens have no such bias, so both read 7 mm here."
     )
+    if result.own_gap is not None:
+        yield from gap_words(result.own_gap)
 
 
 def _figures(result: Reproduction) -> Iterator[tuple[str, str, Any]]:
@@ -155,4 +158,6 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, str, Any]]:
         row.screen: tracking_response(lambda v, row=row: row.curve.predict_s(np.clip(v, 50.0, None)))  # type: ignore[misc]
         for row in (result.table_2[0], result.table_2[-1])
     }
+    if result.own_gap is not None:
+        yield from gap_figures(result.own_gap)
     yield "tracking", "What the lag does to the multi-sine task: gain and phase", tracking_figure(responses)
