@@ -23,6 +23,7 @@ from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
+NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
 CERTAIN = 80.0  # a structure this strong is there, whatever the held-out runs make of it
 UNEVEN_AGES = {"sample_hold", "timestamp_quantisation", "frame_batching", "loss_of_contact"}  # they scatter edges
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
@@ -154,7 +155,12 @@ def close_gap(
             first, first_mm = (first, first_mm) if steps else (fit, gap_mm(fit))
             finding = find(fit, without=_left_out(allowed) | {s.effect for s in steps})
             continue
-        if unnamed is not None and not (names and _path_closes(repaired, names[0], allowed, plateau, max_effects)):
+        nearly = bool(names) and unnamed is not None and names[0].gain > NEARLY_ALL * unnamed.score
+        if (
+            unnamed is not None
+            and not nearly
+            and not (names and _path_closes(repaired, names[0], allowed, plateau, max_effects))
+        ):
             unexplained = unnamed
             break
         if not names:
