@@ -15,7 +15,7 @@ from draglag.recording import FloatArray
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
 LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15
-SPEED_LAG_SD_S = 0.012
+SPEED_LAG_SD_S = 0.03  # sound sessions of several makers show up to 30 ms
 FLATTENING_SD = 0.5
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
 BENT_SD_S2 = 1.5e-5  # as a low-pass of some 5 ms bends

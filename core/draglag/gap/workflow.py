@@ -24,6 +24,7 @@ from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
+ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
 CERTAIN = 80.0  # a structure this strong is there, whatever the held-out runs make of it
 UNEVEN_AGES = {"sample_hold", "timestamp_quantisation", "frame_batching", "loss_of_contact"}  # they scatter edges
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
@@ -338,7 +339,7 @@ def _still_there(fit: Fit, finding: Finding) -> Candidate | None:
     for candidate in finding.significant:
         if candidate.score <= UNNAMED_MARGIN:
             return None
-        if candidate.effect is None and candidate.score > CERTAIN:
+        if candidate.effect is None and candidate.score > CERTAIN and candidate.covariate not in ESTIMATED:
             return candidate
         if candidate.effect is None and shrinks_with(fit, smooth[candidate.covariate, candidate.role]):
             return candidate
