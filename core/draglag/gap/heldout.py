@@ -56,6 +56,11 @@ def gap_mm(fit: Fit) -> float:
 
 def shrinks(before: Fit, after: Fit) -> bool:
     """Whether held-out runs fit better, run by run: the geometric mean of their RMS, which no single run decides."""
+    return _change(before, after) < -LEAST_GAIN
+
+
+def _change(before: Fit, after: Fit) -> float:
+    """Mean change of ln(mean square) of the held-out runs that both have."""
 
     def level(fit: Fit) -> dict[int, float]:
         residual, _ = held_out_residual_mm(fit)
@@ -65,10 +70,17 @@ def shrinks(before: Fit, after: Fit) -> bool:
 
     old, new = level(before), level(after)
     shared = old.keys() & new.keys()
-    change = sum(new[k] - old[k] for k in shared) / max(len(shared), 1)
+    return sum(new[k] - old[k] for k in shared) / max(len(shared), 1)
+
+
+def improves(before: Fit, after: Fit) -> bool:
+    """Whether held-out runs speak for the model: they shrink, or weighed edge by edge they are likelier.
+
+    What moves few edges, or all of them a little, hardly shows in an RMS.
+    """
+    change = _change(before, after)
     if change < -LEAST_GAIN:
         return True
-    # What moves few edges, or all of them a little, hardly shows in an RMS; weighed edge by edge it does.
     white_gain = (white_level(before) - white_level(after)) * min(before.residual_mm.size, after.residual_mm.size)
     return change < NO_WORSE and white_gain > LEAST_WHITE_GAIN
 

@@ -10,7 +10,7 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import Fit, Term, fit_session, latency_of_terms, log_likelihood_on, most_promising
-from draglag.gap.heldout import gap_mm, shrinks, shrinks_with
+from draglag.gap.heldout import gap_mm, improves, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
 from draglag.gap.signatures import SIGNATURES, shape_free
@@ -116,7 +116,7 @@ def name(
         if not _possible(effect, fit):
             continue
         gain = gained(before, fit) - 6 * n_columns - 2 * np.log(n_grid)
-        names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit)))
+        names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), improves(before, fit)))
     names.sort(key=lambda n: -n.gain)
     # Where likelihoods all but agree, the name that closes the gap on held-out runs is the better one.
     near = [n for n in names if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)]
