@@ -93,17 +93,18 @@ class Segment:
 
 
 def start_segment(name: str) -> Segment:
-    """Make namespace ``dl-<name>`` and cable ``dl-<name>``, and start the slaves. ``name``: up to 10 characters.
+    """Make namespace ``dl-<name>`` and cable ``dl-<name>``, and start the slaves. ``name``: up to 8 characters.
 
-    Raises RuntimeError where it cannot be done.
+    Where those names are taken (another run, or what a killed one left behind), they get a number: dl-<name>2 and so
+    on. Raises RuntimeError where it cannot be done.
     """
-    if not name or len(name) > 10:
-        raise RuntimeError(f"{name!r}: a segment's name has 1 to 10 characters")
-    namespace, near, far = f"dl-{name}", f"dl-{name}", f"dl-{name}-s"
+    if not name or len(name) > 8:
+        raise RuntimeError(f"{name!r}: a segment's name has 1 to 8 characters")
+    namespace = near = _free_namespace(f"dl-{name}")
+    far = f"{near}-s"
     folder = Path(tempfile.mkdtemp(prefix="dl-ecat-"))
     process: subprocess.Popen[bytes] | None = None
     try:
-        _ip("netns", "add", namespace)
         _ip("link", "add", near, "type", "veth", "peer", "name", far, "netns", namespace)
         # Neither side shall chatter (IPv6 neighbour discovery) on a cable that is a field bus.
         for command in (("sysctl", "-qw", f"net.ipv6.conf.{near}.disable_ipv6=1"),
@@ -137,6 +138,20 @@ def running_segment(name: str) -> Iterator[Segment]:
         yield segment
     finally:
         segment.close()
+
+
+def _free_namespace(wanted: str) -> str:
+    """Add a namespace named ``wanted``, or ``wanted`` and a number. Its name is free as an interface's, too."""
+    for number in ("", *range(2, 100)):
+        name = f"{wanted}{number}"
+        if (Path("/sys/class/net") / name).exists():
+            continue
+        added = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True, check=False)
+        if not added.returncode:
+            return name
+        if "File exists" not in added.stderr:
+            raise RuntimeError(f"ip netns add {name}: {added.stderr.strip()}")
+    raise RuntimeError(f"{wanted} to {wanted}99 are all taken: see ip netns list")
 
 
 def _wait_for(control: Path, process: subprocess.Popen[bytes]) -> None:
