@@ -2,7 +2,10 @@
 
 import errno
 import os
+import struct
+from types import SimpleNamespace
 
+import evdev
 import numpy as np
 import pytest
 
@@ -325,3 +328,35 @@ def test_what_the_buffer_still_held_after_an_overflow_is_not_taken_for_the_new_c
     changes = [b.contacts for b in (first, *batches) if b.contacts is not None]
     told = [(i, d) for c in changes for i, d in zip(c.contact_id.tolist(), c.down.tolist(), strict=True)]
     assert told == [(7, 1), (7, 0), (8, 1)]
+
+
+class Panel:
+    """As much of an evdev.InputDevice as the driver uses; its events come from a pipe."""
+
+    name, phys, uniq = "Panel", "usb-1", "7"
+
+    def __init__(self, fd):
+        self.fd = fd
+
+    def capabilities(self, absinfo):
+        info = SimpleNamespace(min=0, max=4095, resolution=10, fuzz=0)
+        return {ABS: [(code, info) for code in (SLOT, X, Y, ID)]}
+
+    def close(self):
+        os.close(self.fd)
+
+
+def test_an_event_cut_in_two_by_a_read_is_whole_again(monkeypatch):
+    inlet, outlet = os.pipe()
+    os.set_blocking(inlet, False)
+    monkeypatch.setattr(evdev, "InputDevice", lambda path: Panel(inlet))
+    device = kernel.KernelTouch("/dev/input/event5")
+    told = [(3, 250_000, ABS, X, 17), (3, 250_000, ABS, Y, -4), (3, 250_000, SYN, 0, 0)]
+    data = b"".join(struct.pack("llHHi", *event) for event in told)
+    read = []
+    for piece in (data[:40], data[40:41], data[41:]):
+        os.write(outlet, piece)
+        read += device.events(0.0)
+    device.close()
+    os.close(outlet)
+    assert read == [InputEvent(3.25, *event[2:]) for event in told]

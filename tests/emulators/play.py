@@ -10,6 +10,10 @@ from draglag.recording import Run, Taps
 from emulators.touch.live import LiveTouch, contact, lifted, moved
 from emulators.walt.wires import WaltOnPty
 
+# Frames of the panel are handed to the driver this much before their stamps: a machine that is held up for less
+# changes nothing.
+AHEAD_S = 0.25
+
 
 class Segment(Protocol):
     """What is needed of the emulated field bus."""
@@ -31,7 +35,7 @@ def play_touch(panel: LiveTouch, run: Run, shift_s: float, units_per_mm: float =
         timed.append((at_s, put))
     if len(touch.t_s):
         timed.append((float(touch.t_s[-1]) + shift_s + 0.01, lifted(0)))
-    panel.frames(timed)
+    panel.frames(timed, AHEAD_S)
 
 
 def play_laser(run: Run, shift_s: float, *, walt: WaltOnPty | None = None, segment: Segment | None = None) -> None:
@@ -44,10 +48,12 @@ def play_laser(run: Run, shift_s: float, *, walt: WaltOnPty | None = None, segme
         segment.edges([(at, 1, int(level)) for at, level in zip(nanos, run.laser.light, strict=True)])
 
 
-def play_taps(panel: LiveTouch, walt: WaltOnPty, taps: Taps, shift_s: float) -> None:
-    """Shocks of the pen, and the touches that the panel reports later."""
-    walt.shocks(np.sort(taps.physical_s) + shift_s)
-    events = sorted(zip((taps.registered_s + shift_s).tolist(), taps.down.tolist(), strict=True))
+def play_taps(panel: LiveTouch, walt: WaltOnPty, taps: Taps, shift_s: float, hold_s: float = 0.0) -> None:
+    """Shocks of the pen, and the touches that the panel reports later; it lifts ``hold_s`` later than it did."""
+    later_s = shift_s + np.where(taps.down == 1, 0.0, hold_s)
+    walt.shocks(np.sort(taps.physical_s + later_s))
+    events = sorted(zip((taps.registered_s + later_s).tolist(), taps.down.tolist(), strict=True))
     panel.frames(
-        [(at_s, contact(0, k % 65536, 1000, 1000) if down else lifted(0)) for k, (at_s, down) in enumerate(events)]
+        [(at_s, contact(0, k % 65536, 1000, 1000) if down else lifted(0)) for k, (at_s, down) in enumerate(events)],
+        AHEAD_S,
     )

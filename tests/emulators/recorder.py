@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from draglag.protocols import load_protocol
@@ -18,6 +19,9 @@ from draglag.targets import Target
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_devices.rig import make_rig
+
+# From the word to the first movement: time enough for the hand to be computed on a busy machine.
+COUNTDOWN_S = 2.0
 
 
 class TellingDisplay(OffscreenDisplay):
@@ -32,7 +36,8 @@ def main(protocol: str, screen: str, out: str, *devices: str) -> None:
     known = rig_for_screen(screen)
     rig = make_rig(dict(device.split("=", 1) for device in devices), screen)
     options = session_options(rig, screen, None)
-    options = type(options)(options.screen, Stylus(known.stylus.diameter_mm), known.beam)
+    stylus = Stylus(known.stylus.diameter_mm)
+    options = replace(options, stylus=stylus, beam=known.beam, countdown_s=COUNTDOWN_S)
     run_session(load_protocol(protocol), rig, TellingDisplay(), Path(out), options)
 
 

@@ -97,6 +97,7 @@ class KernelTouch:
             self.close()
             raise _refusal(address, error) from None
         self._fd: int = self._device.fd
+        self._rest = b""
 
     def _describe(self, address: str) -> Description:
         device = self._device
@@ -157,9 +158,11 @@ class KernelTouch:
                 raise Gone(os.strerror(error.errno or errno.EIO)) from None
             if not data:
                 raise Gone("end of file")
-            for seconds, micros, kind, code, value in _EVENT.iter_unpack(
-                data[: len(data) // _EVENT.size * _EVENT.size]
-            ):
+            # The kernel hands out whole events; what stands in for it on a pty or socket may cut one in two.
+            data = self._rest + data
+            whole = len(data) // _EVENT.size * _EVENT.size
+            self._rest = data[whole:]
+            for seconds, micros, kind, code, value in _EVENT.iter_unpack(data[:whole]):
                 yield InputEvent(seconds + micros * 1e-6, kind, code, value)
 
     def grab(self, exclusively: bool) -> None:

@@ -34,8 +34,8 @@ class World:
     """Hand, stylus, digitiser, beam, sensor and WALT, each device with a clock of its own offset and drift.
 
     ``begin_run`` computes a whole run with the world's seeded generator and puts its samples on the timelines of
-    the sources, which give them out when their time comes. The same seed and order of calls give the same data.
-    Thread-safe.
+    the sources, which give them out when their time comes. The same seed and order of calls give the same hand and
+    the same instruments, whatever the time at which a run begins. Thread-safe.
 
     Attributes:
         rig: screen, stylus, beam, law: what the simulation is made of.
@@ -55,6 +55,8 @@ class World:
     ) -> None:
         self._lock = threading.Lock()
         self._rng = np.random.default_rng(seed)
+        # How often clocks are compared depends on how long the session takes; what the hand does shall not.
+        self._sync_rng = np.random.default_rng([seed, 1])
         self.rig = rig_for_screen(screen_name)
         self._human = human or Human()
         self._effects = tuple(effects)
@@ -188,4 +190,4 @@ class World:
 
     def _sync(self, host_s: FloatArray) -> None:
         for role in ("laser", "walt"):
-            self.timelines[role].add(clock=self.clocks[role].bounds(role, host_s, self._rng))
+            self.timelines[role].add(clock=self.clocks[role].bounds(role, host_s, self._sync_rng))

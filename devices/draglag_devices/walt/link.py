@@ -55,18 +55,22 @@ class Link:
         self._port.write(command.encode("ascii"))
         return sent_s
 
-    def ask(self, command: str, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S) -> Answer[_T]:
+    def ask(
+        self, command: str, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S, late: bool = False
+    ) -> Answer[_T]:
         """Send a command and wait for a line that ``accept`` takes. Raises PortGone, and NoAnswer.
 
         After a missing answer the conversation is brought back in step, so that a late one is not taken for the
-        answer to the next question.
+        answer to the next question. ``late`` takes one that comes meanwhile: what it tells is told only once.
         """
         sent_s = self.send(command)
         try:
             value, arrived_s = self.expect(accept, timeout_s)
         except NoAnswer:
-            self.settle()
-            raise
+            found = self.settle(accept)
+            if found is None or not late:
+                raise
+            value, arrived_s = found
         return Answer(value, sent_s, arrived_s)
 
     def acknowledged(self, command: str, timeout_s: float = ANSWER_S) -> Answer[str]:
@@ -89,11 +93,23 @@ class Link:
                 raise NoAnswer
             self._receive(left_s)
 
-    def settle(self) -> None:
-        """Wait until everything asked before has been answered: the device answers in order. Raises NoAnswer."""
+    def settle(self, accept: Callable[[str], _T | None] = lambda text: None) -> tuple[_T, float] | None:
+        """Wait until everything asked before has been answered: the device answers in order. Raises NoAnswer.
+
+        Returns the first answer on the way that ``accept`` takes, and when it came.
+        """
         wanted = acknowledgement(PING)
         self.send(PING)
-        self.expect(lambda text: text if text == wanted else None, SETTLE_S)
+        found: tuple[_T, float] | None = None
+        while True:
+            text, arrived_s = self.expect(
+                lambda text: text if text == wanted or accept(text) is not None else None, SETTLE_S
+            )
+            if text == wanted:
+                return found
+            value = accept(text)
+            if found is None and value is not None:
+                found = value, arrived_s
 
     def listen(self, timeout_s: float) -> None:
         """Wait at most ``timeout_s`` for unasked lines."""

@@ -309,7 +309,8 @@ class WaltSource:
             return None, self._until_s
         self._next_poll_s = self._now() + POLL_EVERY_S
         try:
-            answer = device.link.ask(SHOCK, parse_shock)
+            # Asking re-arms the WALT, which has forgotten the shock then: a late answer counts.
+            answer = device.link.ask(SHOCK, parse_shock, late=True)
         except NoAnswer:
             device.link.settle()
             return _rejected("unreadable"), self._until_s

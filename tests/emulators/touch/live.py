@@ -82,6 +82,6 @@ class LiveTouch:
     def frame(self, events: list[list[int]], at_s: float | None = None) -> None:
         self.do("frame", events=events, at=at_s)
 
-    def frames(self, timed: list[tuple[float, list[list[int]]]]) -> None:
-        """Events at their times, handed over at once."""
-        self.do("frames", frames=timed)
+    def frames(self, timed: list[tuple[float, list[list[int]]]], ahead_s: float = 0.0) -> None:
+        """Events at their times, handed over at once; ``ahead_s`` before their stamps."""
+        self.do("frames", frames=timed, ahead=ahead_s)

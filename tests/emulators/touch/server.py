@@ -3,7 +3,8 @@
 Reads one JSON object a line on stdin and answers each with one on stdout:
   {"do": "frame", "events": [[type, code, value], …], "at": seconds}   send events, stamped ``at`` on the monotonic
                                                 clock (default now) once that time has come
-  {"do": "frames", "frames": [[at, events], …]} many of them, in order of time
+  {"do": "frames", "frames": [[at, events], …], "ahead": seconds}  many of them, in order of time; each is sent
+                                                "ahead" of its stamp, so that a late turn changes nothing
   {"do": "lose", "events": […]}                 the slots change, but the buffer overflows: SYN_DROPPED is sent
   {"do": "unplug"} · {"do": "plug", "number": N} · {"do": "state"} · {"do": "busy", "on": true}
 """
@@ -39,6 +40,7 @@ class Bed:
         self.handler = UMockdev.IoctlBase()
         self.handler.connect("handle-ioctl", self.ioctl)
         self.due = queue.Queue()
+        self.trouble = ""
         threading.Thread(target=self.send_due, daemon=True).start()
 
     def plug(self, number):
@@ -68,9 +70,9 @@ class Bed:
         for path in reversed(self.paths):
             self.bed.uevent(path, "remove")
             self.bed.remove_device(path)
+        fd, self.fd = self.fd, -1
         with contextlib.suppress(OSError):
-            os.close(self.fd)
-        self.fd = -1
+            os.close(fd)
         # The test bed remembers the pty's number, which the next one may get again.
         known = f"{self.bed.get_root_dir()}/dev/.ptymap"
         for name in os.listdir(known):
@@ -95,18 +97,20 @@ class Bed:
         client.complete(result, error)
         return True
 
-    def frame(self, events, at_s):
-        self.due.put((at_s, events, False))
+    def frame(self, events, at_s, ahead_s=0.0):
+        self.due.put((at_s, events, False, ahead_s))
 
     def lose(self, events):
-        self.due.put((None, events, True))
+        self.due.put((None, events, True, 0.0))
 
     def send_due(self):
         while True:
-            at_s, events, lost = self.due.get()
-            now_s = time.monotonic()
-            if at_s is not None and at_s > now_s:
-                time.sleep(at_s - now_s)
+            at_s, events, lost, ahead_s = self.due.get()
+            wait_s = 0.0 if at_s is None else at_s - ahead_s - time.monotonic()
+            if wait_s > 0:
+                time.sleep(wait_s)
+            if at_s is not None and ahead_s and time.monotonic() > at_s:
+                self.trouble = "a frame was sent after its time: this machine stood still"
             self.panel.apply(events)
             if lost:
                 events = [[EV_SYN, SYN_DROPPED, 0]]
@@ -114,8 +118,16 @@ class Bed:
             stamp_s = at_s if at_s is not None else time.monotonic()
             if self.panel.clock != 1:
                 stamp_s += time.time() - time.monotonic()
-            with contextlib.suppress(OSError):
-                os.write(self.fd, self.panel.pack(events, stamp_s))
+            self.write(self.panel.pack(events, stamp_s))
+
+    def write(self, data):
+        """All of it, however often the pty takes a part; to an unplugged panel nothing."""
+        try:
+            while data and self.fd >= 0:
+                data = data[os.write(self.fd, data) :]
+        except OSError as error:
+            if self.fd >= 0:
+                self.trouble = f"a frame could not be written ({error})"
 
 
 def main():
@@ -133,7 +145,7 @@ def main():
             bed.frame(command["events"], command.get("at"))
         elif what == "frames":
             for at_s, events in command["frames"]:
-                bed.frame(events, at_s)
+                bed.frame(events, at_s, command.get("ahead", 0.0))
         elif what == "lose":
             bed.lose(command["events"])
         elif what == "unplug":
@@ -146,7 +158,7 @@ def main():
         elif what == "state":
             panel = bed.panel
             answer = {"clock": panel.clock, "grabbed": panel.grabbed, "grab_log": panel.grab_log,
-                      "waiting": bed.due.qsize()}  # fmt: skip
+                      "waiting": bed.due.qsize(), "trouble": bed.trouble}  # fmt: skip
         print(json.dumps(answer), flush=True)
 
 

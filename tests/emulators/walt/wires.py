@@ -149,7 +149,7 @@ class WaltOnPty:
     def _serve(self) -> None:
         while not self._stop:
             with self.lock:
-                self._work(time.monotonic())
+                self._work()
                 waiting = self._events[0][0] if self._events else np.inf
                 wait_s = min(waiting, self.firmware.next_s) - time.monotonic()
                 watched = [self._wake_r] + ([self._master] if self.plugged else [])
@@ -160,19 +160,26 @@ class WaltOnPty:
             if self._wake_r in ready:
                 os.read(self._wake_r, 4096)
 
-    def _work(self, now_s: float) -> None:
+    def _work(self) -> None:
+        asked = b""
+        if self.plugged:
+            with contextlib.suppress(BlockingIOError):
+                # A pty keeps what was echoed or sent before anybody listened; nothing else is lost or changed.
+                asked = os.read(self._master, 4096)
+        # However late this thread gets its turn: what happened before a question was read is in its answer.
+        now_s = time.monotonic()
         while self._events and self._events[0][0] <= now_s:
             at_s, action = self._events.pop(0)
             action(self.firmware, at_s)
         if not self.plugged:
             return
-        with contextlib.suppress(BlockingIOError):
-            # A pty keeps what was echoed or sent before anybody listened; nothing else is lost or changed.
-            self.firmware.receive(os.read(self._master, 4096), time.monotonic())
+        if asked:
+            self.firmware.receive(asked, now_s)
         data = self.firmware.take(time.monotonic())
         if data and self._room():
             with contextlib.suppress(BlockingIOError):
-                os.write(self._master, data)
+                while data:
+                    data = data[os.write(self._master, data) :]
 
     def _room(self) -> bool:
         """Whether somebody reads: a pty that nobody empties fills up, and a WALT does not wait for its reader."""
