@@ -87,7 +87,7 @@ class NeverCompares(Compares):
 
 
 def test_a_source_that_does_not_answer_does_not_hold_the_session(tmp_path, monkeypatch):
-    monkeypatch.setattr("draglag_app.session.conductor._COMPARE_S", 0.1)
+    monkeypatch.setattr("draglag_app.session.comparing._COMPARE_S", 0.1)
     rig = fast_rig()
     source = NeverCompares(of_role(rig, "laser"))
     recording = Recording(protocol(300), replaced(rig, source), tmp_path / "s.h5")

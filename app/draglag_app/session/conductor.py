@@ -1,10 +1,7 @@
-"""The session's own thread: leads through the protocol, hears the operator, watches devices and disk."""
+"""The session's own thread: leads through the protocol, step by step."""
 
 from __future__ import annotations
 
-import shutil
-import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,29 +12,20 @@ import numpy as np
 
 from draglag.errors import DraglagError
 from draglag.protocols import PlannedRun, Protocol
-from draglag.recording import AxisInfo, LogEntry, Run, empty_laser, empty_touch
-from draglag.store.write import PARTIAL
+from draglag.recording import AxisInfo, Run, empty_laser, empty_touch
 from draglag.targets import Tap
 from draglag_app.session import events
+from draglag_app.session.comparing import Comparisons
 from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
 from draglag_app.session.recorder import Recorder
+from draglag_app.session.watch import Watch
 from draglag_devices.rig import Rig
-from draglag_devices.source import Synchronises
 
 # Touch events and edges later than this after the target's end belong to something else.
 TAIL_S = 0.5
-# Simulated time is advanced in steps, so that nobody runs far ahead and requests are heard in between.
-_STEP_S = 1.0
-_TICK_S = 0.05
-_STUCK_S = 30.0
-_DRAIN_S = 3.0
-# A comparison takes 0.15 s, and several seconds where a hub delays every answer.
-_COMPARE_S = 8.0
-_DISK_EVERY_S = 5.0
-_DISK_LOW = 200_000_000
 
 RUN_ROLES = ("touch", "laser")
 TAP_ROLES = ("touch", "walt")
@@ -72,17 +60,15 @@ class Conductor:
         self._time = rig.stage.time_base
         self._roles = tuple(source.role for source in rig.sources)
         self._display = display
-        self._out = out
         self._options = options
         self._tell = listener
         self._control = control
         self._saver = recorder.saver
-        self._disk_looked = -np.inf
-        self._disk_warned = False
         self.axes: tuple[AxisInfo, ...] = ()
         self.problem = ""
         self._last: _Recorded | None = None
-        self._comparing = {source.role: source for source in rig.sources if isinstance(source, Synchronises)}
+        self._watch = Watch(self._time, self._roles, display, out, listener, control, self._saver)
+        self._compare = Comparisons(rig.sources, self._time, self._saver)
 
     def everything(self, plan: tuple[PlannedRun, ...]) -> None:
         """Clock check, taps, runs, taps, clock check, with rests between."""
@@ -164,13 +150,13 @@ class Conductor:
         end_s = start_s + planned.duration_s
         signal = self._prepare(planned, run_id, start_s)
         if signal is None:
-            self._ask_for_comparison(RUN_ROLES)
+            self._compare.ask(RUN_ROLES)
             go(Signal.READY, self._options.countdown_s)
-            signal = self._pass_time(start_s, RUN_ROLES)
+            signal = self._watch.pass_time(start_s, RUN_ROLES)
         if signal is None:
             go(Signal.TARGET_MOVES, planned.duration_s)
             self._tell(events.RunStarted(run_id, planned, start_s))
-            signal = self._pass_time(end_s, RUN_ROLES, frames=True)
+            signal = self._watch.pass_time(end_s, RUN_ROLES, frames=True)
         if signal is not None:
             # The target is gone: what the hand would have done next never happens.
             end_s = min(max(self._time.now(), start_s), end_s)
@@ -179,10 +165,10 @@ class Conductor:
         go(signal or Signal.TARGET_DONE)
         self._display.hide()
         if signal is None:
-            signal = self._drain(end_s + TAIL_S)
+            signal = self._watch.drain(end_s + TAIL_S, RUN_ROLES)
             if signal is not None:
                 go(signal)
-        self._compare_clocks(RUN_ROLES)
+        self._compare.wait(RUN_ROLES)
         run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
         if self._saver.failure is not None:
             go(Signal.FAILURE)
@@ -195,14 +181,14 @@ class Conductor:
     def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
         self._display.prompt(f"{run_id}: follow the target")
         self._display.show(planned.target, start_s)
-        self._look_at_disk(force=True)
+        self._watch.look_at_disk(force=True)
         run = self._empty_run(planned, run_id, start_s)
         try:
             self._saver.call(lambda: self._saver.begin_run(run, start_s + planned.duration_s + TAIL_S))
             if planned.note:
-                self._log("info", "protocol", planned.note)
+                self._watch.log("info", "protocol", planned.note)
             if planned.practice:
-                self._log("info", "protocol", "practice")
+                self._watch.log("info", "protocol", "practice")
         except DraglagError:
             return Signal.FAILURE
         self._stage.begin_run(planned, start_s, run_id)
@@ -227,7 +213,7 @@ class Conductor:
     def _taps(self, count: int, interval_s: float) -> None:
         missing = [role for role in TAP_ROLES if role not in self._roles or role in self._saver.lost]
         if missing:
-            self._log("warning", "protocol", f"taps were left out: there is no {' and no '.join(missing)} source")
+            self._watch.log("warning", "protocol", f"taps were left out: there is no {' and no '.join(missing)} source")
             return
         screen = self._options.screen
         tap = Tap(screen.width_mm / 2, screen.height_mm / 2, count, interval_s)
@@ -236,43 +222,28 @@ class Conductor:
         self._control.take_abort()
         self._display.prompt(f"Tap the spot {count} times")
         self._display.show(tap, start_s)
-        self._ask_for_comparison(TAP_ROLES)
+        self._compare.ask(TAP_ROLES)
         self._saver.call(self._saver.begin_taps)
         self._stage.begin_taps(tap, start_s)
         # A person may need longer than planned; whoever taps in time is done when the last tap was paired.
         patience_s = tap.duration_s * (2.0 if self._time.realtime else 1.0) + 1.0
-        self._pass_time(
+        self._watch.pass_time(
             start_s + patience_s,
             TAP_ROLES,
             until=lambda: self._time.realtime and self._saver.tap_count - already >= count,
         )
-        self._drain(self._time.now(), TAP_ROLES)
+        self._watch.drain(self._time.now(), TAP_ROLES)
         with suppress(DraglagError):  # the saver keeps the failure; the session ends because of it
             self._saver.call(self._saver.end_taps)
-        self._compare_clocks(TAP_ROLES)
+        self._compare.wait(TAP_ROLES)
         self._stage.stop()
         self._display.hide()
 
     def _clock_check(self, duration_s: float) -> None:
         self._control.take_abort()
         self._display.prompt("Comparing clocks: leave the screen alone")
-        self._pass_time(self._time.now() + duration_s, ())
+        self._watch.pass_time(self._time.now() + duration_s, ())
         self._display.prompt("")
-
-    def _ask_for_comparison(self, roles: tuple[str, ...]) -> dict[str, threading.Event]:
-        """Have sources that offer it compare their clocks in full; each event tells that one has."""
-        living = {role: source for role, source in self._comparing.items() if role not in self._saver.lost}
-        return {role: source.synchronise() for role, source in living.items() if role in roles}
-
-    def _compare_clocks(self, roles: tuple[str, ...]) -> None:
-        """The comparison after a block, waited for, so that it is kept with the block."""
-        deadline_s = time.monotonic() + _COMPARE_S
-        for role, done in self._ask_for_comparison(roles).items():
-            while not done.wait(_TICK_S) and time.monotonic() < deadline_s and role not in self._saver.lost:
-                if self._saver.failure is not None:
-                    return
-            # What was compared travels behind what was read before.
-            self._saver.wait_past(self._time.now(), (role,), max(0.0, deadline_s - time.monotonic()))
 
     def _rest(self) -> bool:
         """Pause before the next step. False if the session is to end."""
@@ -281,7 +252,7 @@ class Conductor:
         by_hand = not self._control.auto
         until_s = self._time.now() + (np.inf if by_hand else self._protocol.rest_s)
         # Who asks for the run again has said what is next; who aborts between runs has nothing to abort.
-        self._pass_time(
+        self._watch.pass_time(
             until_s,
             (),
             until=lambda: (
@@ -290,89 +261,3 @@ class Conductor:
             heed_abort=False,
         )
         return not self._over()
-
-    # --- time -----------------------------------------------------------------------------------------------
-
-    def _pass_time(
-        self,
-        until_s: float,
-        roles: tuple[str, ...],
-        *,
-        frames: bool = False,
-        until: Callable[[], bool] = lambda: False,
-        heed_abort: bool = True,
-    ) -> Signal | None:
-        """Let time pass up to ``until_s`` or until ``until()``; a signal says that something ended it early."""
-        while True:
-            if not heed_abort:
-                self._control.take_abort()  # keeps the request to stop altogether
-            signal = self._look(roles)
-            if signal is not None:
-                return signal
-            now_s = self._time.now()
-            if frames:
-                trace = self._display.frames(min(now_s, until_s))
-                try:
-                    self._saver.call(partial(self._saver.append_display, trace))
-                except DraglagError:
-                    return Signal.FAILURE
-            if now_s >= until_s or until():
-                return None
-            if self._time.realtime:
-                self._control.wait(min(_TICK_S, until_s - now_s))
-            else:
-                step_s = min(now_s + _STEP_S, until_s)
-                if not np.isfinite(step_s):
-                    self._control.wait(_TICK_S)
-                    continue
-                self._time.advance_to(step_s)
-                for role in self._saver.wait_past(step_s, self._roles, _STUCK_S):
-                    self._saver.call(partial(self._saver.give_up, role))
-
-    def _look(self, roles: tuple[str, ...]) -> Signal | None:
-        """Operator, devices, disk."""
-        for text in self._control.take_notes():
-            self._log("note", "operator", text)
-        self._look_at_disk()
-        if self._saver.failure is not None:
-            return Signal.FAILURE
-        if any(role in self._saver.lost for role in roles):
-            return Signal.DEVICE_LOST
-        if self._control.aborting:
-            return Signal.ABORT
-        return None
-
-    def _drain(self, until_s: float, roles: tuple[str, ...] = RUN_ROLES) -> Signal | None:
-        """Wait until what belongs to the run has been reported and saved."""
-        self._time.advance_to(until_s)
-        patience_s = _STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
-        late = self._saver.wait_past(until_s, roles, patience_s)
-        for role in late:
-            self._log("warning", role, f"{role} did not report up to the end of the run")
-        if self._saver.failure is not None:
-            return Signal.FAILURE
-        return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
-
-    def _look_at_disk(self, force: bool = False) -> None:
-        if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:
-            return
-        self._disk_looked = time.monotonic()
-        folder = self._out.absolute().parent
-        growing = self._out.with_name(self._out.name + PARTIAL)
-        try:
-            free, size = shutil.disk_usage(folder).free, growing.stat().st_size
-        except OSError:
-            return  # the writer meets the same trouble and says so
-        self._tell(events.DiskStatus(free, size))
-        if free < _DISK_LOW and not self._disk_warned:
-            self._disk_warned = True
-            self._log("warning", "disk", f"only {free // 1_000_000} MB are free in {folder}: make room")
-
-    def _log(self, level: str, source: str, text: str) -> None:
-        entry = LogEntry(self._time.now(), level, source, text)
-        try:
-            self._saver.call(lambda: self._saver.log(entry))
-        except DraglagError:
-            return  # the saver keeps the failure
-        if level != "note":
-            self._tell(events.NoticeRaised(entry.t_s, level, source, text))

@@ -1,0 +1,137 @@
+"""Time passes, with an eye on the operator, the devices and the disk."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from draglag.errors import DraglagError
+from draglag.recording import LogEntry
+from draglag.store.write import PARTIAL
+from draglag_app.session import events
+from draglag_app.session.control import Control
+from draglag_app.session.display import Display
+from draglag_app.session.machine import Signal
+from draglag_app.session.saver import Saver
+from draglag_devices.timebase import TimeBase
+
+# Simulated time is advanced in steps, so that nobody runs far ahead and requests are heard in between.
+_STEP_S = 1.0
+TICK_S = 0.05
+_STUCK_S = 30.0
+_DRAIN_S = 3.0
+_DISK_EVERY_S = 5.0
+_DISK_LOW = 200_000_000
+
+
+class Watch:
+    """Waits for the session's thread, and says what ended a wait early. ``roles``: those of all sources."""
+
+    def __init__(
+        self,
+        time_base: TimeBase,
+        roles: tuple[str, ...],
+        display: Display,
+        out: Path,
+        listener: events.Listener,
+        control: Control,
+        saver: Saver,
+    ) -> None:
+        self._time = time_base
+        self._roles = roles
+        self._display = display
+        self._out = out
+        self._tell = listener
+        self._control = control
+        self._saver = saver
+        self._disk_looked = -np.inf
+        self._disk_warned = False
+
+    def pass_time(
+        self,
+        until_s: float,
+        roles: tuple[str, ...],
+        *,
+        frames: bool = False,
+        until: Callable[[], bool] = lambda: False,
+        heed_abort: bool = True,
+    ) -> Signal | None:
+        """Let time pass up to ``until_s`` or until ``until()``; a signal says that something ended it early."""
+        while True:
+            if not heed_abort:
+                self._control.take_abort()  # keeps the request to stop altogether
+            signal = self._look(roles)
+            if signal is not None:
+                return signal
+            now_s = self._time.now()
+            if frames:
+                trace = self._display.frames(min(now_s, until_s))
+                try:
+                    self._saver.call(partial(self._saver.append_display, trace))
+                except DraglagError:
+                    return Signal.FAILURE
+            if now_s >= until_s or until():
+                return None
+            if self._time.realtime:
+                self._control.wait(min(TICK_S, until_s - now_s))
+            else:
+                step_s = min(now_s + _STEP_S, until_s)
+                if not np.isfinite(step_s):
+                    self._control.wait(TICK_S)
+                    continue
+                self._time.advance_to(step_s)
+                for role in self._saver.wait_past(step_s, self._roles, _STUCK_S):
+                    self._saver.call(partial(self._saver.give_up, role))
+
+    def _look(self, roles: tuple[str, ...]) -> Signal | None:
+        """Operator, devices, disk."""
+        for text in self._control.take_notes():
+            self.log("note", "operator", text)
+        self.look_at_disk()
+        if self._saver.failure is not None:
+            return Signal.FAILURE
+        if any(role in self._saver.lost for role in roles):
+            return Signal.DEVICE_LOST
+        if self._control.aborting:
+            return Signal.ABORT
+        return None
+
+    def drain(self, until_s: float, roles: tuple[str, ...]) -> Signal | None:
+        """Wait until what belongs to the run has been reported and saved."""
+        self._time.advance_to(until_s)
+        patience_s = _STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
+        late = self._saver.wait_past(until_s, roles, patience_s)
+        for role in late:
+            self.log("warning", role, f"{role} did not report up to the end of the run")
+        if self._saver.failure is not None:
+            return Signal.FAILURE
+        return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
+
+    def look_at_disk(self, force: bool = False) -> None:
+        if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:
+            return
+        self._disk_looked = time.monotonic()
+        folder = self._out.absolute().parent
+        growing = self._out.with_name(self._out.name + PARTIAL)
+        try:
+            free, size = shutil.disk_usage(folder).free, growing.stat().st_size
+        except OSError:
+            return  # the writer meets the same trouble and says so
+        self._tell(events.DiskStatus(free, size))
+        if free < _DISK_LOW and not self._disk_warned:
+            self._disk_warned = True
+            self.log("warning", "disk", f"only {free // 1_000_000} MB are free in {folder}: make room")
+
+    def log(self, level: str, source: str, text: str) -> None:
+        entry = LogEntry(self._time.now(), level, source, text)
+        try:
+            self._saver.call(lambda: self._saver.log(entry))
+        except DraglagError:
+            return  # the saver keeps the failure
+        if level != "note":
+            self._tell(events.NoticeRaised(entry.t_s, level, source, text))
