@@ -41,11 +41,12 @@ def test_the_preflight_tells_it_too(monkeypatch, tmp_path):
 
 
 class Compares(Wrapped):
-    """A laser that compares its clock with the host's when it is asked, and only then."""
+    """A laser or WALT that compares its clock with the host's when it is asked, and only then."""
 
     def __init__(self, inner):
         super().__init__(inner)
         self.asked_s = []
+        self.answered = 0
         self._waiting = []
         self._t_s = 0.0
 
@@ -60,8 +61,9 @@ class Compares(Wrapped):
         self._t_s = batch.until_s
         waiting, self._waiting = self._waiting, []
         at_s = np.full(len(waiting), batch.until_s)
-        clock = ClockBounds("laser", at_s + 500.0, at_s - 1e-4, at_s + 1e-4, np.zeros(len(waiting), np.int64))
+        clock = ClockBounds(self.role, at_s + 500.0, at_s - 1e-4, at_s + 1e-4, np.zeros(len(waiting), np.int64))
         for done in waiting:
+            self.answered += 1
             done.set()
         return replace(batch, clock=clock if len(at_s) else None)
 
@@ -78,6 +80,30 @@ def test_clocks_are_compared_in_full_before_and_after_each_run_and_kept_with_it(
         assert len(bounds.device_s) == 2
         assert bounds.host_min_s[0] <= run.start_s + 0.25
         assert bounds.host_max_s[1] >= run.start_s + run.duration_s
+
+
+class ShowsTaps(OffscreenDisplay):
+    """Remembers how many comparisons were asked for, and made, when the participant was asked to tap."""
+
+    def __init__(self, source):
+        super().__init__()
+        self.source = source
+        self.compared = []
+
+    def show(self, target, start_s):
+        super().show(target, start_s)
+        self.compared.append((len(self.source.asked_s), self.source.answered))
+
+
+def test_a_walt_has_compared_before_anybody_is_asked_to_tap(tmp_path):
+    rig = fast_rig(("touch", "walt"))
+    source = Compares(of_role(rig, "walt"))
+    display = ShowsTaps(source)
+    taps = protocol(taps={"count": 3})
+    recording = Recording(taps, replaced(rig, source), tmp_path / "s.h5", display=display)
+    assert recording.error is None
+    assert len(source.asked_s) == 2
+    assert display.compared == [(1, 1)]
 
 
 class NeverCompares(Compares):

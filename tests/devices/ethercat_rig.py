@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import pytest
 
 from draglag.recording import ClockBounds, LaserTrace, concatenate
 from draglag_devices.addresses import open_source
 from draglag_devices.source import Notice
-from emulators.ethercat import Segment
+from emulators.ethercat import Segment, running_segment, why_not
 
+_WHY_NOT = why_not()
+needs_segment = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=f"no EtherCAT segment here: {_WHY_NOT}")]
+MS = 1_000_000
 # Long enough for any machine: a test that waits this long has failed.
 PATIENCE_S = 30.0
 
@@ -85,3 +89,18 @@ def blink(count: int, period_ns: int, dark_ns: int, first_ns: int, channel: int 
 def segment_name(prefix: str) -> str:
     """Unique to this process, so that test runs beside each other do not collide."""
     return f"{prefix}{os.getpid() % 100000}"
+
+
+@pytest.fixture(scope="module")
+def wired() -> Iterator[Segment]:
+    """One segment for all tests of a file."""
+    with running_segment(segment_name("s")) as segment:
+        yield segment
+
+
+@pytest.fixture
+def segment(wired: Segment) -> Segment:
+    """Healthy and freshly switched on."""
+    wired.order("link", up=1)
+    wired.order("identity")
+    return wired

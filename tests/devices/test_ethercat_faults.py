@@ -5,35 +5,18 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
 
-from devices.ethercat_rig import Recording, blink, segment_name
-from emulators.ethercat import Segment, running_segment, why_not
+from devices.ethercat_rig import MS, Recording, blink, needs_segment
+from emulators.ethercat import Segment
 
-_WHY_NOT = why_not()
-pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=f"no EtherCAT segment here: {_WHY_NOT}")]
+pytestmark = needs_segment
 
-MS = 1_000_000
 ENDURANCE_S = float(os.environ.get("DRAGLAG_ENDURANCE_S", "10"))
-
-
-@pytest.fixture(scope="module")
-def wired() -> Iterator[Segment]:
-    with running_segment(segment_name("f")) as segment:
-        yield segment
-
-
-@pytest.fixture
-def segment(wired: Segment) -> Segment:
-    """Healthy and freshly switched on."""
-    wired.order("link", up=1)
-    wired.order("identity")
-    return wired
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from devices.ethercat_rig import Recording, blink, segment_name
-from emulators.ethercat import Segment, running_segment, why_not
+from devices.ethercat_rig import MS, Recording, blink, needs_segment
+from emulators.ethercat import Segment
 
-_WHY_NOT = why_not()
-pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=f"no EtherCAT segment here: {_WHY_NOT}")]
+pytestmark = needs_segment
 
-MS = 1_000_000
 EK1100, EL1002, EL1008, EL2008 = 0x044C2C52, 0x03EA3052, 0x03F03052, 0x07D83052
 # What is on the line, and the working counter of a cycle: reading 1 a device, writing 2.
 LINES: dict[str, tuple[dict[str, Any], int]] = {
@@ -27,12 +24,6 @@ LINES: dict[str, tuple[dict[str, Any], int]] = {
     "another EEPROM and revision": ({"in_bytes": True}, 2),
     "slow changes of state that want process data": ({"slow_ns": 250 * MS}, 2),
 }
-
-
-@pytest.fixture(scope="module")
-def wired() -> Iterator[Segment]:
-    with running_segment(segment_name("l")) as segment:
-        yield segment
 
 
 @pytest.mark.parametrize("name", LINES)

@@ -7,37 +7,20 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
 
 import numpy as np
 import pytest
 
-from devices.ethercat_rig import Recording, blink, segment_name
+from devices.ethercat_rig import MS, Recording, blink, needs_segment, segment_name
 from draglag_devices.addresses import open_source
 from draglag_devices.discovery import discover
 from draglag_devices.ethercat_laser import helper
 from draglag_devices.ethercat_laser.preflight import other_master
 from draglag_devices.source import DeviceError
-from emulators.ethercat import Segment, running_segment, why_not
+from emulators.ethercat import Segment, running_segment
 
-_WHY_NOT = why_not()
-pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=f"no EtherCAT segment here: {_WHY_NOT}")]
-
-MS = 1_000_000
-
-
-@pytest.fixture(scope="module")
-def wired() -> Iterator[Segment]:
-    with running_segment(segment_name("w")) as segment:
-        yield segment
-
-
-@pytest.fixture
-def segment(wired: Segment) -> Segment:
-    """Healthy and freshly switched on."""
-    wired.order("link", up=1)
-    wired.order("identity")
-    return wired
+pytestmark = needs_segment
 
 
 def test_every_edge_arrives_with_the_very_stamp_the_terminal_gave_it(segment: Segment) -> None:
@@ -72,6 +55,22 @@ def test_clock_pairs_hold_the_true_time_between_them(segment: Segment) -> None:
         assert (bounds.host_min_s - 5e-5 <= bounds.device_s + offset_s).all()
         assert (bounds.device_s + offset_s <= bounds.host_max_s + 5e-5).all()
         assert set(bounds.epoch) == {0}
+
+
+def test_a_comparison_that_is_asked_for_is_made_after_that_and_not_waited_for_when_the_bus_is_away(
+    segment: Segment,
+) -> None:
+    with Recording(segment) as rec:
+        rec.read_until(lambda: len(rec.clocks) >= 1)
+        asked_s = time.monotonic()
+        done = rec.source.synchronise()
+        rec.read_until(done.is_set)
+        assert rec.clocks[-1].host_max_s[-1] >= rec.clocks[-1].host_min_s[-1] >= asked_s
+        segment.order("unplug")
+        rec.read_until(lambda: not rec.alive)
+        rec.read_until(rec.source.synchronise().is_set)
+        assert not rec.alive
+        segment.order("plug")
 
 
 def test_the_second_channel_is_another_input(segment: Segment) -> None:

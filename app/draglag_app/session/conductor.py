@@ -217,12 +217,14 @@ class Conductor:
             return
         screen = self._options.screen
         tap = Tap(screen.width_mm / 2, screen.height_mm / 2, count, interval_s)
-        start_s = self._time.now() + self._options.countdown_s
-        already = self._saver.tap_count
         self._control.take_abort()
+        # Waited for, as a WALT keeps one shock only while it is asked for other things.
+        self._display.prompt("Comparing clocks: leave the screen alone")
+        self._compare.wait(TAP_ROLES)
+        already = self._saver.tap_count
+        start_s = self._time.now() + self._options.countdown_s
         self._display.prompt(f"Tap the spot {count} times")
         self._display.show(tap, start_s)
-        self._compare.ask(TAP_ROLES)
         self._saver.call(self._saver.begin_taps)
         self._stage.begin_taps(tap, start_s)
         # A person may need longer than planned; whoever taps in time is done when the last tap was paired.

@@ -8,7 +8,9 @@ import os
 import select
 import subprocess
 import tempfile
+import threading
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from typing import IO, Any
 
@@ -69,6 +71,15 @@ class EthercatLaser:
         self._alive = False
         self._died_s: float | None = None
         self._early = _Gathered()
+        self._compared_s = -np.inf  # host time of the last comparison
+        self._asked: deque[tuple[float, threading.Event]] = deque()  # filled by other threads
+
+    def synchronise(self) -> threading.Event:
+        """See ``draglag_devices.source.Synchronises``. The bus compares in every cycle and tells the best of each
+        quarter of a second: it is the next one that counts."""
+        done = threading.Event()
+        self._asked.append((time.monotonic(), done))
+        return done
 
     # --- Source -----------------------------------------------------------------------------------------------
 
@@ -104,6 +115,9 @@ class EthercatLaser:
                 self._take(message, gathered)
         except _Ended:
             self._respawn(gathered)
+        # While the bus is away there is nothing to compare with.
+        while self._asked and (self._asked[0][0] <= self._compared_s or not self._alive):
+            self._asked.popleft()[1].set()
         return Batch(
             until_s=self._until_s,
             laser=concatenate(gathered.laser) if gathered.laser else None,
@@ -197,6 +211,7 @@ class EthercatLaser:
             bounds = self._bounds(message)
             self._map.add(bounds)
             gathered.clock.append(bounds)
+            self._compared_s = float(bounds.host_min_s[0])
         elif kind == "gap":
             gathered.laser.append(_gap(message["start"] * _NS, message["end"] * _NS, message["missed"]))
         elif kind == "notice":
