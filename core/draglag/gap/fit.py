@@ -4,13 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from draglag.gap.edges import Placed, RunData, place
-from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm, starting_law
-from draglag.gap.noise import BETWEEN, EDGE_MM, LOCAL, SPEED, Components, Scatter, Whitener, scatter, whitener
+from draglag.gap.model import (
+    N_NUISANCES,
+    Geometry,
+    LawParameters,
+    base_columns,
+    base_prior,
+    later_speed_column,
+    residual_mm,
+    starting_law,
+)
+from draglag.gap.noise import (
+    BETWEEN,
+    EDGE_MM,
+    LOCAL,
+    SPEED,
+    Components,
+    Scatter,
+    Whitener,
+    scatter,
+    timing_mm,
+    touch_variances,
+    whitener,
+)
 from draglag.gap.signatures import Averaged, Signature, View, signature_at, view_of
 from draglag.recording import FloatArray, Session
 
@@ -236,6 +258,7 @@ def _look(
     view = view_of(placed, law, geometry, width_mm)
     signatures = tuple(term_signature(t, view) for t in terms)
     residual = residual_mm(placed, geometry) - _total(signatures, terms, view, "offset")
+    residual = residual + law.follows_later * later_speed_column(placed)
     columns = [s.columns(view) for s in signatures]
     design = np.column_stack([-base_columns(placed, law), *columns])
     prior = np.concatenate([base_prior(law), np.full(sum(c.shape[1] for c in columns), 1e-12)])
@@ -266,7 +289,7 @@ def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, place
 def _stepped(state: _State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float) -> _State:
     n = base_prior(state.law).size
     beam = n - N_NUISANCES - 2
-    law = state.law.moved(step[:beam])
+    law = state.law.moved(step[:n])
     geometry = replace(
         state.geometry,
         slope=state.geometry.slope + step[beam],
@@ -284,10 +307,9 @@ def _usable(state: _State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray
     """Edges to judge by: well placed, not far from their run, and not too uncertain to matter."""
     placed = state.placed
     use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
-    parts = scatter(runs, placed, use, state.blur_mm)
-    sd = np.full(use.size, np.inf)
-    local = np.concatenate([np.diag(c) for c in parts.touch])
-    sd[use] = np.sqrt(local + 0.05**2 + (0.02 * parts.speed_lever_mm) ** 2 + parts.timing_mm**2)
+    follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
+    local = touch_variances(runs, placed) + state.blur_mm**2
+    sd = np.sqrt(local + 0.05**2 + (0.02 * follows * placed.speed_mm_s) ** 2 + timing_mm(placed) ** 2)
     use &= sd < FAR_MM
     # A run that mostly starts and stops is no witness to a law: its few edges left would speak for those that went.
     for k, data in enumerate(runs):
@@ -401,6 +423,7 @@ def _likeliest(
 ) -> Components:
     """The components of greatest likelihood: one kind after the other, from two starts, for they trade places."""
 
+    @cache
     def value(components: Components) -> float:
         return _profile(whitener(parts, components), residual, design, prior)[0]
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.linalg import cho_factor, solve_triangular
+from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.sparse import csr_matrix
 
 from draglag.gap.edges import Placed, RunData, sparse_rows
 from draglag.recording import FloatArray
@@ -51,22 +52,33 @@ def touch_covariances(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray
     """Covariance (mm²) of the used edges of each run from the touch noise alone."""
     out = []
     for k, data in enumerate(runs):
-        own = placed.run == k
-        keep = use[own]
-        position, fast = placed.position_fit[k], placed.speed_fit[k]
-        velocity = placed.v_mm_s[own]
-        shown = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-6)
-        # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
-        leverage = velocity[:, 1] * placed.slope_s2_mm[own] * placed.stretch[own]
-        along_y, along_x = velocity[:, 1] / shown, velocity[:, 0] / shown
-        n = data.t_s.size
-        place_y = sparse_rows(position.first, position.weights, n)
-        rate = sparse_rows(fast.first, fast.v_weights, n)
-        across = place_y + rate.multiply((leverage * along_y)[:, None]).tocsr()
-        beside = rate.multiply((leverage * along_x)[:, None]).tocsr()
-        across, beside = across[keep], beside[keep]
+        across, beside = (rows[use[placed.run == k]] for rows in _touch_rows(data, placed, k))
         out.append(data.noise_mm**2 * (across @ across.T + beside @ beside.T).toarray())
     return out
+
+
+def touch_variances(runs: tuple[RunData, ...], placed: Placed) -> FloatArray:
+    """Variance (mm²) of every placed edge from the touch noise alone, (m,)."""
+    out = []
+    for k, data in enumerate(runs):
+        across, beside = _touch_rows(data, placed, k)
+        out.append(data.noise_mm**2 * np.asarray((across.power(2) + beside.power(2)).sum(axis=1)).ravel())
+    return np.concatenate(out)
+
+
+def _touch_rows(data: RunData, placed: Placed, k: int) -> tuple[csr_matrix, csr_matrix]:
+    """How far each event's own error moves each edge of run ``k``, for errors in y and in x."""
+    own = placed.run == k
+    position, fast = placed.position_fit[k], placed.speed_fit[k]
+    velocity = placed.v_mm_s[own]
+    shown = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-6)
+    # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
+    leverage = velocity[:, 1] * placed.slope_s2_mm[own] * placed.stretch[own]
+    along_y, along_x = (leverage * velocity[:, axis] / shown for axis in (1, 0))
+    n = data.t_s.size
+    across = sparse_rows(position.first, position.weights, n)
+    across = across + sparse_rows(fast.first, fast.v_weights * along_y[:, None], n)
+    return across.tocsr(), sparse_rows(fast.first, fast.v_weights * along_x[:, None], n)
 
 
 @dataclass(frozen=True)
@@ -80,67 +92,80 @@ class Whitener:
 
     def apply(self, values: FloatArray) -> FloatArray:
         """Whiten (m,) or (m, k)."""
-        out = np.empty_like(values, dtype=float)
+        columns = values.reshape(values.shape[0], -1)
+        out = np.empty(columns.shape)
         for factor, own in zip(self.factors, self.slices, strict=True):
-            out[own] = solve_triangular(factor, values[own], lower=True, check_finite=False)
-        return out
+            if factor.size:
+                out[own] = dtrtrs(factor, columns[own], lower=1)[0]
+        return out.reshape(values.shape)
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """What a covariance is made of, for the used edges (m,): touch blocks by run, velocity across, what a relative
-    error of the speed does to the residual (mm), what a smoothed speed's own lag does to it (mm), what following the
-    run's changes of speed twice would do to it (mm), and time; loose_s (runs,): by how much a run of changing speed may
-    miss the law as a whole, for its dynamics are not the law's; blur_mm: what effects that follow the acceleration
-    leave because the acceleration itself is only estimated."""
+    """What the covariance of the used edges is made of, (m, m) for each run, per unit of its component.
 
-    touch: list[FloatArray]
-    across_mm_s: FloatArray
-    speed_lever_mm: FloatArray
-    timing_mm: FloatArray
-    uneven_mm: FloatArray
-    t_s: FloatArray
-    loose_s: FloatArray
-    blur_mm: FloatArray
+    Attributes:
+        fixed_mm2: touch noise, how badly the time of a speed is known, and what effects that follow the acceleration
+            leave because it is only estimated. speed_mm2: a relative error of the speed. late_mm2_s2: a latency of the
+            whole run. uneven_mm2: following the run's changes of speed twice.
+        loose_s: (runs,) by how much a run of changing speed may miss the law as a whole: its dynamics are not the law's.
+    """
+
+    fixed_mm2: list[FloatArray]
+    speed_mm2: list[FloatArray]
+    late_mm2_s2: list[FloatArray]
+    uneven_mm2: list[FloatArray]
+    loose_s: list[float]
 
 
 def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
-    """Collect them from a placing. blur_mm: over all placed edges."""
+    """Collect it from a placing. blur_mm: over all placed edges, what is left by effects of the acceleration."""
     across = placed.v_mm_s[:, 1]
-    lever = across * placed.stretch * placed.slope_s2_mm * placed.speed_mm_s
-    timing = across * placed.stretch * placed.slope_s2_mm * placed.accel_mm_s2 * SPEED_TIMING_S
-    uneven = across * placed.stretch * placed.slope_s2_mm * placed.speed_mm_s
-    loose = np.zeros(len(runs))
+    follows = across * placed.stretch * placed.slope_s2_mm
+    lever = follows * placed.speed_mm_s
+    timing = timing_mm(placed)
+    out = Scatter(touch_covariances(runs, placed, use), [], [], [], [])
     for k, data in enumerate(runs):
         own = use & (placed.run == k)
-        if own.any():
-            mean = placed.speed_mm_s[own].mean()
-            uneven[own] *= 1 - mean / placed.speed_mm_s[own]
-            loose[k] = 0.0 if data.steady else UNSTEADY * float(np.std(placed.latency_s[own]))
-    touch = touch_covariances(runs, placed, use)
-    return Scatter(touch, across[use], lever[use], timing[use], uneven[use], placed.t_s[use], loose, blur_mm[use])
+        apart_s = np.abs(placed.t_s[own][:, None] - placed.t_s[own])
+        fixed = out.fixed_mm2[k]
+        fixed[np.diag_indices_from(fixed)] += timing[own] ** 2 + 1e-6
+        if blur_mm[own].any():
+            fixed += np.outer(blur_mm[own], blur_mm[own]) * np.exp(-apart_s / ACCEL_MEMORY_S)
+        out.speed_mm2.append(np.outer(lever[own], lever[own]) * np.exp(-apart_s / SPEED_MEMORY_S))
+        out.late_mm2_s2.append(np.outer(across[own], across[own]))
+        speed = placed.speed_mm_s[own]
+        uneven = follows[own] * (speed - speed.mean()) if own.any() else speed
+        out.uneven_mm2.append(np.outer(uneven, uneven))
+        loose = 0.0 if data.steady or not own.any() else UNSTEADY * float(np.std(placed.latency_s[own]))
+        out.loose_s.append(loose)
+    return out
+
+
+def timing_mm(placed: Placed) -> FloatArray:
+    """What not knowing the time of a speed does to the residual, (m,) mm standard deviation."""
+    follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
+    return np.asarray(follows * placed.accel_mm_s2 * SPEED_TIMING_S)
 
 
 def whitener(parts: Scatter, components: Components) -> Whitener:
-    """Factor C = touch + τ² I + speed error + uneven following + run latency + run offset, block by run."""
+    """Factor C = touch + τ² I + speed error + uneven following + run latency + run offset, block by run.
+
+    Raises numpy.linalg.LinAlgError when a block is not positive definite.
+    """
     factors, slices, log_det, at = [], [], 0.0, 0
-    for touch, loose_s in zip(parts.touch, parts.loose_s.tolist(), strict=True):
-        m = touch.shape[0]
-        own = slice(at, at + m)
+    for k, fixed in enumerate(parts.fixed_mm2):
+        m = fixed.shape[0]
+        slices.append(slice(at, at + m))
         at += m
-        v, lever, t = parts.across_mm_s[own], parts.speed_lever_mm[own], parts.t_s[own]
-        c = touch + np.diag(components.edge_mm**2 + 1e-6 + parts.timing_mm[own] ** 2)
-        c += (components.run_s**2 + loose_s**2) * np.outer(v, v) + components.run_mm**2
-        if components.uneven > 0:
-            c += components.uneven**2 * np.outer(parts.uneven_mm[own], parts.uneven_mm[own])
-        blur = parts.blur_mm[own]
-        if blur.any():
-            c += np.outer(blur, blur) * np.exp(-np.abs(t[:, None] - t[None, :]) / ACCEL_MEMORY_S)
+        c = fixed + (components.run_s**2 + parts.loose_s[k] ** 2) * parts.late_mm2_s2[k]
+        c += components.run_mm**2 + components.uneven**2 * parts.uneven_mm2[k]
         if components.speed > 0:
-            memory = np.exp(-np.abs(t[:, None] - t[None, :]) / SPEED_MEMORY_S)
-            c += components.speed**2 * np.outer(lever, lever) * memory
-        factor = np.tril(cho_factor(c, lower=True, check_finite=False)[0])
+            c += components.speed**2 * parts.speed_mm2[k]
+        c[np.diag_indices(m)] += components.edge_mm**2
+        factor, failed = dpotrf(c.T, lower=1, clean=1, overwrite_a=1) if m else (c, 0)
+        if failed:
+            raise np.linalg.LinAlgError(f"run {k}: the scatter's covariance is not positive definite")
         log_det += 2 * float(np.sum(np.log(np.diag(factor))))
         factors.append(factor)
-        slices.append(own)
     return Whitener(components, tuple(factors), tuple(slices), log_det)
