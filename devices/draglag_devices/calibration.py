@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from draglag.calibration import AffineFit
 from draglag.errors import DataError
+from draglag.recording import TouchCalibration
 from draglag_devices.touch.frames import Mapping2D
 
 _FORMAT = "draglag-touch-calibration"
+_TOUCHES = ("x_raw", "y_raw", "x_mm", "y_mm")
+_REMEDY = "calibrate again"
 
 
 def as_mapping(fit: AffineFit) -> Mapping2D:
@@ -19,9 +23,12 @@ def as_mapping(fit: AffineFit) -> Mapping2D:
     return Mapping2D(*(float(value) for value in fit.matrix.ravel()))
 
 
-def save_calibration(fit: AffineFit, path: Path, device: str = "") -> None:
-    """Write a fit with its residuals. ``device``: name of the touchscreen. Raises DataError."""
-    content = {
+def save_calibration(fit: AffineFit, path: Path, device: str = "", made: TouchCalibration | None = None) -> None:
+    """Write a fit with its residuals, and the touches it was ``made`` from. Raises DataError.
+
+    ``device``: name of the touchscreen; a file with a name serves no other.
+    """
+    content: dict[str, object] = {
         "format": _FORMAT,
         "version": 1,
         "device": device,
@@ -29,6 +36,9 @@ def save_calibration(fit: AffineFit, path: Path, device: str = "") -> None:
         "residual_mm": fit.residual_mm.tolist(),
         "rms_mm": fit.rms_mm,
     }
+    if made is not None:
+        content["made_utc"] = made.made_utc
+        content["touches"] = {name: getattr(made, name).tolist() for name in _TOUCHES}
     try:
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
@@ -37,21 +47,40 @@ def save_calibration(fit: AffineFit, path: Path, device: str = "") -> None:
 
 def load_calibration(path: Path) -> tuple[AffineFit, str]:
     """A saved fit and the name of its touchscreen. Raises DataError."""
-    remedy = "calibrate again"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", "check the path") from None
-    except ValueError:
-        raise DataError(f"{path}: is not a calibration", remedy) from None
-    if not isinstance(content, dict) or content.get("format") != _FORMAT or content.get("version") != 1:
-        raise DataError(f"{path}: is not a calibration of version 1", remedy)
+    content = _read(path)
     try:
         matrix = np.array(content["matrix"], np.float64).reshape(2, 3)
         residual = np.array(content["residual_mm"], np.float64).reshape(-1, 2)
         rms = float(content["rms_mm"])
     except (KeyError, TypeError, ValueError):
-        raise DataError(f"{path}: lacks the matrix or the residuals of a calibration", remedy) from None
+        raise DataError(f"{path}: lacks the matrix or the residuals of a calibration", _REMEDY) from None
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:, :2])) == 0:
-        raise DataError(f"{path}: maps the whole screen onto a line or nowhere", remedy)
+        raise DataError(f"{path}: maps the whole screen onto a line or nowhere", _REMEDY)
     return AffineFit(matrix, residual, rms), str(content.get("device", ""))
+
+
+def load_touches(path: Path) -> TouchCalibration:
+    """The same file as a session keeps it; without touches where it holds none. Raises DataError."""
+    fit, device = load_calibration(path)
+    content = _read(path)
+    touches = content.get("touches", dict.fromkeys(_TOUCHES, ()))
+    try:
+        x_raw, y_raw, x_mm, y_mm = (np.array(touches[name], np.float64).reshape(-1) for name in _TOUCHES)
+    except (KeyError, TypeError, ValueError):
+        raise DataError(f"{path}: its touches are not columns of numbers", _REMEDY) from None
+    columns = (x_raw, y_raw, x_mm, y_mm)
+    if len({len(column) for column in columns}) > 1 or not all(np.isfinite(column).all() for column in columns):
+        raise DataError(f"{path}: its touches do not match one to one", _REMEDY)
+    return TouchCalibration(x_raw, y_raw, x_mm, y_mm, fit.matrix, device, str(content.get("made_utc", "")))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})", "check the path") from None
+    except ValueError:
+        raise DataError(f"{path}: is not a calibration", _REMEDY) from None
+    if not isinstance(content, dict) or content.get("format") != _FORMAT or content.get("version") != 1:
+        raise DataError(f"{path}: is not a calibration of version 1", _REMEDY)
+    return content

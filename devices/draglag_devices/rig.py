@@ -11,6 +11,7 @@ from draglag_devices.addresses import Address, open_source, parse_address
 from draglag_devices.source import DeviceError, Source
 from draglag_devices.stage import Stage
 from draglag_devices.timebase import HostTime, SteppedTime
+from draglag_devices.touch.frames import Mapping2D
 
 _SIMULATED = ("sim", "replay", "csv")
 
@@ -69,6 +70,24 @@ def give_panel(sources: Iterable[Source], screen: Screen) -> None:
         use_panel = getattr(source, "use_panel", None)
         if use_panel is not None:
             use_panel(screen.width_mm, screen.height_mm)
+
+
+def give_calibration(rig: Rig, mapping: Mapping2D, device: str, rms_mm: float) -> bool:
+    """Have the touchscreen map its units to mm this way, before it is opened. False where it cannot be told.
+
+    ``device``: name of the touchscreen that was calibrated; another one refuses when it is opened.
+    """
+    told = False
+    for source in rig.sources:
+        use = getattr(source, "use_calibration", None)
+        if use is not None:
+            use(mapping, device, rms_mm)
+            told = True
+        elif source.role == "touch" and source.address.startswith("sim:"):
+            # The simulated digitiser belongs to the world, which has no name to compare.
+            getattr(rig.stage.players["sim"], "use_calibration")(mapping)  # noqa: B009
+            told = True
+    return told
 
 
 def _agreed(addresses: list[Address], option: str, default: str) -> str:

@@ -3,13 +3,19 @@
 import json
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from draglag.calibration import target_places
 from draglag.errors import DraglagError
+from draglag.presets import load_screen
 from draglag.store import read_session
+from draglag_app.calibrating import as_recorded, fit_touches
 from draglag_app.cli.devices import devices
 from draglag_app.cli.record import display_number, record
+from draglag_devices.calibration import save_calibration
+from draglag_devices.sim.world import DIGITISER
 
 SHORT = """name = "short"
 rest_s = 1.0
@@ -68,6 +74,52 @@ def test_what_cannot_be_measured_is_one_sentence(short, tmp_path, words, problem
     assert isinstance(result.exception, DraglagError)
     assert problem in str(result.exception)
     assert not list(tmp_path.glob("s.h5*"))
+
+
+@pytest.fixture
+def calibration(tmp_path):
+    """Of the simulated digitiser, with touches that are a millimetre off to the right."""
+    screen = load_screen("screen-1")
+    x_mm, y_mm = target_places(screen.width_mm, screen.height_mm, 9)
+    (xx, xy, x0), (yx, yy, y0) = DIGITISER
+    x_raw, y_raw = (xx * (x_mm + 1) + xy * y_mm + x0, yx * (x_mm + 1) + yy * y_mm + y0)
+    fit = fit_touches(x_raw, y_raw, screen)
+    path = tmp_path / "touchscreen.json"
+    save_calibration(fit, path, "a panel", as_recorded(fit, x_raw, y_raw, screen, "a panel", "2026-01-02T03:04:05"))
+    return path, fit, x_raw
+
+
+def test_a_saved_calibration_maps_positions_and_is_kept_with_them(short, tmp_path, calibration):
+    path, fit, x_raw = calibration
+    sims = ("--touch", "sim:", "--laser", "sim:", "--walt", "sim:")
+    result = invoke(short, *sims, "--out", tmp_path / "s.h5", "--calibration", path)
+    assert result.exit_code == 0, result.output
+    session = read_session(tmp_path / "s.h5")
+    touch = session.runs[0].touch
+    assert np.array([touch.x_mm, touch.y_mm]) == pytest.approx(np.array(fit(touch.x_raw, touch.y_raw)))
+    kept = session.calibration
+    assert kept.matrix == pytest.approx(fit.matrix)
+    assert kept.x_raw == pytest.approx(x_raw)
+    assert (kept.device, kept.made_utc) == ("a panel", "2026-01-02T03:04:05")
+
+
+def test_a_calibration_that_cannot_be_used_is_one_sentence(short, tmp_path, calibration):
+    path, _, _ = calibration
+    invoke(short, "--touch", "sim:", "--laser", "sim:", "--walt", "sim:", "--out", tmp_path / "tape.h5")
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text("{}")
+    for touch, file, problem in (
+        ("sim:", tmp_path / "none.json", "none.json: cannot be read"),
+        ("sim:", wrong, "is not a calibration"),
+        (f"replay:{tmp_path / 'tape.h5'}", path, "only a touchscreen"),
+        (f"evdev:/dev/input/event77?calibration={path}", path, "a calibration of its own"),
+    ):
+        result = invoke(short, "--touch", touch, "--laser", "sim:", "--screen", "screen-1", "--realtime",
+                        "--out", tmp_path / "s.h5", "--calibration", file)  # fmt: skip
+        assert isinstance(result.exception, DraglagError), touch
+        assert problem in str(result.exception)
+        assert result.exception.remedy
+        assert not list(tmp_path.glob("s.h5*"))
 
 
 def test_an_existing_file_is_not_overwritten(short, tmp_path):

@@ -8,6 +8,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import cast
@@ -17,10 +18,11 @@ import click
 from draglag.errors import DataError, DraglagError
 from draglag.presets import load_screen_file
 from draglag.protocols import Protocol, load_protocol
-from draglag.recording import Screen, Stylus
+from draglag.recording import Screen, Stylus, TouchCalibration
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_devices.addresses import parse_address
-from draglag_devices.rig import Rig, make_rig
+from draglag_devices.calibration import as_mapping, load_calibration, load_touches
+from draglag_devices.rig import Rig, give_calibration, make_rig
 from draglag_devices.sim.world import World
 
 SIMULATED = ("sim", "replay", "csv")
@@ -41,6 +43,8 @@ _ON_SCREEN = "draglag_app.windows.screen_display"
 @click.option("--seed", type=click.IntRange(min=0), help="Of the order of runs and of the simulation.")
 @click.option("--fast/--realtime", "fast", default=None,
               help="Simulated or replayed sources: as fast as the computer allows, or in real time.")  # fmt: skip
+@click.option("--calibration", type=click.Path(path_type=Path), metavar="FILE.json",
+              help="Of the touchscreen, saved on the Geometry page of the window.")  # fmt: skip
 @click.option("--stylus-mm", type=click.FloatRange(min=0, min_open=True), help="Diameter of the stylus.")
 @click.option("--note", default="", help="The operator's words for the file.")
 def record(
@@ -54,6 +58,7 @@ def record(
     screen_name: str | None,
     seed: int | None,
     fast: bool | None,
+    calibration: Path | None,
     stylus_mm: float | None,
     note: str,
 ) -> None:
@@ -63,6 +68,8 @@ def record(
     Examples:
         draglag record latency-sweep --touch evdev:/dev/input/event5 --laser ethercat:eth1?channel=1 \\
             --display screen 2 --screen screen-1 --out session.h5
+        draglag record latency-sweep --touch evdev:/dev/input/event5 --laser ethercat:eth1?channel=1 \\
+            --calibration touchscreen.json --display screen 2 --screen screen-1 --out session.h5
         draglag record demo --touch sim: --laser sim: --walt sim: --display offscreen --out session.h5
     """
     number = display_number(display, screen_number)
@@ -78,6 +85,8 @@ def record(
         raise DataError("which screen is under test is not known", "add --screen NAME (a preset or a TOML file)")
     rig = make_rig(addresses, screen_name, plan.seed if seed is None else seed, fast)
     options = session_options(rig, screen_name, seed, stylus_mm, note)
+    if calibration is not None:
+        options = replace(options, calibration=calibrated(rig, touch, calibration))
     path = record_with(plan, rig, number, out, options)
     click.echo(f"{path}: saved")
 
@@ -106,6 +115,16 @@ def session_options(
     if stylus_mm is not None:
         stylus = Stylus(stylus_mm)
     return SessionOptions(screen, stylus, beam, seed, note=note)
+
+
+def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
+    """Have the touchscreen at ``touch`` map with a saved calibration, which the session keeps. Raises DataError."""
+    fit, device = load_calibration(path)
+    if "calibration" in parse_address(touch).options:
+        raise DataError(f"{touch}: the address brings a calibration of its own", "leave out one of the two")
+    if not give_calibration(rig, as_mapping(fit), device, fit.rms_mm):
+        raise DataError(f"{touch}: only a touchscreen (evdev:…) takes a calibration", "leave out --calibration")
+    return load_touches(path)
 
 
 def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, options: SessionOptions) -> Path:

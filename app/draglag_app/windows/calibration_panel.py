@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
-from PySide6.QtWidgets import QHBoxLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QWidget
 
 from draglag.calibration import AffineFit, target_places
 from draglag.errors import DraglagError
@@ -16,6 +17,7 @@ from draglag_app.windows.settings import CalibrationSettings
 from draglag_app.windows.theme import theme
 from draglag_app.windows.widgets import Panel, button, label, restyle
 from draglag_app.windows.workspace import Workspace
+from draglag_devices.calibration import save_calibration
 
 # Arrows are drawn so much longer that the longest spans this share of the screen's width.
 _LONGEST = 0.12
@@ -45,13 +47,15 @@ class CalibrationPanel(Panel):
         self.begin = button(self.tr("Calibrate  Ctrl+K"), "primary")
         self.back = button(self.tr("One target back"))
         self.cancel = button(self.tr("Cancel"))
+        self.save = button(self.tr("Save…"), tip=self.tr("As a file, for draglag record --calibration"))
         self.forget = button(self.tr("Forget"), tip=self.tr("Use the size of the screen again"))
         calibrating = workspace.calibrating
         self.begin.clicked.connect(self.start)
         self.back.clicked.connect(calibrating.back)
         self.cancel.clicked.connect(calibrating.cancel)
+        self.save.clicked.connect(self._save)
         self.forget.clicked.connect(lambda: self._store(None))
-        for made in (self.begin, self.back, self.cancel, self.forget):
+        for made in (self.begin, self.back, self.cancel, self.save, self.forget):
             row.addWidget(made)
         row.addStretch(1)
         self.body.addLayout(row)
@@ -75,7 +79,8 @@ class CalibrationPanel(Panel):
         self.back.setVisible(active)
         self.back.setEnabled(bool(calibrating.touches.found))
         self.cancel.setVisible(active)
-        self.forget.setVisible(known is not None and not active)
+        for one in (self.save, self.forget):
+            one.setVisible(known is not None and not active)
         self.picture.clear_all()
         self.figures.setText("")
         if active:
@@ -133,6 +138,18 @@ class CalibrationPanel(Panel):
         plot.dots(tr("targets"), x, y, colours.blue, "+", 12, words=words)
         plot.rename(tr("Left over, {n:g} times as long").format(n=longer))
         plot.autoRange(padding=0.04)
+
+    def _save(self) -> None:
+        known, screen = self._space.settings.panel.calibration, self._space.settings.touched_screen()
+        start = str(Path(self._space.settings.folder) / "calibration.json")
+        title, kind = self.tr("Save calibration"), self.tr("Calibrations (*.json)")
+        name, _ = QFileDialog.getSaveFileName(self, title, start, kind)
+        if known is None or not name:
+            return
+        try:
+            save_calibration(known.fit(screen), Path(name), known.device, known.recorded(screen))
+        except DraglagError as error:
+            self._refused(str(error))
 
     def _refused(self, text: str) -> None:
         self.refresh()

@@ -16,7 +16,7 @@ from draglag_app.windows.session_thread import Order
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.calibration import as_mapping
-from draglag_devices.rig import Rig, make_rig
+from draglag_devices.rig import Rig, give_calibration, make_rig
 from draglag_devices.sim.world import World
 
 
@@ -66,16 +66,11 @@ def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration
     """Tell the touchscreen its calibration, where the operator made one. Raises EstimateError."""
     made = settings.panel.calibration
     used = made if made is not None and made.serves(settings.rig.touch) else None
-    fit = None if used is None else used.fit(screen)
-    mapping = None if fit is None else as_mapping(fit)
-    world = rig.stage.players.get("sim")
-    if isinstance(world, World) and mapping is not None and settings.rig.touch.startswith("sim:"):
-        world.use_calibration(mapping)
-    for source in rig.sources:
-        use_calibration = getattr(source, "use_calibration", None)
-        if use_calibration is not None and used is not None and fit is not None:
-            use_calibration(mapping, used.device, fit.rms_mm)
-    return None if used is None else used.recorded(screen)
+    if used is None:
+        return None
+    fit = used.fit(screen)
+    give_calibration(rig, as_mapping(fit), used.device, fit.rms_mm)
+    return used.recorded(screen)
 
 
 def file_name(folder: Path, protocol: str, screen: str) -> Path:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QFileDialog
 
 from draglag.calibration import target_places
 from draglag.errors import DataError
@@ -17,6 +18,7 @@ from draglag.store import read_session
 from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches, fit_touches, size_doubt
 from draglag_app.windows.settings import load_settings
 from draglag_app.windows.window import OperatorWindow
+from draglag_devices.calibration import load_calibration, load_touches
 from draglag_devices.sim.world import DIGITISER
 from draglag_devices.source import Batch, ContactChanges
 
@@ -122,6 +124,23 @@ class TestInTheWindow:
         assert "None" in window.geometry_page.calibration.verdict.text()
         window.ask("redo")
         assert window.space.settings.panel.calibration == made
+
+    def test_it_is_saved_to_a_file_that_a_driver_reads(
+        self, open_window: Callable, until: Callable, tmp_path, monkeypatch
+    ) -> None:
+        window = open_window()
+        panel = window.geometry_page.calibration
+        assert panel.save.isHidden()
+        calibrate(window, until)
+        assert not panel.save.isHidden()
+        name = str(tmp_path / "touchscreen.json")
+        monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *a, **k: (name, ""))
+        panel.save.click()
+        made = window.space.settings.panel.calibration
+        fit, device = load_calibration(tmp_path / "touchscreen.json")
+        assert device == made.device
+        assert fit.matrix == pytest.approx(made.fit(window.space.settings.panel.screen()).matrix)
+        assert load_touches(tmp_path / "touchscreen.json").x_raw == pytest.approx(made.x_raw)
 
     def test_a_session_is_mapped_with_it_and_keeps_it(self, open_window: Callable, until: Callable) -> None:
         window = open_window()
