@@ -83,7 +83,7 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     window.space.set_protocol(demo.model_copy(update=short))
     window.show()
     window.start()
-    wait(application, lambda: len(window.space.live) == 1, 40)
+    wait(application, lambda: len(window.space.live.known) == 1, 40)
     end_s = time.monotonic() + 10
     wait(application, lambda: time.monotonic() > end_s)
     shoot(window, out / "window-recording.png")

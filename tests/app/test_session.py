@@ -1,16 +1,21 @@
 """What a session records is what happened in the simulated world, and every run has one outcome."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from app.session_rigs import ROLES, DiesAt, DoesNotOpen, Recording, Wrapped, fast_rig, of_role, protocol, replaced
 from draglag.errors import DataError
-from draglag.recording import ClockBounds
+from draglag.latency import estimate_on_clock
+from draglag.recording import ClockBounds, empty_touch
 from draglag.store import read_session
 from draglag.store.write import SessionWriter
 from draglag_app.session import Control, OffscreenDisplay, events
+from draglag_app.session.conductor import PREVIEW_S
 from draglag_app.session.machine import Phase
 from draglag_app.session.readers import OpenFaults
+from draglag_app.session.saver import Saver
 from draglag_devices.source import DeviceError
 
 
@@ -90,6 +95,57 @@ def test_listeners_hear_each_run_in_order_and_of_all_samples(whole):
         told = [e for e in whole.of(events.SamplesArrived) if e.run_id == run.id and e.role == "touch"]
         assert sum(e.count for e in told) == len(run.touch.t_s)
     assert whole.events[-1] == events.SessionFinished(whole.path, "")
+
+
+class Lingers(Wrapped):
+    """A screen that reports its last event long after the hand came to rest."""
+
+    def __init__(self, inner, t_s):
+        super().__init__(inner)
+        self.t_s = t_s
+
+    def read(self, timeout_s):
+        batch = super().read(timeout_s)
+        if batch.until_s < self.t_s:
+            return batch
+        last = replace(empty_touch(), **{
+            field: np.full(1, value) for field, value in {
+                "t_s": self.t_s, "x_mm": 250.0, "y_mm": 140.0, "contact_id": 1, "device_t_s": self.t_s,
+            }.items()
+        })  # fmt: skip
+        self.t_s = np.inf
+        return replace(batch, touch=last)
+
+
+def test_a_preview_soon_after_the_end_and_the_whole_run_once_the_last_events_are_there(tmp_path):
+    end_s, late_s = 0.5 + 20.0, 0.5 + 20.0 + 0.45
+    rig = fast_rig()
+    rig = replaced(rig, Lingers(of_role(rig, "touch"), late_s))
+    recording = Recording(protocol(300, duration_s=20.0), rig, tmp_path / "s.h5")
+    (early,), (late,) = recording.of(events.RunPreviewed), recording.of(events.RunFinished)
+    assert recording.events.index(early) < recording.events.index(late)
+    soon = late.run.touch.t_s <= end_s + PREVIEW_S
+    np.testing.assert_array_equal(early.run.touch.t_s, late.run.touch.t_s[soon])
+    assert late.run.touch.t_s[~soon].tolist() == [late_s]
+    assert read_session(recording.path).runs[0].touch.t_s[-1] == late_s
+    # The first estimate is the last one, within its interval.
+    first, last = (estimate_on_clock(event.run, event.clocks, 7.0) for event in (early, late))
+    assert abs(first.latency_s - last.latency_s) < 2 * last.latency_se_s
+
+
+def test_a_source_that_is_late_costs_the_preview_and_no_events(tmp_path, monkeypatch):
+    wait_past = Saver.wait_past
+
+    def late(self, t_s, roles, timeout_s):
+        behind = wait_past(self, t_s, roles, timeout_s)
+        return ["touch"] if abs(t_s - (0.5 + 4.0 + PREVIEW_S)) < 1e-6 else behind
+
+    monkeypatch.setattr(Saver, "wait_past", late)
+    recording = Recording(protocol(300), fast_rig(), tmp_path / "s.h5")
+    assert recording.of(events.RunPreviewed) == []
+    (run,) = read_session(recording.path).runs
+    assert run.outcome == "complete"
+    assert_same_samples(run, world_of(recording).truth[0])
 
 
 def test_samples_are_in_the_file_before_anyone_hears_of_them(tmp_path, monkeypatch):

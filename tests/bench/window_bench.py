@@ -111,17 +111,20 @@ def measure(duration_s: float) -> None:
             marks["run"] = event.run
 
         def estimated() -> None:
-            if window.space.live:
-                marks.setdefault("known", time.monotonic())
+            if not window.space.live.known:
+                return
+            marks.setdefault("known", time.monotonic())
+            if not window.space.live.preliminary:
+                marks.setdefault("whole", time.monotonic())
 
         bridge.run_started.connect(begun)
         bridge.run_finished.connect(over)
-        window.space.live_changed.connect(estimated)
+        window.space.live.changed.connect(estimated)
         print(f"load average before: {load()}; {os.cpu_count()} cores; {application.platformName()}")
         window.ask("start")
         watch = QTimer()
         watch.timeout.connect(
-            lambda: application.quit() if "known" in marks and not window.space.recording.active else None
+            lambda: application.quit() if "whole" in marks and not window.space.recording.active else None
         )
         watch.start(50)
         application.exec()
@@ -136,7 +139,8 @@ def measure(duration_s: float) -> None:
         print(f"CPU of the whole process: {100 * marks['cpu'] / marks['wall']:.1f} % of one core (bar: 15)")
         p50, p99 = np.percentile(late_ms, [50, 99])
         print(f"event loop late, p50 / p99 / max: {p50:.1f} / {p99:.1f} / {late_ms.max():.1f} ms (bar: p99 30)")
-        print(f"estimate after the run's end: {marks['known'] - marks['end']:.2f} s (tail of 0.5 s included)")
+        known_s, whole_s = marks["known"] - marks["end"], marks["whole"] - marks["end"]
+        print(f"estimate after the run's end: {known_s:.2f} s (bar: 0.5); with its last events: {whole_s:.2f} s")
         print("page changes: " + ", ".join(f"{page} {1e3 * s:.0f} ms" for page, s in changes) + " (bar: 100)")
         window.close()
 

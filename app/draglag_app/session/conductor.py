@@ -21,11 +21,13 @@ from draglag_app.session.display import Display
 from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
 from draglag_app.session.recorder import Recorder
-from draglag_app.session.watch import Watch
+from draglag_app.session.watch import STUCK_S, Watch
 from draglag_devices.rig import Rig
 
 # Touch events and edges later than this after the target's end belong to something else.
 TAIL_S = 0.5
+# By then a screen of ordinary latency has shown all but the last few edges: enough for a first estimate.
+PREVIEW_S = 0.2
 
 RUN_ROLES = ("touch", "laser")
 TAP_ROLES = ("touch", "walt")
@@ -165,6 +167,7 @@ class Conductor:
         go(signal or Signal.TARGET_DONE)
         self._display.hide()
         if signal is None:
+            self._preview(end_s)
             signal = self._watch.drain(end_s + TAIL_S, RUN_ROLES)
             if signal is not None:
                 go(signal)
@@ -193,6 +196,16 @@ class Conductor:
             return Signal.FAILURE
         self._stage.begin_run(planned, start_s, run_id)
         return None
+
+    def _preview(self, end_s: float) -> None:
+        """Tell what the run holds, without waiting for the longest latency that may yet come."""
+        self._time.advance_to(end_s + PREVIEW_S)
+        patience_s = TAIL_S if self._time.realtime else STUCK_S
+        if self._saver.wait_past(end_s + PREVIEW_S, RUN_ROLES, patience_s):
+            return
+        run = self._saver.call(self._saver.so_far)
+        if run is not None:
+            self._tell(events.RunPreviewed(run, self._saver.clocks))
 
     def _empty_run(self, planned: PlannedRun, run_id: str, start_s: float) -> Run:
         return Run(

@@ -43,6 +43,18 @@ class RunStarted:
 
 
 @dataclass(frozen=True)
+class RunPreviewed:
+    """The target is done and nearly everything has been saved: what the run holds so far, soon after its end.
+
+    The last events follow with RunFinished, once whatever the longest latency holds back has arrived. Left out where
+    a source is late or the run ended early.
+    """
+
+    run: Run
+    clocks: tuple[ClockBounds, ...] = ()
+
+
+@dataclass(frozen=True)
 class RunFinished:
     """A run is in the file, whole, with its one outcome. ``run`` is what was recorded.
 
@@ -125,6 +137,7 @@ Event = (
     DeviceOpened
     | StateChanged
     | RunStarted
+    | RunPreviewed
     | RunFinished
     | SamplesArrived
     | TapsArrived

@@ -128,6 +128,13 @@ class Saver:
         if self._run is not None:
             self._run.to_s = min(self._run.to_s, to_s)
 
+    def so_far(self) -> Run | None:
+        """What the open run holds and the file has, as planned; None where there is none or saving has failed."""
+        opened = self._run
+        if opened is None or self.failure is not None:
+            return None
+        return opened.assembled(opened.run.outcome, opened.run.duration_s)
+
     def end_run(self, outcome: str, duration_s: float) -> Run | None:
         """Close the run; the data are on disk afterwards. Returns what was recorded. Raises DraglagError."""
         opened, self._run = self._run, None

@@ -23,7 +23,7 @@ from draglag_devices.timebase import TimeBase
 # Simulated time is advanced in steps, so that nobody runs far ahead and requests are heard in between.
 _STEP_S = 1.0
 TICK_S = 0.05
-_STUCK_S = 30.0
+STUCK_S = 30.0
 _DRAIN_S = 3.0
 _DISK_EVERY_S = 5.0
 _DISK_LOW = 200_000_000
@@ -85,7 +85,7 @@ class Watch:
                     self._control.wait(TICK_S)
                     continue
                 self._time.advance_to(step_s)
-                for role in self._saver.wait_past(step_s, self._roles, _STUCK_S):
+                for role in self._saver.wait_past(step_s, self._roles, STUCK_S):
                     self._saver.call(partial(self._saver.give_up, role))
 
     def _look(self, roles: tuple[str, ...]) -> Signal | None:
@@ -104,7 +104,7 @@ class Watch:
     def drain(self, until_s: float, roles: tuple[str, ...]) -> Signal | None:
         """Wait until what belongs to the run has been reported and saved."""
         self._time.advance_to(until_s)
-        patience_s = _STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
+        patience_s = STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
         late = self._saver.wait_past(until_s, roles, patience_s)
         for role in late:
             self.log("warning", role, f"{role} did not report up to the end of the run")

@@ -29,6 +29,7 @@ class SessionBridge(QObject):
     device_opened = Signal(object)
     state_changed = Signal(object)
     run_started = Signal(object)
+    run_previewed = Signal(object)
     run_finished = Signal(object)
     samples_arrived = Signal(object)
     taps_arrived = Signal(object)
@@ -79,6 +80,7 @@ class SessionBridge(QObject):
             events.DeviceOpened: self.device_opened,
             events.StateChanged: self.state_changed,
             events.RunStarted: self.run_started,
+            events.RunPreviewed: self.run_previewed,
             events.RunFinished: self.run_finished,
             events.SamplesArrived: self.samples_arrived,
             events.TapsArrived: self.taps_arrived,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from PySide6.QtCore import QCoreApplication, Qt, Signal
 from PySide6.QtGui import QBrush, QColor
@@ -42,9 +42,13 @@ class RunTable(QTableWidget):
         self.setRowCount(0)
 
     def add_run(self, run: Run, outcome: str = "complete") -> None:
-        """A run just recorded; its estimate follows."""
-        row = self.rowCount()
-        self.insertRow(row)
+        """A run just recorded; its estimate follows. Told again of a run, the table keeps its row."""
+        known = [row for row in range(self.rowCount()) if self._id(row) == run.id]
+        if known and outcome == "complete":
+            return  # the estimate is there or on its way
+        row = known[0] if known else self.rowCount()
+        if not known:
+            self.insertRow(row)
         if outcome != "complete":
             level, text = "bad", words.outcome_name(outcome)
         elif run.protocol in ("circle", "free"):
@@ -59,14 +63,21 @@ class RunTable(QTableWidget):
         )  # fmt: skip
         self.scrollToBottom()
 
-    def show_estimates(self, estimates: Iterable[RunEstimate], excluded: Mapping[str, str] | None = None) -> None:
-        """Fill in latency and verdict of the runs in the table."""
+    def show_estimates(
+        self,
+        estimates: Iterable[RunEstimate],
+        excluded: Mapping[str, str] | None = None,
+        preliminary: Collection[str] = (),
+    ) -> None:
+        """Fill in latency and verdict of the runs in the table; ``preliminary`` ones are not judged yet."""
         rows = {self._id(row): row for row in range(self.rowCount())}
         for estimate in estimates:
             row = rows.get(estimate.id)
             if row is None:
                 continue
             level, text = words.verdict(estimate)
+            if estimate.id in preliminary and estimate.latency_s is not None:
+                level, text = "", tr("preliminary")
             if excluded and estimate.id in excluded:
                 level, text = "", tr("left out: {why}").format(why=excluded[estimate.id])
             speed = estimate.speed_mm_s if estimate.speed_mm_s is not None else estimate.nominal_speed_mm_s

@@ -11,17 +11,15 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QUndoCommand, QUndoStack
 
-from draglag.analysis import Analysis, AnalysisOptions, analyze, curve_points, has_constant_speed
-from draglag.curve import CurveFit, fit_best
-from draglag.errors import DraglagError, EstimateError
-from draglag.latency import RunEstimate, estimate_on_clock
+from draglag.analysis import Analysis, AnalysisOptions, analyze
+from draglag.errors import DraglagError
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
-from draglag_app.session import events
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.calibrating import Calibrating
-from draglag_app.windows.session_thread import Order, Recording
+from draglag_app.windows.live_estimates import LiveEstimates
+from draglag_app.windows.session_thread import Recording
 from draglag_app.windows.settings import Settings, save_settings
 from draglag_app.windows.tasks import Progress, Tasks
 
@@ -49,8 +47,6 @@ class Workspace(QObject):
     session_changed = Signal()
     """Another session is at hand, or none."""
     analysis_changed = Signal()
-    live_changed = Signal()
-    """Estimates of the session being recorded changed."""
     noticed = Signal(str, str)
     """(level, sentence) for the operator."""
 
@@ -69,12 +65,8 @@ class Workspace(QObject):
         self.path: Path | None = None
         self.analysis: Analysis | None = None
         self.options = AnalysisOptions()
-        self.live: list[RunEstimate] = []
-        self.live_curve: CurveFit | None = None
-        self._fitting = False
-        self.recording.began.connect(self._began)
+        self.live = LiveEstimates(self)
         self.recording.ended.connect(self._ended)
-        self.bridge.run_finished.connect(self._run_finished)
 
     # --- settings and protocol ------------------------------------------------------------------------------
 
@@ -112,7 +104,7 @@ class Workspace(QObject):
             progress(0.1, path.name)
             return read_session(path), path
 
-        self.tasks.start(self.tr("Reading"), work, lambda got: self.take(*got), self._fault)
+        self.tasks.start(self.tr("Reading"), work, lambda got: self.take(*got), self.fault)
 
     def take(self, session: Session, path: Path | None) -> None:
         """Put a session at hand and analyse it."""
@@ -128,7 +120,7 @@ class Workspace(QObject):
         if session is None:
             return
         self.tasks.start(
-            self.tr("Analysing"), lambda progress: analyze(session, options, progress), self._analysed, self._fault
+            self.tr("Analysing"), lambda progress: analyze(session, options, progress), self._analysed, self.fault
         )
 
     def set_options(self, options: AnalysisOptions) -> None:
@@ -171,7 +163,7 @@ class Workspace(QObject):
             text = self.tr("The results are kept in {file} as analysis {number}.")
             self.noticed.emit("info", text.format(file=path.name, number=number))
 
-        self.tasks.start(self.tr("Keeping results"), work, done, self._fault)
+        self.tasks.start(self.tr("Keeping results"), work, done, self.fault)
 
     def _analysed(self, analysis: Analysis) -> None:
         if self.session is None or analysis.session != self.session.name:
@@ -179,64 +171,14 @@ class Workspace(QObject):
         self.analysis = analysis
         self.analysis_changed.emit()
 
-    def _fault(self, text: str) -> None:
+    def fault(self, text: str) -> None:
+        """Tell the operator that something asked for did not succeed."""
         self.noticed.emit("error", text)
 
     # --- recording ------------------------------------------------------------------------------------------
-
-    def _began(self, order: Order) -> None:
-        self.live, self.live_curve = [], None
-        self.live_changed.emit()
-
-    def _run_finished(self, event: events.RunFinished) -> None:
-        """Estimate the run that just ended, and the curve with it, without waiting for the file."""
-        order = self.recording.order
-        if order is None or event.outcome != "complete" or not has_constant_speed(event.run):
-            return
-        run, stylus_mm, options = event.run, order.options.stylus.diameter_mm, self.options
-
-        def work(progress: Progress) -> RunEstimate:
-            return estimate_on_clock(
-                run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
-            )
-
-        self.tasks.start(self.tr("Estimating"), work, self._estimated, self._fault)
-
-    def _estimated(self, estimate: RunEstimate) -> None:
-        self.live.append(estimate)
-        self.live_changed.emit()
-        if not self._fitting:
-            self._fit_live()
-
-    def _fit_live(self) -> None:
-        known, options = [*self.live], self.options
-        self._fitting = True
-
-        def done(curve: CurveFit | None) -> None:
-            self._fitting = False
-            self.live_curve = curve
-            self.live_changed.emit()
-            if len(self.live) > len(known):
-                self._fit_live()
-
-        def failed(text: str) -> None:
-            self._fitting = False
-
-        self.tasks.start(self.tr("Fitting"), lambda progress: live_curve(known, options), done, failed)
 
     def _ended(self, path: Path | None, problem: str) -> None:
         if problem:
             self.noticed.emit("warning" if path else "error", problem)
         if path is not None:
             self.open(path)
-
-
-def live_curve(known: list[RunEstimate], options: AnalysisOptions) -> CurveFit | None:
-    """The best curve through the runs so far; None while there are too few."""
-    points = curve_points(known, options)
-    if len(points.speed_mm_s) < 4:
-        return None
-    try:
-        return fit_best(points)
-    except EstimateError:
-        return None

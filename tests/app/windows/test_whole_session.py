@@ -17,8 +17,12 @@ from draglag.analysis import analyze
 from draglag.exchange import read_exchange
 from draglag.latency import estimate_on_clock
 from draglag.store import partial_files, read_analyses, read_session
+from draglag_app.session import SessionOptions, events
+from draglag_app.session.digest import within
 from draglag_app.windows import files
+from draglag_app.windows.session_thread import Order
 from draglag_app.windows.window import OperatorWindow
+from draglag_devices.rig import make_rig
 
 N_CIRCLES, N_RUNS = 6, 7
 
@@ -40,8 +44,8 @@ def test_recording(recorded: OperatorWindow) -> None:
     assert shown.taps["touch"].n == 10
     # Estimates appeared run by run and are the final ones.
     final = {run.id: run.latency_s for run in shown.runs}
-    assert {run.id: run.latency_s for run in recorded.space.live} == final
-    assert recorded.space.live_curve is not None
+    assert {run.id: run.latency_s for run in recorded.space.live.known} == final
+    assert recorded.space.live.curve is not None
     drawn_ms = np.sort(recorded.record.curve.drawn["runs"][1])
     assert drawn_ms == pytest.approx(np.sort([1e3 * v for v in final.values()]))
     # The record page lists every run with its verdict.
@@ -248,6 +252,38 @@ class TestStart:
         assert "/nowhere" in window.bench.words["laser"].text()
 
 
+def test_a_run_is_estimated_at_once_and_again_when_its_last_events_are_there(
+    opened: OperatorWindow, until: Callable
+) -> None:
+    space, record = opened.space, opened.record
+    run = next(run for run in space.session.runs if run.protocol == "circle")
+    early = replace(run, touch=within(run.touch, run.start_s, run.start_s + run.duration_s))
+    real = make_rig({"touch": "sim:", "laser": "sim:"}, "screen-1", fast=False)
+    space.recording.order = Order(space.protocol, real, Path("x.h5"), SessionOptions(space.session.screen))
+    record.table.clear_runs()
+
+    space.bridge.listener(events.RunPreviewed(early, space.session.clocks))
+    until(lambda: len(space.live.known) == 1)
+    assert column(opened, "record", 0) == [run.id]
+    assert column(opened, "record", 5) == ["preliminary"]
+    assert space.live.known[0].latency_s == estimate_on_clock(early, space.session.clocks, 7.0).latency_s
+
+    space.bridge.listener(events.RunFinished(run, "complete", space.session.clocks))
+    until(lambda: not space.live.preliminary)
+    assert column(opened, "record", 0) == [run.id]
+    assert column(opened, "record", 5) == ["✓ good"]
+    assert [known.latency_s for known in space.live.known] == [
+        estimate_on_clock(run, space.session.clocks, 7.0).latency_s
+    ]
+
+    # A run that is lost in its last moments keeps no estimate.
+    space.bridge.listener(events.RunPreviewed(replace(early, id="run-90"), space.session.clocks))
+    space.bridge.listener(events.RunFinished(replace(run, id="run-90"), "device_lost", space.session.clocks))
+    until(lambda: record.table.rowCount() == 2 and not space.tasks.running)
+    assert "run-90" not in [known.id for known in space.live.known]
+    assert column(opened, "record", 5)[1].startswith("✕")
+
+
 def test_an_uncertain_laser_clock_is_told_on_record_and_results(opened: OperatorWindow, until: Callable) -> None:
     """Three milliseconds of doubt: on the page of the run, in its verdict, and above the curve."""
     space = opened.space
@@ -265,7 +301,7 @@ def test_an_uncertain_laser_clock_is_told_on_record_and_results(opened: Operator
     assert record.clock_warning.isHidden()
     assert "clock" not in results.summary.text()
     diameter = session.stylus.diameter_mm
-    space._estimated(estimate_on_clock(wide[0], session.clocks, diameter))
+    space.live.take(estimate_on_clock(wide[0], session.clocks, diameter))
     assert not record.clock_warning.isHidden()
     assert "±3." in record.clock_warning.text()
     assert wide[0].id in record.clock_warning.text()

@@ -141,11 +141,12 @@ class RecordPage(QWidget):
         bridge.state_changed.connect(self._state_changed)
         bridge.prompted.connect(self._prompted)
         bridge.run_started.connect(self._run_started)
+        bridge.run_previewed.connect(lambda event: self.table.add_run(event.run))
         bridge.run_finished.connect(self._run_finished)
         bridge.samples_arrived.connect(self._samples_arrived)
         bridge.taps_arrived.connect(lambda taps: self.facts["taps"].show_text(f"{taps.down} / {taps.release}"))
         bridge.disk_status.connect(lambda disk: self.facts["file"].show_text(words.size(disk.file_bytes)))
-        self._space.live_changed.connect(self._live_changed)
+        self._space.live.changed.connect(self._live_changed)
 
     # --- state ----------------------------------------------------------------------------------------------
 
@@ -264,12 +265,14 @@ class RecordPage(QWidget):
             self.speed.draw(self._live)
 
     def _live_changed(self) -> None:
-        said = words.clock_words(self._space.live)
+        live = self._space.live
+        # Of a preliminary estimate the clock comparison after the run is still to come.
+        said = words.clock_words([estimate for estimate in live.known if estimate.id not in live.preliminary])
         self.clock_warning.setText("▲ " + said)
         self.clock_warning.setStyleSheet(f"color: {theme().warning};")
         self.clock_warning.setVisible(bool(said))
-        self.curve.draw(self._space.live, self._space.live_curve)
-        self.table.show_estimates(self._space.live)
+        self.curve.draw(live.known, live.curve)
+        self.table.show_estimates(live.known, preliminary=live.preliminary)
 
     def _write_note(self) -> None:
         control = self._space.recording.control
