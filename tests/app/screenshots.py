@@ -20,7 +20,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 
 from draglag.protocols import load_protocol
 from draglag.recording import Screen
-from draglag.targets import Circle
+from draglag.targets import Circle, Tap
 from draglag_app.windows.application import make_application
 from draglag_app.windows.participant import ParticipantWindow
 from draglag_app.windows.settings import RigSettings, Settings
@@ -96,6 +96,89 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     application.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 
 
+def close_the_gap(application: QApplication, window: OperatorWindow) -> None:
+    """The Gap page with its steps."""
+    window.go("gap")
+    page = window.pages["gap"][1]
+    page.start()
+    wait(application, lambda: not window.space.tasks.running)
+
+
+def results_in_full(application: QApplication, window: OperatorWindow, out: Path) -> None:
+    """Every tab of the Results page and every picture of the Gap page, with a step chosen."""
+    results, gap = window.pages["results"][1], window.pages["gap"][1]
+    for theme in ("dark", "light"):
+        window.space.change_settings(theme=theme)
+        window.use_theme(theme)
+        window.resize(*SIZES["small"])
+        window.go("results")
+        results.show_rivals.setChecked(True)
+        results._fit_rivals()
+        for k in range(results.tabs.count()):
+            results.tabs.setCurrentIndex(k)
+            results.table.selectRow(k)
+            wait(application, lambda: not window.space.tasks.running)
+            shoot(window, out / f"results-tab{k}-{theme}.png")
+        results.show_rivals.setChecked(False)
+        results.tabs.setCurrentIndex(0)
+        window.go("gap")
+        gap.table.selectRow(0)
+        for k in range(gap.picture.kind.count()):
+            gap.picture.kind.setCurrentIndex(k)
+            wait(application, lambda: not window.space.tasks.running)
+            shoot(window, out / f"gap-picture{k}-{theme}.png")
+
+
+def first_start(application: QApplication, folder: Path, out: Path) -> None:
+    """As at the very first start, in both themes, and what is said where nothing has been measured."""
+    for theme in ("dark", "light"):
+        settings = Settings(folder=str(folder / "none"), theme=theme)
+        window = OperatorWindow(settings, folder / f"first-{theme}.toml")
+        window.use_theme(theme)
+        window.show()
+        for name in ("bench", "geometry", "record", "results", "gap", "compare", "log"):
+            window.go(name)
+            shoot(window, out / f"first-{name}-{theme}.png")
+        window.ask("start")
+        shoot(window, out / f"first-start-{theme}.png")
+        window.close()
+        window.deleteLater()
+    application.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+
+
+def participant_states(out: Path) -> None:
+    """Whatever the participant can be shown."""
+    screen, now = Screen("screen-1", 509.2, 286.4, 1920, 1080), time.monotonic()
+    circle = Circle(200, 143, 50, 100)
+
+    def state(name: str, prepare: Callable[[ParticipantWindow], object], size: tuple[int, int] = (960, 540)) -> None:
+        window = ParticipantWindow(screen)
+        window.resize(*size)
+        window.show()
+        prepare(window)
+        shoot(window, out / f"participant-{name}.png")
+        window.close()
+
+    def lost(window: ParticipantWindow) -> None:
+        window.show_target(circle, now - 20)
+        window.set_contact(True)
+        window.set_contact(False)
+
+    def over(window: ParticipantWindow) -> None:
+        window.show_target(circle, now - 20)
+        window.hide_target()
+
+    state("begin", lambda window: window.show_target(circle, time.monotonic() + 2.5))
+    state("running", lambda window: window.show_target(circle, now - 20))
+    state("lost", lost)
+    state("done", over)
+    state("rest", lambda window: window.set_prompt("Rest"))
+    state("clocks", lambda window: window.set_prompt("Comparing clocks: leave the screen alone"))
+    state("tap", lambda window: window.show_target(Tap(254.6, 143.2, 100, 1.0), now))
+    words = "Touch the cross and lift: 4 of 9\nThe stylus slid: rest it on the cross without moving."
+    state("calibration", lambda window: window.show_cross(51, 143, words))
+
+
 def participant(out: Path) -> None:
     """What the participant is told before a practice run."""
     screen = Screen("screen-1", 509.2, 286.4, 1920, 1080)
@@ -111,7 +194,7 @@ def participant(out: Path) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path(__file__).parents[2] / "docs" / "pictures")
-    parser.add_argument("--all", action="store_true", help="both sizes, for looking at; else the small one")
+    parser.add_argument("--all", action="store_true", help="both sizes and every state, for looking at")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -127,8 +210,15 @@ def main() -> int:
         wait(application, lambda: not window.space.calibrating.active)
         compare = window.pages["compare"][1]
         compare._add_present()
+        if chosen.all:
+            close_the_gap(application, window)
         pages(application, window, chosen.out, list(SIZES) if chosen.all else ["small"])
+        if chosen.all:
+            results_in_full(application, window, chosen.out)
         window.close()
+        if chosen.all:
+            first_start(application, folder, chosen.out)
+            participant_states(chosen.out)
         during_a_run(application, folder / "live", chosen.out)
         participant(chosen.out)
     return 0

@@ -50,8 +50,9 @@ class CurvePlot(Plot):
                 self._runs(name, chosen, symbol, colour, clicked)
         if good:
             # From zero, so that the first point of a session does not fill the plot with its own interval.
-            self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0)
-            self.setYRange(0, 1.15 * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good)), padding=0)
+            # The margin below is for the labels of zero.
+            self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
+            self.setYRange(0, 1.15 * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good)), padding=0.03)
 
     def _runs(
         self,

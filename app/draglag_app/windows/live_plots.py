@@ -38,8 +38,7 @@ class TracePlot(Plot):
             ("□", theme().purple, tr("light returns")),
             ("╌", theme().bad, tr("beam")),
         )
-        words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
-        self.setTitle(f"{tr('On the screen')} &nbsp; {words}", color=theme().text, size="10pt")
+        self.name_above(tr("On the screen"), marks)
 
     def begin(self, order: Order | None, planned: PlannedRun | None) -> None:
         """An empty screen with beam and the path the target will take."""
@@ -79,9 +78,13 @@ class SpeedPlot(Plot):
     """Speed of the stylus, as the touch trace shows it, against the target's."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(tr("Speed"), tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
+        super().__init__("", tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
         self.keep_axes_drawn()
-        self.add_legend((-10, 1), columns=2)
+        self.restyle()
+
+    def restyle(self) -> None:
+        super().restyle()
+        self.name_above(tr("Speed"), (("╌", theme().muted, tr("target")), ("─", theme().blue, tr("stylus"))))
 
     def draw(self, live: LiveRun) -> None:
         speed = live.speeds()
@@ -92,4 +95,4 @@ class SpeedPlot(Plot):
         self.line(tr("target"), t_s, target, theme().muted, 2, dash=True)
         thin = _thinned(speed)
         self.line(tr("stylus"), thin[:, 0], thin[:, 1], theme().blue, 1)
-        self.setYRange(0, 1.9 * float(target.max()), padding=0)
+        self.setYRange(0, 1.35 * float(target.max()), padding=0.02)

@@ -50,8 +50,6 @@ class PlanPreview(QObject):
 
     def _draw(self, plan: tuple[PlannedRun, ...]) -> float:
         at_s, rest_s = 0.0, self._space.protocol.rest_s
-        for kind, colour in zip(("circle", "chirp", "multisine", "step"), theme().series, strict=False):
-            self.plot.line(words.target_name(kind), np.empty(0), np.empty(0), colour, legend=False)
         parts: dict[str, list[np.ndarray]] = {}
         for planned in plan:
             t_s = np.linspace(0, planned.duration_s, 300)
@@ -61,10 +59,14 @@ class PlanPreview(QObject):
             piece = np.column_stack([(at_s + t_s) / 60, speed])
             parts.setdefault(planned.kind, []).append(np.vstack([piece, [np.nan, np.nan]]))
             at_s += planned.duration_s + rest_s + 3.0
-        for k, (kind, pieces) in enumerate(parts.items()):
+        colours = dict(zip(("circle", "chirp", "multisine", "step"), theme().series, strict=False))
+        for kind, pieces in parts.items():
             table = np.vstack(pieces)
             width = 4 if kind == "circle" else 1.2
-            self.plot.line(words.target_name(kind), table[:, 0], table[:, 1], theme().series[k], width, legend=False)
+            colour = colours.get(kind, theme().text)
+            self.plot.line(words.target_name(kind), table[:, 0], table[:, 1], colour, width, legend=False)
+        marks = [("■", colours.get(kind, theme().text), words.target_name(kind)) for kind in parts]
+        self.plot.name_above(tr("Order of the runs"), marks)
         self.plot.autoRange(padding=0.04)
         return at_s
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from pyqtgraph.exporters import ImageExporter, SVGExporter
 from PySide6.QtCore import QCoreApplication, QPoint, Qt
 from PySide6.QtGui import QColor, QFocusEvent, QGuiApplication, QResizeEvent
-from PySide6.QtWidgets import QFileDialog, QFrame, QGraphicsItem, QLabel, QMenu, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFileDialog, QFrame, QGraphicsItem, QLabel, QMenu, QMessageBox, QSizePolicy, QWidget
 
+from draglag.errors import DataError
+from draglag_app.windows.plot_values import Column, Series, as_csv, near, write_picture, write_text
 from draglag_app.windows.theme import theme
-
-Column = np.ndarray[Any, Any]
 
 
 def tr(text: str) -> str:
@@ -36,10 +35,10 @@ class Plot(pg.PlotWidget):
         menu.setParent(self, menu.windowFlags())
         self.file_name = file_name
         self.setAccessibleName(title or f"{y} / {x}")
-        self._labels = (title, x, y)
+        self._labels: tuple[str, str, str] = (title, x, y)
         self._items: dict[str, list[Any]] = {}
         self._numbers: dict[str, tuple[Column, ...]] = {}
-        self._hover: dict[str, tuple[Column, Column, Sequence[str]]] = {}
+        self._hover: dict[str, Series] = {}
         self._looks: dict[str, tuple[object, ...]] = {}
         self._clicked: dict[str, Callable[[int], None]] = {}
         # Plots take what room there is instead of asking for the much that a graphics view would like.
@@ -81,6 +80,11 @@ class Plot(pg.PlotWidget):
         self.restyle()
         self._show_emptiness()
 
+    def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = " &nbsp; ") -> None:
+        """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend."""
+        words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
+        self.setTitle(f"{title}{apart}{words}", color=theme().text, size="10pt")
+
     def keep_axes_drawn(self) -> None:
         """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
 
@@ -109,7 +113,8 @@ class Plot(pg.PlotWidget):
             plot.setTitle(title, color=colours.text, size="10pt")
         for side, text in (("bottom", x), ("left", y)):
             axis = plot.getAxis(side)
-            axis.setLabel(text, **{"color": colours.text, "font-size": "10pt"})
+            # Without ranges for prefixes: numbers below one would be shown a thousandfold, under an unchanged title.
+            axis.setLabel(text, siPrefixEnableRanges=(), **{"color": colours.text, "font-size": "10pt"})
             axis.setPen(pg.mkPen(colours.muted))
             axis.setTextPen(pg.mkPen(colours.text))
             axis.enableAutoSIPrefix(False)
@@ -170,6 +175,7 @@ class Plot(pg.PlotWidget):
             named = name if legend and self.legend is not None else None
             self._keep(name, self.plot(x, y, pen=pen, name=named, connect="finite"))
         self._numbers[name] = (np.asarray(x), np.asarray(y))
+        self._hover[name] = Series(np.asarray(x), np.asarray(y), joined=True)
 
     def dots(
         self,
@@ -191,6 +197,7 @@ class Plot(pg.PlotWidget):
         if error is None and not words and clicked is None and self._looks.get(name) == look:
             self._items[name][0].setData(x=x, y=y)  # more of the same
             self._numbers[name] = (x, y)
+            self._hover[name] = Series(x, y)
             return
         self.remove(name)
         if error is None and not words and clicked is None:
@@ -209,8 +216,7 @@ class Plot(pg.PlotWidget):
         self.addItem(item)
         self._keep(name, item)
         self._numbers[name] = (x, y) if error is None else (x, y, np.asarray(error))
-        if words:
-            self._hover[name] = (x, y, words)
+        self._hover[name] = Series(x, y, words=words)
 
     def band(self, name: str, x: Column, low: Column, high: Column, colour: str) -> None:
         """A shaded stretch between two curves."""
@@ -234,6 +240,7 @@ class Plot(pg.PlotWidget):
         self.addItem(item)
         self._keep(name, item)
         self._numbers[name] = (np.asarray(centre), np.asarray(height))
+        self._hover[name] = Series(np.asarray(centre), np.asarray(height))
 
     def upright(self, name: str, at: float, colour: str, text: str = "") -> None:
         """A vertical mark."""
@@ -255,24 +262,15 @@ class Plot(pg.PlotWidget):
     # --- hover, copy, export --------------------------------------------------------------------------------
 
     def _hovered(self, at: Any) -> None:
-        box = self.getPlotItem().vb
-        best, best_px = "", 14.0
-        where = None
-        for x, y, words in self._hover.values():
-            if not len(x):
-                continue
-            pixels = [box.mapViewToScene(pg.Point(a, b)) for a, b in zip(x, y, strict=True)]
-            apart = [float(np.hypot(p.x() - at.x(), p.y() - at.y())) for p in pixels]
-            k = int(np.argmin(apart))
-            if apart[k] < best_px:
-                best, best_px, where = words[k], apart[k], (float(x[k]), float(y[k]))
-        if where is None:
+        found = near(self.getPlotItem().vb, at, self._hover, self._labels[1:])
+        if found is None:
             self._tip.hide()
             return
-        (x0, x1), _ = box.viewRange()
-        self._tip.setAnchor((1, 1) if where[0] > (x0 + x1) / 2 else (0, 1))
-        self._tip.setText(best)
-        self._tip.setPos(*where)
+        (x0, x1), (y0, y1) = self.getPlotItem().vb.viewRange()
+        upper = (found.y > (y0 + y1) / 2) != self.getPlotItem().vb.yInverted()
+        self._tip.setAnchor((1 if found.x > (x0 + x1) / 2 else 0, 0 if upper else 1))
+        self._tip.setText(found.words)
+        self._tip.setPos(found.x, found.y)
         self._tip.show()
 
     def _menu(self, at: QPoint) -> None:
@@ -290,34 +288,26 @@ class Plot(pg.PlotWidget):
 
     def _save_as(self, suffix: str) -> None:
         name, _ = QFileDialog.getSaveFileName(self, tr("Save"), f"{self.file_name}.{suffix}", f"*.{suffix}")
-        if name:
-            self.save(Path(name))
+        if not name:
+            return
+        path = Path(name)
+        try:
+            self.save(path if path.suffix == f".{suffix}" else path.with_name(f"{path.name}.{suffix}"))
+        except DataError as error:
+            QMessageBox.warning(self, "draglag", str(error))
 
     def save(self, path: Path) -> None:
-        """Write a PNG, an SVG or a CSV, by the name's ending. Raises OSError."""
+        """Write a PNG, an SVG or a CSV, by the name's ending. Raises DataError where it cannot be written."""
         if path.suffix == ".csv":
-            path.write_text(self.csv(), "utf-8")
-        elif path.suffix == ".svg":
-            SVGExporter(self.getPlotItem()).export(str(path))
+            write_text(self.csv(), path)
         else:
-            exporter = ImageExporter(self.getPlotItem())
-            exporter.parameters()["width"] = max(1600, 2 * self.width())
-            exporter.export(str(path))
+            write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()))
 
     def csv(self) -> str:
         """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
-        rows = [f"series,{_plain(self._labels[1])},{_plain(self._labels[2])},more"]
-        for name, columns in self._numbers.items():
-            rows += [
-                ",".join([_plain(name), *(f"{value:.9g}" for value in row)]) for row in zip(*columns, strict=False)
-            ]
-        return "\n".join(rows) + "\n"
+        return as_csv(self._labels[1:], self._numbers)
 
     @property
     def drawn(self) -> Mapping[str, tuple[Column, ...]]:
         """Name → columns of what is drawn."""
         return self._numbers
-
-
-def _plain(text: str) -> str:
-    return text.replace(",", ";")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QTableWidgetItem, QVBoxLayout, QWidget
 
 from draglag.latency import RunEstimate, estimate
 from draglag.latency.edges import Edges
@@ -18,6 +18,7 @@ from draglag_app.windows import words
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.tasks import Progress, Tasks
 from draglag_app.windows.theme import theme
+from draglag_app.windows.widgets import table
 
 _SCAN_HALF_S = 0.05
 
@@ -44,8 +45,7 @@ class AlignmentPlot(Plot):
             ("▼", theme().blue, tr("top, shifted")),
             ("■", theme().orange, tr("bottom, shifted")),
         )
-        names = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
-        self.setTitle(f"{_title(estimate, checked)}<br>{names}", color=theme().text, size="10pt")
+        self.name_above(_title(estimate, checked), marks, apart="<br>")
         self._draw(found)
 
     def _draw(self, found: Alignment) -> None:
@@ -168,13 +168,8 @@ class ValidationView(QWidget):
         box = QVBoxLayout(self)
         box.setContentsMargins(8, 8, 8, 8)
         titles = [tr("run"), tr("target"), tr("J without (mm²)"), tr("J with"), tr("removed")]
-        self.table = QTableWidget(0, len(titles))
-        self.table.setHorizontalHeaderLabels(titles)
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(34)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setShowGrid(False)
-        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        self.table = table(titles, stretch=1)
+        self.table.setAccessibleName(tr("Validation"))
         self.plot = Plot(tr("Residual at each edge"), tr("drag speed (mm/s)"), tr("residual (mm)"), "validation")
         self.plot.add_legend()
         box.addWidget(self.table, 2)

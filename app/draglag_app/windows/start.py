@@ -28,6 +28,8 @@ def obstacles(space: Workspace) -> tuple[list[str], bool]:
     """What stands in the way, a sentence each, and whether nothing can be recorded because of it."""
     rig, protocol = space.settings.rig, space.protocol
     problems, hopeless = [], False
+    if not rig.addresses():
+        return [tr("No instruments are chosen: choose them on the Bench page.")], True
     for role, name in (("touch", tr("touchscreen")), ("laser", tr("laser sensor"))):
         if protocol.runs and not getattr(rig, role):
             problems.append(tr("No {device} is chosen: choose one on the Bench page.").format(device=name))
@@ -35,9 +37,6 @@ def obstacles(space: Workspace) -> tuple[list[str], bool]:
     if protocol.taps is not None and not rig.walt:
         problems.append(tr("The protocol has taps, but no WALT is chosen: taps would be left out."))
         hopeless = hopeless or not protocol.runs
-    if not rig.addresses():
-        problems.append(tr("No instruments are chosen: choose them on the Bench page."))
-        hopeless = True
     return problems, hopeless
 
 

@@ -23,6 +23,9 @@ from PySide6.QtWidgets import (
 
 from draglag_app.windows.theme import theme
 
+# Rows are chosen by finger too.
+ROW_PX = 44
+
 
 class Panel(QFrame):
     """A box with a title; ``body`` takes what is in it."""
@@ -149,7 +152,7 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
     made.setColumnCount(len(titles))
     made.setHorizontalHeaderLabels(list(titles))
     made.verticalHeader().hide()
-    made.verticalHeader().setDefaultSectionSize(34)
+    made.verticalHeader().setDefaultSectionSize(ROW_PX)
     made.setShowGrid(False)
     made.setTabKeyNavigation(False)
     made.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)

@@ -28,6 +28,7 @@ from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
 from draglag_app.windows.header import Header
 from draglag_app.windows.icons import icon
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
 from draglag_app.windows.pages.geometry import GeometryPage
@@ -194,7 +195,7 @@ class OperatorWindow(QMainWindow):
 
     def tell(self, level: str, text: str) -> None:
         """One sentence in the strip below: "info", "warning" or "error"; an empty one clears it."""
-        self.notice_text.setText(text)
+        self.notice_text.setText(in_words(text))
         restyle(self.notice, "level", level)
         self.dismiss.setVisible(bool(text))
         self.notice.setVisible(bool(text) or self.progress.isVisibleTo(self.notice))
@@ -259,7 +260,7 @@ class OperatorWindow(QMainWindow):
 
     def _notice(self, event: events.NoticeRaised) -> None:
         if event.level in ("warning", "error"):
-            self.tell(event.level, f"{event.source}: {event.text}")
+            self.tell(event.level, f"{event.source}: {in_words(event.text)}")
 
     def _checked(self, results: list[Checked]) -> None:
         for result in results:

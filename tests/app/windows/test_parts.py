@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
     QTabBar,
+    QTableWidget,
     QWidget,
 )
 
@@ -483,6 +484,8 @@ def test_everything_to_press_or_fill_in_is_large_enough_for_a_finger(open_window
             for widget in window.findChildren(kind):
                 if widget.isVisible() and not isinstance(widget.parent(), QAbstractSpinBox | QComboBox):
                     assert widget.height() >= 44, (name, kind.__name__, widget.accessibleName())
+        for rows in window.findChildren(QTableWidget):
+            assert rows.verticalHeader().defaultSectionSize() >= 44, (name, rows.accessibleName())
 
 
 def test_a_legend_takes_the_colours_of_a_new_theme_and_an_empty_plot_has_none(open_window: Callable) -> None:

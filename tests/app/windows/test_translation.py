@@ -5,17 +5,25 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QKeySequence
 from PySide6.QtWidgets import QApplication
 
 import draglag_app.windows
+from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import FORMS
+from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
+from draglag.latency.on_clock import warnings_of
+from draglag.recording import ClockBounds, Session, empty_touch
 from draglag_app.windows.i18n import language_of, table_of, use_language
+from draglag_app.windows.library_words import in_words
+from draglag_app.windows.window import OperatorWindow
 
 LANGUAGES = ("nl",)
 _MARKS = {"tr": 0, "translate": 1, "QT_TRANSLATE_NOOP": 1, "say": 1}
@@ -49,6 +57,45 @@ def test_translation_is_whole(language: str) -> None:
 def test_places_for_numbers_are_the_same(language: str) -> None:
     for text, translated in table_of(language).items():
         assert set(re.findall(r"{\w+", text)) == set(re.findall(r"{\w+", translated)), text
+
+
+def library_sentences(session: Session, estimates: tuple[RunEstimate, ...]) -> list[str]:
+    """What the library says of a session whose clocks are in doubt in every way, and of one without a curve."""
+    unsure = replace(estimates[0], flags=("clock_uncertain",), clock_uncertainty_s=3e-3)
+    unknown = replace(estimates[1], flags=("clock_unknown",), clock_uncertainty_s=None)
+    twisted = ClockBounds(
+        "laser", np.arange(3.0), np.array([0.0, 1.2, 2.0]), np.array([1e-4, 1.2001, 2.0001]), np.zeros(3, np.int64)
+    )
+    drifting = ClockBounds(
+        "laser", np.arange(3.0), 1.0001 * np.arange(3.0), 1.0001 * np.arange(3.0) + 1e-6, np.zeros(3, np.int64)
+    )
+    said = []
+    for clock in (twisted, drifting):
+        alone = replace(session, runs=(), clocks=(clock,))
+        said += warnings_of(alone, (unsure, unknown), {"WALT": 2e-3})
+    few = replace(session, runs=session.runs[:1])
+    for form in ("best", "double_exponential", "constant"):
+        said += analyze(few, AnalysisOptions(form=form, tie_asymptote=True)).problems
+    none = replace(session.runs[0], touch=empty_touch())
+    said += analyze(replace(session, runs=(none,), taps=None), AnalysisOptions(tie_asymptote=True)).problems
+    return said
+
+
+def test_what_the_library_says_is_dutch_too(qapp: QApplication, opened: OperatorWindow) -> None:
+    space = opened.space
+    said = library_sentences(space.session, space.analysis.runs)
+    assert len(said) > 8
+    try:
+        use_language(qapp, "nl")
+        for sentence in said:
+            dutch = in_words(sentence)
+            assert dutch != sentence, sentence
+            assert "{" not in dutch
+            # Numbers and names are those of the sentence.
+            assert set(re.findall(r"\d+\.\d+|run-\d+", dutch)) == set(re.findall(r"\d+\.\d+|run-\d+", sentence))
+    finally:
+        use_language(qapp, "en")
+    assert [in_words(sentence) for sentence in said] == said
 
 
 def test_windows_speak_dutch(qapp: QApplication, open_window: Callable) -> None:

@@ -22,6 +22,7 @@ from draglag_app.session.machine import Phase
 from draglag_app.windows import words
 from draglag_app.windows.bridge import Prompted
 from draglag_app.windows.curve_plot import CurvePlot
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.live_plots import SpeedPlot, TracePlot
 from draglag_app.windows.run_table import RunTable
 from draglag_app.windows.theme import theme
@@ -30,6 +31,8 @@ from draglag_app.windows.workspace import Workspace
 
 # One of the two live plots is drawn this often, by turns: together they would cost the participant a frame.
 _REDRAW_MS = 100
+# The heading and four rows of the table.
+_LOWER_PX = 214
 
 
 class RecordPage(QWidget):
@@ -71,7 +74,7 @@ class RecordPage(QWidget):
         lower.addWidget(self.table, 3)
         lower.addWidget(self._facts(), 2)
         outer.addLayout(lower)
-        self.table.setFixedHeight(176)
+        self.table.setFixedHeight(_LOWER_PX)
         self._redraw = QTimer(self)
         self._redraw.setInterval(_REDRAW_MS)
         self._redraw.timeout.connect(self._draw)
@@ -113,7 +116,7 @@ class RecordPage(QWidget):
 
     def _facts(self) -> QWidget:
         panel = Panel()
-        panel.setFixedHeight(176)
+        panel.setFixedHeight(_LOWER_PX)
         grid = QGridLayout()
         grid.setVerticalSpacing(6)
         self.facts = {}
@@ -208,11 +211,11 @@ class RecordPage(QWidget):
         if self._phase not in (None, Phase.FINISHED):
             return
         if event.kind == "tap":
-            self._say(self.tr("Taps"), event.text)
+            self._say(self.tr("Taps"), in_words(event.text))
         elif event.text == "Rest":
             self._say(self.tr("Rest"), self.tr("F6 begins the next run now, F7 repeats the last one"))
         elif event.text:
-            self._say(self.tr("Wait"), event.text)
+            self._say(self.tr("Wait"), in_words(event.text))
         self._enable(resting=event.text == "Rest", running=event.kind == "tap")
 
     def _show_state(self) -> None:

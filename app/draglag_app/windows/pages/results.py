@@ -21,6 +21,7 @@ from draglag.curve import FORMS, CurveFit, fit_form
 from draglag.errors import EstimateError
 from draglag_app.windows import words
 from draglag_app.windows.curve_plot import CurvePlot
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
 from draglag_app.windows.run_table import RunTable
 from draglag_app.windows.tasks import Progress
@@ -162,7 +163,7 @@ class ResultsPage(QWidget):
         curve = analysis.curve
         if curve is None:
             text = self.tr("{name}: no curve. ").format(name=analysis.session)
-            return text + " ".join((*analysis.problems, *analysis.warnings))
+            return text + " ".join(map(in_words, (*analysis.problems, *analysis.warnings)))
         low, high = curve.speed_range_mm_s
         text = self.tr(
             "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; runs it was not fitted to: {held:.2f} ms."
@@ -171,7 +172,7 @@ class ResultsPage(QWidget):
             rms=1e3 * curve.rms_s, held=1e3 * curve.held_out_rms_s,
         )  # fmt: skip
         trouble = (*analysis.problems, *analysis.warnings)
-        return text + ("  ▲ " + " ".join(trouble) if trouble else "")
+        return text + ("  ▲ " + " ".join(map(in_words, trouble)) if trouble else "")
 
     def _draw_curve(self) -> None:
         analysis = self._space.analysis

@@ -1,0 +1,135 @@
+"""What a plot hands out: the value under the mouse, its numbers as CSV, its picture as PNG or SVG."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyqtgraph.exporters import ImageExporter, SVGExporter
+
+from draglag.errors import DataError
+
+Column = np.ndarray[Any, Any]
+_DOT_PX, _LINE_PX = 14.0, 8.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """What the mouse may be near: points, or the line through them. ``words``: one text a point, or none."""
+
+    x: Column
+    y: Column
+    joined: bool = False
+    words: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Near:
+    """Where it is, in the plot's own units, and what to say."""
+
+    x: float
+    y: float
+    words: str
+
+
+def near(view: Any, at: Any, shown: Mapping[str, Series], axes: tuple[str, str]) -> Near | None:
+    """The point, or else the place on a line, that is close to a scene position; ``axes`` are the axes' titles.
+
+    ``view`` is pyqtgraph's view box. A point goes before a line.
+    """
+    (x0, x1), (y0, y1) = view.viewRange()
+    first, second = view.mapViewToScene(_point(x0, y0)), view.mapViewToScene(_point(x1, y1))
+    across, down = (second.x() - first.x()) / ((x1 - x0) or 1.0), (second.y() - first.y()) / ((y1 - y0) or 1.0)
+    mouse = np.array([at.x(), at.y()])
+    best: tuple[bool, float, Near] | None = None
+    for name, series in shown.items():
+        table = np.column_stack([np.asarray(series.x, float), np.asarray(series.y, float)])
+        if not len(table):
+            continue
+        pixels = (table - [x0, y0]) * [across, down] + [first.x(), first.y()]
+        if series.joined and len(table) > 1:
+            k, share, apart = _on_segments(pixels, mouse)
+            place, limit = table[k] + share * (table[k + 1] - table[k]), _LINE_PX
+        else:
+            gaps = np.where(np.isfinite(pixels).all(1), np.hypot(*(pixels - mouse).T), np.inf)
+            k = int(np.argmin(gaps))
+            apart, place, limit = float(gaps[k]), table[k], _DOT_PX
+        if not apart < limit or not np.isfinite(place).all():
+            continue
+        said = series.words[k] if k < len(series.words) else _said(name, place, axes)
+        rank = (series.joined, apart)
+        if best is None or rank < best[:2]:
+            best = (*rank, Near(float(place[0]), float(place[1]), said))
+    return None if best is None else best[2]
+
+
+def _point(x: float, y: float) -> Any:
+    from PySide6.QtCore import QPointF
+
+    return QPointF(x, y)
+
+
+def _on_segments(pixels: Column, mouse: Column) -> tuple[int, float, float]:
+    """(segment, share of it, distance in px) of the closest place on a line; NaN breaks the line."""
+    start, way = pixels[:-1], np.diff(pixels, axis=0)
+    length = (way**2).sum(1)
+    share = np.clip(((mouse - start) * way).sum(1) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+    gaps = np.hypot(*(start + share[:, None] * way - mouse).T)
+    gaps = np.where(np.isfinite(gaps), gaps, np.inf)
+    k = int(np.argmin(gaps))
+    return k, float(share[k]), float(gaps[k])
+
+
+def _said(name: str, place: Column, axes: tuple[str, str]) -> str:
+    return "\n".join([name, *(f"{value:.4g} {unit(title)}".strip() for value, title in zip(place, axes, strict=True))])
+
+
+def unit(title: str) -> str:
+    """The unit an axis' title ends with, in brackets; empty where it has none."""
+    found = re.search(r"\(([^()]*)\)\s*$", title)
+    return "" if found is None else found[1].removeprefix("± ")
+
+
+def as_csv(axes: tuple[str, str], numbers: Mapping[str, tuple[Column, ...]]) -> str:
+    """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
+    rows = [f"series,{_plain(axes[0])},{_plain(axes[1])},more"]
+    for name, columns in numbers.items():
+        rows += [",".join([_plain(name), *(f"{value:.9g}" for value in row)]) for row in zip(*columns, strict=False)]
+    return "\n".join(rows) + "\n"
+
+
+def _plain(text: str) -> str:
+    return text.replace(",", ";")
+
+
+def write_picture(item: Any, path: Path, width_px: int) -> None:
+    """A plot item as SVG or else as PNG, by the name's ending. Raises DataError where it cannot be written."""
+    try:
+        if path.suffix == ".svg":
+            path.write_bytes(SVGExporter(item).export(toBytes=True))
+            return
+        exporter = ImageExporter(item)
+        exporter.parameters()["width"] = width_px
+        image = exporter.export(toBytes=True)
+        with path.open("wb"):  # says what is wrong with the place, which the picture's own writer does not
+            pass
+        if not image.save(str(path), "PNG"):
+            raise DataError(f"{path}: the picture cannot be written", "Make room or choose another folder")
+    except OSError as error:
+        raise cannot_write(path, error) from None
+
+
+def write_text(text: str, path: Path) -> None:
+    """Raises DataError where it cannot be written."""
+    try:
+        path.write_text(text, "utf-8")
+    except OSError as error:
+        raise cannot_write(path, error) from None
+
+
+def cannot_write(path: Path, error: OSError) -> DataError:
+    return DataError(f"{path}: cannot be written ({error.strerror or error})", "Choose another folder")

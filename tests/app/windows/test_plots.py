@@ -1,0 +1,102 @@
+"""What a plot says: axes that tell the truth, values under the mouse, files that are there or a sentence why not."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
+
+from draglag.errors import DataError
+from draglag_app.windows.plot_values import unit
+from draglag_app.windows.plots import Plot
+
+
+@pytest.fixture
+def plot(qapp: QApplication) -> Iterator[Plot]:
+    made = Plot("", "drag speed (mm/s)", "gap (mm RMS)", "test")
+    made.resize(400, 300)
+    made.show()
+    yield made
+    made.close()
+    made.deleteLater()
+
+
+def hover(plot: Plot, x: float, y: float) -> str:
+    """What is said with the mouse at that place, in the plot's units."""
+    QApplication.processEvents()
+    plot._hovered(plot.getPlotItem().vb.mapViewToScene(QPointF(x, y)))
+    return plot._tip.toPlainText() if plot._tip.isVisible() else ""
+
+
+def test_numbers_below_one_are_not_shown_a_thousandfold_after_a_change_of_theme(plot: Plot) -> None:
+    plot.line("gap", np.arange(3.0), np.full(3, 0.15), "#ffffff")
+    plot.setYRange(0, 0.2, padding=0)
+    QApplication.processEvents()
+    plot.restyle()
+    axis = plot.getPlotItem().getAxis("left")
+    assert axis.tickStrings([0.1, 0.2], axis.autoSIPrefixScale * axis.scale, 0.1) == ["0.1", "0.2"]
+
+
+def test_points_and_lines_tell_their_values_and_empty_places_nothing(plot: Plot) -> None:
+    plot.line("curve", np.array([0.0, 100.0]), np.array([0.0, 1.0]), "#ffffff")
+    plot.dots("runs", np.array([80.0]), np.array([0.2]), "#ffffff", words=["run-07\n0.20 mm"])
+    plot.dots("more", np.array([10.0]), np.array([0.9]), "#ffffff")
+    plot.line("broken", np.array([0.0, np.nan, 5.0]), np.array([0.5, np.nan, np.nan]), "#ffffff")
+    assert hover(plot, 50, 0.5) == "curve\n50 mm/s\n0.5 mm RMS"  # between its two points
+    assert hover(plot, 80, 0.2) == "run-07\n0.20 mm"
+    assert hover(plot, 10, 0.9) == "more\n10 mm/s\n0.9 mm RMS"
+    assert hover(plot, 30, 0.95) == ""
+
+
+def test_a_point_on_a_line_speaks_before_it(plot: Plot) -> None:
+    plot.line("curve", np.array([0.0, 100.0]), np.array([0.0, 1.0]), "#ffffff")
+    plot.dots("runs", np.array([50.0]), np.array([0.5]), "#ffffff", words=["run-01"])
+    assert hover(plot, 50.2, 0.502) == "run-01"
+
+
+@pytest.mark.parametrize(("title", "said"), [("x (mm)", "mm"), ("95 % interval (± ms)", "ms"), ("taps", "")])
+def test_units_are_those_of_the_axis(title: str, said: str) -> None:
+    assert unit(title) == said
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "csv"])
+def test_what_is_saved_is_there_also_without_an_ending(
+    plot: Plot, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plot.line("curve", np.array([0.0, 1.0]), np.array([2.0, 3.0]), "#ffffff")
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *more: (str(tmp_path / "mine"), ""))
+    plot._save_as(suffix)
+    (made,) = tmp_path.iterdir()
+    assert made.name == f"mine.{suffix}"
+    if suffix == "png":
+        assert QImage(str(made)).width() >= 1600
+    else:
+        assert ("<svg" if suffix == "svg" else "curve,1,3") in made.read_text("utf-8")
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "csv"])
+def test_what_cannot_be_saved_is_told(plot: Plot, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plot.line("curve", np.array([0.0, 1.0]), np.array([2.0, 3.0]), "#ffffff")
+    path = tmp_path / "gone" / f"plot.{suffix}"
+    with pytest.raises(DataError, match="cannot be written"):
+        plot.save(path)
+    told: list[str] = []
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *more: (str(path), ""))
+    monkeypatch.setattr(QMessageBox, "warning", lambda parent, title, text: told.append(text))
+    plot._save_as(suffix)
+    assert os.fspath(path) in told[0]
+
+
+def test_the_gap_plot_shows_gap_and_noise_floor(open_window: Callable) -> None:
+    page = open_window().pages["gap"][1]
+    page.show_report(
+        {"verdict": "no_gap", "steps": [], "gap_first_mm": 0.15, "gap_last_mm": 0.15, "noise_floor_mm": 0.57}
+    )
+    (_, (low, high)) = page.plot.getPlotItem().vb.viewRange()
+    assert low <= 0.0 < 0.15 < 0.57 < high
