@@ -68,6 +68,12 @@ class Header(QFrame):
         self.lights[role].setToolTip(tip)
         self.lights[role].setAccessibleName(f"{role}: {state}")
 
+    def faults(self) -> list[str]:
+        """What a check or a session found wrong with instruments that are chosen."""
+        rig = self._space.settings.rig
+        lights = ((role, self.lights[role]) for role in ROLES if getattr(rig, role))
+        return [f"{role}: {light.toolTip()}" for role, light in lights if light.state == "fault"]
+
     def show_rig(self) -> None:
         """Lights of the rig as chosen: nothing is known of it until it is checked or used."""
         if self._space.recording.active:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomli_w
@@ -15,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from draglag.calibration import AffineFit
 from draglag.errors import DataError, DraglagError
 from draglag.presets import load_screen_file
+from draglag.protocols import load_protocol
 from draglag.recording import Beam, Screen, Stylus, TouchCalibration
 from draglag.simulation import rig_for_screen
 from draglag_app.calibrating import TARGETS, as_recorded, fit_touches
@@ -35,7 +38,7 @@ class RigSettings(_Table):
     laser: str = ""
     walt: str = ""
     fast: bool = False  # simulated and replayed sources as fast as the computer allows
-    display: str = "window"  # "window" | "offscreen" | "screen N"
+    display: Annotated[str, Field(pattern=r"^(window|offscreen|screen [1-9]\d{0,2})$")] = "window"
 
     def addresses(self) -> dict[str, str]:
         """Role → address of the devices in use."""
@@ -114,7 +117,7 @@ class Settings(_Table):
     language: Literal["system", "en", "nl"] = "system"
     text_scale: Annotated[float, Field(ge=0.8, le=2.0)] = 1.0
     operator: str = ""
-    folder: str = Field(default_factory=lambda: str(user_documents_path() / "draglag"))
+    folder: Annotated[str, Field(min_length=1)] = Field(default_factory=lambda: str(user_documents_path() / "draglag"))
     protocol: str = "latency-sweep"
     begin_by_hand: bool = False
     rig: RigSettings = RigSettings()
@@ -135,20 +138,56 @@ def settings_path() -> Path:
 
 
 def load_settings(path: Path) -> tuple[Settings, str]:
-    """Settings and a sentence for the operator, empty when all is well. Never raises: defaults take over."""
+    """Settings and a sentence for the operator, empty when all is well. Never raises: defaults take over.
+
+    What cannot be used is named; the file as it was is kept beside it, since the next change writes a new one.
+    """
     try:
-        settings = Settings.model_validate(tomllib.loads(path.read_text("utf-8")))
-        settings.panel.screen()
+        known = tomllib.loads(path.read_text("utf-8"))
     except FileNotFoundError:
         return Settings(), ""
-    except ValidationError as error:
-        where = ".".join(str(part) for part in error.errors()[0]["loc"])
-        return Settings(), f"{path}: {where} cannot be used, so the settings start from the defaults."
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        return Settings(), f"{path} cannot be read ({error}), so the settings start from the defaults."
+        return Settings(), f"{path} cannot be read ({error}), so the settings start from the defaults.{_kept(path)}"
+    try:
+        settings, problem = Settings.model_validate(known), ""
+    except ValidationError as error:
+        wrong = sorted({".".join(str(part) for part in fault["loc"]) for fault in error.errors()})
+        problem = f"{path}: {', '.join(wrong)} cannot be used and starts from the default.{_kept(path)}"
+        try:
+            settings = Settings.model_validate(_without(known, [fault["loc"] for fault in error.errors()]))
+        except ValidationError:
+            settings = Settings()
+    try:
+        settings.panel.screen()
     except DraglagError as error:
         return settings.model_copy(update={"panel": PanelSettings()}), str(error)
-    return settings, ""
+    try:
+        load_protocol(settings.protocol)
+    except DraglagError as error:
+        return settings, problem or str(error)
+    return settings, problem
+
+
+def _without(known: dict[str, Any], places: Iterable[tuple[int | str, ...]]) -> dict[str, Any]:
+    """A table without what stands at these places; a place inside an array takes the whole array along."""
+    out = {key: dict(value) if isinstance(value, dict) else value for key, value in known.items()}
+    for first, *rest in places:
+        inner = out.get(str(first))
+        if rest and isinstance(inner, dict):
+            inner.pop(str(rest[0]), None)
+        else:
+            out.pop(str(first), None)
+    return out
+
+
+def _kept(path: Path) -> str:
+    """Copy a file that cannot be used, before it is overwritten; words about it."""
+    copy = path.with_name(path.name + ".unusable")
+    try:
+        shutil.copyfile(path, copy)
+    except OSError:
+        return ""
+    return f" As it was it is kept in {copy.name}."
 
 
 def save_settings(settings: Settings, path: Path) -> None:

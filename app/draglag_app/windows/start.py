@@ -9,9 +9,12 @@ from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
 
+from draglag.errors import DraglagError
 from draglag.protocols import Protocol
 from draglag.recording import Screen, TouchCalibration
 from draglag_app.session import SessionOptions
+from draglag_app.windows.placement import axes_problem, shape_problem
+from draglag_app.windows.screen_display import numbered_screen
 from draglag_app.windows.session_thread import Order
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.workspace import Workspace
@@ -28,16 +31,33 @@ def obstacles(space: Workspace) -> tuple[list[str], bool]:
     """What stands in the way, a sentence each, and whether nothing can be recorded because of it."""
     rig, protocol = space.settings.rig, space.protocol
     problems, hopeless = [], False
-    if not rig.addresses():
-        return [tr("No instruments are chosen: choose them on the Bench page.")], True
     for role, name in (("touch", tr("touchscreen")), ("laser", tr("laser sensor"))):
         if protocol.runs and not getattr(rig, role):
             problems.append(tr("No {device} is chosen: choose one on the Bench page.").format(device=name))
             hopeless = True
-    if protocol.taps is not None and not rig.walt:
+    if protocol.taps is not None and not rig.walt and rig.addresses():
         problems.append(tr("The protocol has taps, but no WALT is chosen: taps would be left out."))
         hopeless = hopeless or not protocol.runs
-    return problems, hopeless
+    if not rig.addresses() and not problems:
+        problems.append(tr("No instruments are chosen: choose them on the Bench page."))
+        hopeless = True
+    return [*problems, *_misplaced(space)], hopeless
+
+
+def _misplaced(space: Workspace) -> list[str]:
+    """What is wrong with the participant's screen, as far as the desktop knows."""
+    settings = space.settings
+    if not settings.rig.display.startswith("screen"):
+        return []
+    try:
+        shown_on = numbered_screen(int(settings.rig.display.split()[-1]))
+        panel = settings.touched_screen()
+    except DraglagError:
+        return []  # told when the session begins
+    made = settings.panel.calibration
+    calibrated = (made is not None and made.serves(settings.rig.touch)) or "calibration=" in settings.rig.touch
+    axes = "" if settings.rig.simulated else axes_problem(calibrated, shown_on)
+    return [problem for problem in (shape_problem(panel, shown_on), axes) if problem]
 
 
 def make_order(space: Workspace) -> Order:

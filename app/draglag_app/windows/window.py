@@ -212,6 +212,7 @@ class OperatorWindow(QMainWindow):
         self.go("record")
         self.tell("", "")
         problems, hopeless = obstacles(self.space)
+        problems += self.header.faults()
         if problems:
             if hopeless:
                 self.tell("error", " ".join(problems))

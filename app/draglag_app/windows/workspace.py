@@ -53,7 +53,7 @@ class Workspace(QObject):
     def __init__(self, settings: Settings, settings_file: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.settings = settings
-        self._settings_file = settings_file
+        self.settings_file = settings_file
         self.undo = QUndoStack(self)
         self.tasks = Tasks(self)
         self.quiet_tasks = Tasks(self)  # work nobody asked for; it shows no progress and gives way to a recording
@@ -74,7 +74,7 @@ class Workspace(QObject):
         """Change and save settings."""
         self.settings = self.settings.model_copy(update=changes)
         try:
-            save_settings(self.settings, self._settings_file)
+            save_settings(self.settings, self.settings_file)
         except DraglagError as error:
             self.noticed.emit("warning", str(error))
         self.settings_changed.emit()

@@ -54,6 +54,31 @@ class TestSettings:
         assert settings.panel.screen().width_mm > 0
         assert sentence.endswith(".")
 
+    @pytest.mark.parametrize(
+        ("text", "named"),
+        [
+            ("[rig]\ndisplay = 'screen x'\n", "rig.display"),
+            ("folder = ''\n", "folder"),
+            ("text_scale = 1e9\n[panel]\nwidth_mm = -3\n", "panel.width_mm, text_scale"),
+            ("[panel.calibration]\naddress = 'evdev:x'\nx_raw = [1.0]\ny_raw = [1.0]\n", "calibration"),
+        ],
+    )
+    def test_only_what_cannot_be_used_is_left_out_and_the_file_is_kept(
+        self, tmp_path: Path, text: str, named: str
+    ) -> None:
+        path = tmp_path / "settings.toml"
+        path.write_text("operator = 'Zoë'\n" + text, "utf-8")
+        settings, sentence = load_settings(path)
+        assert settings == Settings(operator="Zoë")
+        assert named in sentence
+        assert sentence.endswith("settings.toml.unusable.")
+        assert (tmp_path / "settings.toml.unusable").read_text("utf-8") == path.read_text("utf-8")
+
+    def test_a_protocol_that_is_gone_is_told(self, tmp_path: Path) -> None:
+        path = tmp_path / "settings.toml"
+        path.write_text("protocol = '/no/such.toml'\n", "utf-8")
+        assert "/no/such.toml" in load_settings(path)[1]
+
     def test_no_file_is_a_first_start(self, tmp_path: Path) -> None:
         settings, sentence = load_settings(tmp_path / "none.toml")
         assert settings.first_start

@@ -237,6 +237,24 @@ class TestStart:
         assert asked["defaultButton"] == QMessageBox.StandardButton.No
         assert not window.space.recording.active
 
+    def test_an_instrument_that_failed_its_check_is_asked_about(
+        self, open_window: Callable, until: Callable, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        window = open_window(rig={"touch": "sim:", "laser": "csv:/nowhere/laser.csv", "walt": "sim:"})
+        window.ask("check")
+        until(lambda: not window.space.tasks.running)
+        asked = {}
+
+        def question(parent: object, title: str, text: str, **more: object) -> QMessageBox.StandardButton:
+            asked.update(text=text, **more)
+            return QMessageBox.StandardButton.No
+
+        monkeypatch.setattr(QMessageBox, "question", question)
+        window.start()
+        assert "/nowhere/laser.csv" in asked["text"]
+        assert asked["defaultButton"] == QMessageBox.StandardButton.No
+        assert not window.space.recording.active
+
     def test_wrong_address_is_one_sentence(self, open_window: Callable, qapp: QApplication) -> None:
         window = open_window(rig={"touch": "nonsense", "laser": "sim:", "walt": "sim:", "fast": True})
         window.start()

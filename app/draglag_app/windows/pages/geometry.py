@@ -10,6 +10,7 @@ from draglag.errors import DraglagError
 from draglag.presets import load_screen_file
 from draglag.recording import Screen
 from draglag_app.windows.calibration_panel import CalibrationPanel
+from draglag_app.windows.placement import shape_problem, turned_panel
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.ruler import BAR_MM, RulerWindow
 from draglag_app.windows.settings import CalibrationSettings, PanelSettings
@@ -108,7 +109,10 @@ class GeometryPage(QWidget):
         row.addWidget(self.measured)
         correct = button(self.tr("Correct"))
         correct.clicked.connect(self._correct)
+        self.turn = button(self.tr("Turn"), tip=self.tr("The screen on its side: width becomes height"))
+        self.turn.clicked.connect(lambda: self._change(turned_panel(self._space.settings.panel)))
         row.addWidget(correct)
+        row.addWidget(self.turn)
         panel.body.addLayout(row)
         return panel
 
@@ -144,7 +148,12 @@ class GeometryPage(QWidget):
     def _judge(self, screen: Screen) -> None:
         desktop = self._desktop_screen()
         said = desktop.physicalSize().width() if desktop is not None else 0.0
-        if self._space.settings.rig.display in ("window", "offscreen") or said <= 0:
+        wrong = shape_problem(screen, desktop) if desktop is not None and self._has_screen() else ""
+        if wrong:
+            self.verdict.setText(wrong)
+            restyle(self.verdict, "level", "bad")
+            return
+        if not self._has_screen() or said <= 0:
             self.verdict.setText(self.tr("Nothing to compare with: the participant has no screen of their own."))
             restyle(self.verdict, "level", "")
             return
@@ -156,6 +165,9 @@ class GeometryPage(QWidget):
             text += " " + self.tr("They disagree: use a ruler.")
         self.verdict.setText(text)
         restyle(self.verdict, "level", "warning" if apart > _DISAGREE else "ok")
+
+    def _has_screen(self) -> bool:
+        return self._space.settings.rig.display not in ("window", "offscreen")
 
     def _draw(self, screen: Screen) -> None:
         panel, colours = self._space.settings.panel, theme()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -13,7 +15,6 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from draglag_app.windows.settings import settings_path
 from draglag_app.windows.widgets import Form, Panel, button, label
 from draglag_app.windows.workspace import Workspace
 
@@ -55,14 +56,16 @@ class PreferencesPage(QWidget):
         self.by_hand = QCheckBox(self.tr("Wait for F6 before every run"))
         form.row("", self.by_hand)
         outer.addWidget(work)
-        where = self.tr("Settings are kept in {path}").format(path=settings_path())
+        where = self.tr("Settings are kept in {path}").format(path=workspace.settings_file)
         outer.addWidget(label(where, "hint", wrap=True))
         outer.addStretch(1)
         change = workspace.change_settings
         self.theme.activated.connect(lambda: self._theme_chosen())
         self.language.activated.connect(lambda: change(language=self.language.currentData()))
         self.scale.activated.connect(lambda: change(text_scale=self.scale.currentData()))
-        self.folder.editingFinished.connect(lambda: self._changed("folder", self.folder.text().strip()))
+        self.folder.editingFinished.connect(
+            lambda: self._changed("folder", os.path.expanduser(self.folder.text().strip()))
+        )
         self.operator.editingFinished.connect(lambda: self._changed("operator", self.operator.text().strip()))
         self.by_hand.clicked.connect(lambda on: change(begin_by_hand=on))
         workspace.settings_changed.connect(self.refresh)

@@ -1,0 +1,63 @@
+"""Whether the screen under test, as the numbers have it, is the screen the participant looks at, as it stands now."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtGui import QScreen
+
+from draglag.recording import Screen
+from draglag_app.windows.settings import PanelSettings
+
+# Pixels are square to better than this; a screen on its side differs by far more.
+_SHAPE = 0.03
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("Placement", text)
+
+
+def turned(screen: Screen) -> Screen:
+    """The same screen on its side."""
+    return replace(
+        screen, width_mm=screen.height_mm, height_mm=screen.width_mm, width_px=screen.height_px,
+        height_px=screen.width_px,
+    )  # fmt: skip
+
+
+def turned_panel(panel: PanelSettings) -> PanelSettings:
+    """The panel on its side. The beam is another one then, and targets of a calibration stood elsewhere.
+
+    Raises DataError where the preset is gone.
+    """
+    screen = turned(panel.screen())
+    sizes = {key: getattr(screen, key) for key in ("width_mm", "height_mm", "width_px", "height_px")}
+    gone = {"beam_slope": 0.0, "beam_intercept_mm": None, "calibration": None}
+    return panel.model_copy(update={**sizes, **gone})
+
+
+def shape_problem(panel: Screen, shown_on: QScreen) -> str:
+    """Why millimetres on the panel would not be millimetres on that screen; empty where they are."""
+    size = shown_on.size()
+    factor = (panel.width_mm / panel.height_mm) / (size.width() / size.height())
+    if abs(factor - 1.0) <= _SHAPE:
+        return ""
+    numbers = {"w": size.width(), "h": size.height(), "mw": panel.width_mm, "mh": panel.height_mm}
+    text = tr("The participant's screen shows {w}×{h} points, but the screen under test is {mw:.0f} × {mh:.0f} mm: ")
+    upright = (panel.height_mm / panel.width_mm) / (size.width() / size.height())
+    remedy = tr("press Turn on the Geometry page.") if abs(upright - 1.0) <= _SHAPE else tr("correct the numbers.")
+    return text.format(**numbers) + remedy
+
+
+def axes_problem(calibrated: bool, shown_on: QScreen) -> str:
+    """Why touch positions would not be where the picture is; empty where they are.
+
+    A desktop turns the picture, not the axes that the kernel reports: a calibration maps them.
+    """
+    upright = shown_on.nativeOrientation()
+    if upright == Qt.ScreenOrientation.PrimaryOrientation:
+        upright = shown_on.primaryOrientation()
+    if calibrated or shown_on.orientation() in (upright, Qt.ScreenOrientation.PrimaryOrientation):
+        return ""
+    return tr("The participant's screen is turned, the touchscreen's axes are not: calibrate it (Ctrl+K).")
