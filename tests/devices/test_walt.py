@@ -374,6 +374,9 @@ def test_what_is_no_walt_or_another_firmware_is_refused():
     silent = SteppedWire()
     silent.firmware.faults.mute = True
     assert "nothing answers" in refused(silent)
+    slow = SteppedWire()
+    slow.firmware.faults.delay_s = 0.2
+    assert "takes 0.4 s to answer" in refused(slow)
     other = SteppedWire()
     other.firmware.receive = lambda data, host_s: other.firmware.noise(host_s, b"OK\r\n")
     assert "not a WALT" in refused(other)

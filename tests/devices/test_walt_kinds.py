@@ -49,6 +49,15 @@ class Hub(Firmware):
             self.faults.delay_s = held
 
 
+class Banner(Firmware):
+    """Half a line is on the wire already, its first answer is spoiled, and it greets in the middle."""
+
+    def __init__(self, host_s, **options):
+        super().__init__(host_s, **options)
+        self.noise(host_s, b"\x00\x81G L 12")
+        self.noise(host_s + 0.03, b"WALT ready\r\n \xff\x00")
+
+
 class Chatty(Firmware):
     """The screen's photodiode sends too, for it was switched on by somebody else in the middle."""
 
@@ -59,7 +68,7 @@ class Chatty(Firmware):
 
 # Ways of unknown length leave the clock open: to the shortest seen there and back, or the length of a line.
 OPEN_S = {Hub: 15e-3, Chunks: 2e-3}
-KINDS = [Firmware, Forgets, Windows, Chunks, Hub, Chatty]
+KINDS = [Firmware, Forgets, Windows, Chunks, Hub, Chatty, Banner]
 
 
 def source_on(wire, role):

@@ -12,7 +12,7 @@ from emulators.walt.wires import WaltOnPty
 
 # Frames of the panel are handed to the driver this much before their stamps: a machine that is held up for less
 # changes nothing.
-AHEAD_S = 0.25
+AHEAD_S = 0.5
 
 
 class Segment(Protocol):

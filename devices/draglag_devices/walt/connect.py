@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from draglag_devices.source import DeviceError
-from draglag_devices.walt.link import Link, NoAnswer
+from draglag_devices.walt.link import ANSWER_S, Answer, Link, NoAnswer
 from draglag_devices.walt.port import PortGone
 from draglag_devices.walt.protocol import KNOWN_VERSION, LASER_OFF, RESET, SCREEN_OFF, VERSION, parse_version
 
@@ -38,16 +38,26 @@ def greet(link: Link, address: str, any_firmware: bool = False) -> str:
 
 
 def _version(link: Link, address: str) -> str:
+    late: Answer[str] | None = None
     try:
         link.forget()
         unread = link.unread
         for _ in range(_ATTEMPTS):
             try:
-                return link.ask(VERSION, parse_version).value
+                answer = link.ask(VERSION, parse_version, late=True)
             except NoAnswer:
                 continue
+            if answer.arrived_s - answer.sent_s <= ANSWER_S:
+                return answer.value
+            late = answer
     except PortGone as gone:
         raise DeviceError(address, f"the WALT was unplugged ({gone})", "plug it in again") from None
+    if late is not None:
+        raise DeviceError(
+            address,
+            f"the WALT takes {late.arrived_s - late.sent_s:.1f} s to answer, too long to compare clocks",
+            "plug it into the computer itself, without a hub, and close other programs",
+        )
     if link.unread > unread:
         raise DeviceError(
             address, "what answers at this port is not a WALT", "choose another port: draglag devices lists them"
