@@ -24,7 +24,7 @@ def greet(link: Link, address: str, any_firmware: bool = False) -> str:
         )
     try:
         for command in (LASER_OFF, SCREEN_OFF, RESET):
-            link.acknowledged(command)
+            _acknowledged(link, command)
     except NoAnswer:
         raise DeviceError(
             address,
@@ -35,6 +35,18 @@ def greet(link: Link, address: str, any_firmware: bool = False) -> str:
         raise DeviceError(address, f"the WALT was unplugged ({gone})", "plug it in again") from None
     link.take_triggers()
     return version
+
+
+def _acknowledged(link: Link, command: str) -> None:
+    """A command that may be sent again. Raises NoAnswer, PortGone."""
+    for attempt in range(_ATTEMPTS):
+        try:
+            link.acknowledged(command)
+        except NoAnswer:
+            if attempt == _ATTEMPTS - 1:
+                raise
+        else:
+            return
 
 
 def _version(link: Link, address: str) -> str:

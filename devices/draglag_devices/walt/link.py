@@ -74,9 +74,9 @@ class Link:
         return Answer(value, sent_s, arrived_s)
 
     def acknowledged(self, command: str, timeout_s: float = ANSWER_S) -> Answer[str]:
-        """Send a command whose answer is its letter with the case flipped."""
+        """Send a command whose answer is its letter with the case flipped; a late one will do."""
         wanted = acknowledgement(command)
-        return self.ask(command, lambda text: text if text == wanted else None, timeout_s)
+        return self.ask(command, lambda text: text if text == wanted else None, timeout_s, late=True)
 
     def expect(self, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S) -> tuple[_T, float]:
         """The next line that ``accept`` takes, and when it came; others count as unread. Raises NoAnswer."""

@@ -180,7 +180,7 @@ class WaltSource:
                 link.acknowledged(LASER_ON)
                 device.edges = _counted_so_far(link)
             else:
-                link.ask(SHOCK, parse_shock)  # arms the trigger; what it felt before is of no interest
+                link.ask(SHOCK, parse_shock, late=True)  # arms the trigger; what it felt before is of no interest
         except (NoAnswer, PortGone) as fault:
             link.close()
             raise DeviceError(
