@@ -105,6 +105,14 @@ def test_a_few_lost_frames_cost_no_edge_and_are_told(segment: Segment) -> None:
     assert set(rec.laser.epoch) == {0}
 
 
+def test_a_terminal_whose_clock_goes_its_own_way_is_told_once(segment: Segment) -> None:
+    with Recording(segment) as rec:
+        segment.order("astray", drift=400e-6)
+        rec.read_until(lambda: any("does not follow" in text for text in rec.texts))
+        rec.read_past(time.monotonic_ns() + 2200 * MS)
+    assert sum("does not follow" in text for text in rec.texts) == 1
+
+
 def test_the_laser_survives_the_end_of_its_process(segment: Segment) -> None:
     with Recording(segment) as rec:
         segment.edges(blink(200, 41 * MS, 9 * MS, 10 * MS), relative=True)

@@ -197,6 +197,12 @@ class Bus:
         after = time.monotonic_ns()
         return Cycle(int(wkc), Pair(int(self._master.dc_time), before, after), self.terminal.input)
 
+    def terminal_clock(self) -> Pair:
+        """The EL1252's own time, which stamps the edges and shall follow the bus's. Raises pysoem.WkcError."""
+        before = time.monotonic_ns()
+        own = self._read(_SYSTEM_TIME, 8)
+        return Pair(int.from_bytes(own, "little"), before, time.monotonic_ns())
+
     def in_operation(self) -> bool:
         """Ask every device for its state: a device in SAFE-OP with an error keeps the working counter right."""
         return self._master.read_state() & _STATE_AND_ERROR == pysoem.OP_STATE and all(

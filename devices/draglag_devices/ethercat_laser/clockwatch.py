@@ -38,6 +38,15 @@ class ClockWatch:
         lowest, highest = known.dc_ns - known.high_ns - slack, known.dc_ns - known.low_ns + slack
         return pair.dc_ns - pair.high_ns <= highest and pair.dc_ns - pair.low_ns >= lowest
 
+    def apart_ns(self, pair: Pair) -> float:
+        """By how much, at least, the clock read in ``pair`` (another device's) differs from the bus's."""
+        known = self._reference
+        if known is None:
+            return 0.0
+        slack = _DRIFT * abs(pair.low_ns - known.low_ns)
+        lowest, highest = known.dc_ns - known.high_ns - slack, known.dc_ns - known.low_ns + slack
+        return max(0.0, pair.dc_ns - pair.high_ns - highest, lowest - (pair.dc_ns - pair.low_ns))
+
     def add(self, pair: Pair) -> None:
         """Take a pair that fits."""
         if self._best is None or pair.width_ns < self._best.width_ns:

@@ -25,6 +25,8 @@ _PROMPT_S = 0.005
 # The latches keep the last edge of each direction: a short blackout loses none, a longer one may.
 _BLACKOUT_NS = 20_000_000
 _DEAD_GAP_NS = 1_000_000_000
+# What the terminal's clock may differ from the bus's: the design warns above 1 ms.
+_APART_NS = 1_000_000
 
 
 class Restart(Exception):
@@ -41,6 +43,7 @@ class Runner:
         self._lost_at: int | None = None
         self._level: int | None = None
         self._recovering = False
+        self._apart_in: int | None = None  # epoch in which it was told that clocks go apart
         self._sound_ns = 0  # when the devices last said that all is well
         self._told: Counter[str] = Counter()
 
@@ -110,6 +113,8 @@ class Runner:
                 state_ns = now + (0 if trouble else _STATE_NS)
             if now >= summary_ns:
                 self._summarise(epoch.counts - self._told)
+                if not epoch.bad:
+                    self._check_terminal_clock(bus, epoch)
                 self._told, summary_ns = Counter(epoch.counts), now + _SUMMARY_NS
             next_ns += CYCLE_NS
             wait_ns = next_ns - time.monotonic_ns()
@@ -148,6 +153,21 @@ class Runner:
             self._notice("info", f"The laser sensor is back after {away_s:.2f} s; edges in between may be missing.")
         self._dead_from = self._lost_at = None
         self._level = level
+
+    def _check_terminal_clock(self, bus: Bus, epoch: Epoch) -> None:
+        """Stamps are the terminal's, comparisons the bus's: told once when the two clocks go apart."""
+        if epoch.number == self._apart_in:
+            return
+        try:
+            apart_ns = epoch.clock.apart_ns(bus.terminal_clock())
+        except pysoem.WkcError:
+            return  # the cycles tell
+        if apart_ns > _APART_NS:
+            self._apart_in = epoch.number
+            self._notice(
+                "error", f"The EL1252's clock does not follow the bus's: it is {apart_ns / 1e6:.1f} ms off, and so are "
+                "its edges. Switch the supply of the coupler off and on.",
+            )  # fmt: skip
 
     def _trouble(self, bus: Bus) -> str:
         """Why the devices are not in operation, or an empty string; costs one or two frames."""

@@ -48,6 +48,7 @@ class Esc:
     trim_ns: float = 0.0
     stubborn: tuple[tuple[int, int], ...] = ()  # (from, to) of registers that do not take what is written
     ports: int = 0x01  # bit per port with a link
+    follows: bool = True  # steers its clock to the reference's
     slow_ns: int = 0  # how long a change of state takes; it then also wants process data before it runs
     exchanged: bool = False  # process data since the last change of state
     _coming: tuple[int, int] | None = None  # (when, state) of a change under way
@@ -182,6 +183,8 @@ class Esc:
 
     def _follow(self, data: bytes, t_ns: int) -> None:
         """A write of the reference's time: steer towards it (a simple loop; a real one takes longer)."""
+        if not self.follows:
+            return
         size = min(len(data), 8)
         reference = int.from_bytes(data[:size], "little") + self.get(DC_DELAY, 4)
         span = 1 << (8 * size)

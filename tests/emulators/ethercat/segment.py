@@ -185,6 +185,12 @@ class Line:
             tuple(int(product) for product in order.get("before", ())),
         )
 
+    def _do_astray(self, order: Order, t_ns: int) -> None:
+        """The EL1252's clock does not follow the coupler's any more, and runs fast by ``drift`` (s/s) from now on."""
+        slave = self.terminal
+        slave.trim_ns -= (t_ns - slave.powered_ns) * (float(order["drift"]) - slave.drift)
+        slave.follows, slave.drift = False, float(order["drift"])
+
     def _do_register(self, order: Order, t_ns: int) -> Order:
         """Read the EL1252's memory, or write it if ``value`` (hex) is given."""
         address = int(order["address"])
