@@ -34,11 +34,14 @@ def test_every_edge_arrives_with_the_very_stamp_the_terminal_gave_it(segment: Se
     with Recording(segment) as rec:
         start_ns = segment.edges(script, relative=True)
         rec.read_past(start_ns + at_ns)
+        # Disturbed cycles are told within a second.
+        rec.read_past(time.monotonic_ns() + 1100 * MS)
         true = rec.true_edges()
     assert [edge[2] for edge in true] == list(rec.laser.light)
     assert [edge[3] for edge in true] == rec.stamps_ns()
     assert rec.laser.missed == 0
-    assert len(rec.laser.gaps_s) == 0
+    # A gap is marked where this machine was too busy to answer for long, and nowhere else.
+    assert len(rec.laser.gaps_s) == 0 or rec.source.disturbed.get("lost", 0) > 0
     # 1 ms is what the design warns at; round trips here are ten times shorter.
     assert np.abs(rec.laser.t_s - np.array([edge[0] for edge in true]) * 1e-9).max() < 1e-3
 
