@@ -19,9 +19,9 @@ SYMBOLS = ("o", "s", "t", "d", "x")
 class CurvePlot(Plot):
     """Points of runs with their 95 % intervals, the fitted curve with its band, rivals if asked for."""
 
-    def __init__(self, title: str = "", parent: QWidget | None = None) -> None:
+    def __init__(self, title: str = "", parent: QWidget | None = None, legend_columns: int = 1) -> None:
         super().__init__(title, tr("drag speed (mm/s)"), tr("latency (ms)"), "latency-curve", parent)
-        self.add_legend()
+        self.add_legend(columns=legend_columns)
 
     def draw(
         self,

@@ -66,7 +66,7 @@ class PlanPreview(QObject):
             colour = colours.get(kind, theme().text)
             self.plot.line(words.target_name(kind), table[:, 0], table[:, 1], colour, width, legend=False)
         marks = [("■", colours.get(kind, theme().text), words.target_name(kind)) for kind in parts]
-        self.plot.name_above(tr("Order of the runs"), marks)
+        self.plot.name_above(tr("Order of the runs"), marks if len(marks) > 1 else (), apart="<br>")
         self.plot.autoRange(padding=0.04)
         return at_s
 

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
     QApplication,
@@ -17,6 +18,7 @@ from PySide6.QtWidgets import (
     QComboBox,
     QLineEdit,
     QPushButton,
+    QScrollArea,
     QTabBar,
     QTableWidget,
     QWidget,
@@ -27,6 +29,7 @@ from draglag.protocols import load_protocol
 from draglag_app.session import events
 from draglag_app.windows.actions import ACTIONS, key_list
 from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.i18n import use_language
 from draglag_app.windows.plots import Plot
 from draglag_app.windows.protocol_text import to_toml
 from draglag_app.windows.settings import RigSettings, Settings, load_settings, save_settings
@@ -511,6 +514,31 @@ def test_everything_to_press_or_fill_in_is_large_enough_for_a_finger(open_window
                     assert widget.height() >= 44, (name, kind.__name__, widget.accessibleName())
         for rows in window.findChildren(QTableWidget):
             assert rows.verticalHeader().defaultSectionSize() >= 44, (name, rows.accessibleName())
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_every_page_fits_a_small_screen_also_with_a_notice(
+    qapp: QApplication, open_window: Callable, language: str
+) -> None:
+    try:
+        window = open_window(language=language)
+        window.tell("error", "What happened, and what to do about it. " * 4)
+        for name in window.pages:
+            window.go(name)
+            QApplication.processEvents()
+            needed = window.minimumSizeHint()
+            assert (needed.width() <= 1280, needed.height() <= 800) == (True, True), (name, needed)
+        # What does not fit into the height scrolls, and the keyboard's focus takes it along.
+        window.resize(1280, needed.height())
+        window.go("protocol")
+        last = window.pages["protocol"][1].form.taps
+        last.setFocus(Qt.FocusReason.TabFocusReason)
+        area = next(area for area in window.pages["protocol"][1].findChildren(QScrollArea) if area.isAncestorOf(last))
+        area.ensureWidgetVisible(last)
+        QApplication.processEvents()
+        assert area.viewport().rect().contains(last.mapTo(area.viewport(), last.rect().center()))
+    finally:
+        use_language(qapp, "en")
 
 
 def test_a_legend_takes_the_colours_of_a_new_theme_and_an_empty_plot_has_none(open_window: Callable) -> None:

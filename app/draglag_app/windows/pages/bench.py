@@ -132,6 +132,8 @@ class BenchPage(QWidget):
         row.addWidget(label(self.tr("Participant sees the target")))
         self.display = QComboBox()
         self.display.setAccessibleName(self.tr("Participant sees the target"))
+        self.display.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.display.setMinimumContentsLength(12)
         for value, text in display_choices():
             self.display.addItem(text, value)
         self.display.activated.connect(self._display_chosen)

@@ -289,7 +289,7 @@ class GapPage(QWidget):
         floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
         self.plot.line(self.tr("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
         self.plot.getAxis("bottom").setTicks([[(float(k), name) for k, name in enumerate(names)]])
-        self.plot.setYRange(0, 1.1 * max(*gaps, *floor))
+        self.plot.setYRange(0, 1.4 * max(*gaps, *floor))
 
     def _say(self, level: str, text: str) -> None:
         self.verdict.setText(text)

@@ -15,7 +15,7 @@ from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.ruler import BAR_MM, RulerWindow
 from draglag_app.windows.settings import CalibrationSettings, PanelSettings
 from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import Form, Panel, button, label, restyle
+from draglag_app.windows.widgets import Form, Panel, Scrolled, button, label, restyle
 from draglag_app.windows.workspace import Edit, Workspace
 from draglag_resources import presets
 
@@ -37,7 +37,7 @@ class GeometryPage(QWidget):
         left.addWidget(self._numbers())
         left.addWidget(self._checks())
         left.addStretch(1)
-        row.addLayout(left, 2)
+        row.addWidget(Scrolled(left), 2)
         self.plot = Plot(self.tr("The screen, true to scale"), tr("x (mm)"), tr("y (mm)"), "geometry")
         self.plot.setAspectLocked(True)
         self.plot.getPlotItem().vb.invertY(True)

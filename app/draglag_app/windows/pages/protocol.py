@@ -21,7 +21,7 @@ from draglag_app.windows.plan_preview import PlanPreview
 from draglag_app.windows.precision_preview import PrecisionPreview
 from draglag_app.windows.protocol_form import ProtocolForm
 from draglag_app.windows.protocol_text import to_toml
-from draglag_app.windows.widgets import Panel, button, table
+from draglag_app.windows.widgets import Panel, Scrolled, button, table
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import presets
 
@@ -61,7 +61,7 @@ class ProtocolPage(QWidget):
         right.addWidget(self.editor)
         right.addWidget(self.form)
         right.addStretch(1)
-        across.addLayout(right, 2)
+        across.addWidget(Scrolled(right), 2)
         outer.addLayout(across, 1)
         workspace.protocol_changed.connect(self.refresh)
         self.refresh()

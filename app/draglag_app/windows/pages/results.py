@@ -99,7 +99,7 @@ class ResultsPage(QWidget):
             box.setAccessibleName(tip)
             box.activated.connect(self._options_chosen)
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-            box.setMinimumContentsLength(11)
+            box.setMinimumContentsLength(9)
             row.addWidget(box)
         self.tie = QCheckBox(self.tr("Tie to taps"))
         self.tie.setToolTip(self.tr("Hold the curve's end at the median release tap"))
