@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QSize, Qt, QTimer
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QCloseEvent
 from PySide6.QtWidgets import (
     QApplication,
@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QMainWindow,
     QMessageBox,
-    QProgressBar,
     QPushButton,
     QStackedWidget,
     QVBoxLayout,
@@ -29,6 +28,7 @@ from draglag_app.windows.actions import Actions
 from draglag_app.windows.header import Header
 from draglag_app.windows.icons import icon
 from draglag_app.windows.library_words import in_words
+from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
 from draglag_app.windows.pages.geometry import GeometryPage
@@ -37,7 +37,6 @@ from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
 from draglag_app.windows.theme import apply_theme, theme
-from draglag_app.windows.widgets import button, label, restyle
 from draglag_app.windows.workspace import Workspace
 
 
@@ -73,8 +72,6 @@ class OperatorWindow(QMainWindow):
         bridge.notice_raised.connect(self._notice)
         bridge.device_fault.connect(lambda fault: self.tell("error", f"{fault.problem} {fault.remedy}"))
         self.space.noticed.connect(self.tell)
-        self.space.tasks.changed.connect(self._tasks_changed)
-        self.space.tasks.progressed.connect(self._progressed)
         self._paint_icons()
         self._recording_changed(False)
         self.go("bench" if settings.first_start else "record")
@@ -96,7 +93,9 @@ class OperatorWindow(QMainWindow):
             self.stack.addWidget(page)
         row.addWidget(self.stack, 1)
         outer.addLayout(row, 1)
-        outer.addWidget(self._notice_strip())
+        self.notice = NoticeStrip(self.space.tasks)
+        self.notice_text = self.notice.text
+        outer.addWidget(self.notice)
         return middle
 
     def _navigation(self) -> QWidget:
@@ -124,34 +123,6 @@ class OperatorWindow(QMainWindow):
                 box.addSpacing(10)
         box.addStretch(1)
         return bar
-
-    def _notice_strip(self) -> QWidget:
-        self.notice = QFrame()
-        self.notice.setObjectName("notice")
-        self.notice.setMinimumHeight(46)
-        row = QHBoxLayout(self.notice)
-        row.setContentsMargins(14, 4, 10, 4)
-        self.notice_text = label("", "noticeText", wrap=True)
-        row.addWidget(self.notice_text, 1)
-        self.progress = QProgressBar()
-        self.progress.setRange(0, 1000)
-        self.progress.setTextVisible(False)
-        self.progress.setFixedWidth(180)
-        self.cancel = button(self.tr("Cancel  Ctrl+."))
-        self.cancel.clicked.connect(self.space.tasks.cancel_all)
-        self.dismiss = button(self.tr("OK"))
-        self.dismiss.clicked.connect(lambda: self.tell("", ""))
-        for widget in (self.progress, self.cancel, self.dismiss):
-            row.addWidget(widget)
-        self.notice.hide()
-        # Work that is over at once shall not flicker.
-        self._slow = QTimer(self)
-        self._slow.setSingleShot(True)
-        self._slow.setInterval(400)
-        self._slow.timeout.connect(self._show_progress)
-        self.progress.hide()
-        self.cancel.hide()
-        return self.notice
 
     # --- asking ---------------------------------------------------------------------------------------------
 
@@ -195,10 +166,7 @@ class OperatorWindow(QMainWindow):
 
     def tell(self, level: str, text: str) -> None:
         """One sentence in the strip below: "info", "warning" or "error"; an empty one clears it."""
-        self.notice_text.setText(in_words(text))
-        restyle(self.notice, "level", level)
-        self.dismiss.setVisible(bool(text))
-        self.notice.setVisible(bool(text) or self.progress.isVisibleTo(self.notice))
+        self.notice.tell(level, text)
 
     def offer_salvage(self) -> None:
         """Recordings that a crash left behind can be saved."""
@@ -266,26 +234,6 @@ class OperatorWindow(QMainWindow):
     def _checked(self, results: list[Checked]) -> None:
         for result in results:
             self.header.set_light(result.role, result.state, result.text)
-
-    # --- long work ------------------------------------------------------------------------------------------
-
-    def _progressed(self, fraction: float, text: str) -> None:
-        self.progress.setValue(round(1000 * fraction))
-
-    def _tasks_changed(self) -> None:
-        if self.space.tasks.running:
-            self._slow.start()
-            return
-        self._slow.stop()
-        self.progress.hide()
-        self.cancel.hide()
-        self.notice.setVisible(bool(self.notice_text.text()))
-
-    def _show_progress(self) -> None:
-        if self.space.tasks.running:
-            self.progress.show()
-            self.cancel.show()
-            self.notice.show()
 
     # --- looks and leaving ----------------------------------------------------------------------------------
 

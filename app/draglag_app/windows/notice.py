@@ -1,0 +1,68 @@
+"""The strip at the bottom of the window: what the operator should know, and what is being computed."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QProgressBar, QWidget
+
+from draglag_app.windows.library_words import in_words
+from draglag_app.windows.tasks import Tasks
+from draglag_app.windows.widgets import button, label, restyle
+
+# Work that is over at once shall not flicker.
+_SLOW_MS = 400
+
+
+class NoticeStrip(QFrame):
+    """One sentence, and a bar while a task is under way; it hides when there is neither."""
+
+    def __init__(self, tasks: Tasks, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._tasks = tasks
+        self.setObjectName("notice")
+        self.setMinimumHeight(46)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(14, 4, 10, 4)
+        self.text = label("", "noticeText", wrap=True)
+        row.addWidget(self.text, 1)
+        self.progress = QProgressBar()
+        self.progress.setRange(0, 1000)
+        self.progress.setTextVisible(False)
+        self.progress.setFixedWidth(180)
+        self.cancel = button(self.tr("Cancel  Ctrl+."))
+        self.cancel.clicked.connect(tasks.cancel_all)
+        self.dismiss = button(self.tr("OK"))
+        self.dismiss.clicked.connect(lambda: self.tell("", ""))
+        for widget in (self.progress, self.cancel, self.dismiss):
+            row.addWidget(widget)
+        self._slow = QTimer(self)
+        self._slow.setSingleShot(True)
+        self._slow.setInterval(_SLOW_MS)
+        self._slow.timeout.connect(self._show_progress)
+        self.progress.hide()
+        self.cancel.hide()
+        self.hide()
+        tasks.changed.connect(self._tasks_changed)
+        tasks.progressed.connect(lambda fraction, text: self.progress.setValue(round(1000 * fraction)))
+
+    def tell(self, level: str, text: str) -> None:
+        """One sentence: "info", "warning" or "error"; an empty one clears it."""
+        self.text.setText(in_words(text))
+        restyle(self, "level", level)
+        self.dismiss.setVisible(bool(text))
+        self.setVisible(bool(text) or self.progress.isVisibleTo(self))
+
+    def _tasks_changed(self) -> None:
+        if self._tasks.running:
+            self._slow.start()
+            return
+        self._slow.stop()
+        self.progress.hide()
+        self.cancel.hide()
+        self.setVisible(bool(self.text.text()))
+
+    def _show_progress(self) -> None:
+        if self._tasks.running:
+            self.progress.show()
+            self.cancel.show()
+            self.show()
