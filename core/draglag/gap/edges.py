@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -11,6 +12,7 @@ from scipy.sparse import csr_matrix
 from draglag.compensation import stylus_speed, stylus_time_s
 from draglag.errors import EstimateError
 from draglag.gap.steep import wide_enough
+from draglag.gap.unwarped import APART_S, WIDTH_S, Shown, Unwarped, shown_speed
 from draglag.latency.estimate import RunEstimate, estimate_run, prepare
 from draglag.motion import (
     LocalFit,
@@ -24,9 +26,6 @@ from draglag.motion import (
 from draglag.recording import FloatArray, IntArray, Run, Session
 
 Law = Callable[[FloatArray], FloatArray]
-# Half the span over which a change of speed is taken, and half the window of each speed: a hand speeds up and slows
-# down at 1–4 Hz, its tremor is at 8–12 Hz.
-APART_S, WIDTH_S = 0.08, 0.09
 FEWEST = 6  # edges a run must give to count
 
 
@@ -49,6 +48,13 @@ class RunData:
     def steady(self) -> bool:
         return self.estimate is not None
 
+    @cached_property
+    def shown(self) -> Shown:
+        """The speed that the trace shows, evenly spaced."""
+        return shown_speed(
+            self.t_s, self.xy_mm, self.run.radius_mm, self.estimate.speed_mm_s if self.estimate else None
+        )
+
 
 @dataclass(frozen=True)
 class Placed:
@@ -61,7 +67,7 @@ class Placed:
         accel_apart_mm_s2: the same with an error that is not the position's.
         slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
         stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
-        ok: placed well enough to judge by. events_mm: the touch events of each run, (n, 2).
+        ok: placed well enough to judge by. trace: where on the traces the edges lie.
         events_mm: the touch events of each run, (n, 2).
     """
 
@@ -85,6 +91,7 @@ class Placed:
     position_fit: tuple[LocalFit, ...]
     speed_fit: tuple[LocalFit, ...]
     events_mm: tuple[FloatArray, ...]
+    trace: Unwarped
 
     def __len__(self) -> int:
         return int(self.t_s.size)
@@ -200,7 +207,11 @@ def place(
         speed_fits.append(fast)
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return Placed(
-        **joined, position_fit=tuple(position_fits), speed_fit=tuple(speed_fits), events_mm=tuple(d.xy_mm for d in runs)
+        **joined,
+        position_fit=tuple(position_fits),
+        speed_fit=tuple(speed_fits),
+        events_mm=tuple(d.xy_mm for d in runs),
+        trace=Unwarped(runs, joined["run"], joined["t_s"] + joined["latency_s"]),
     )
 
 

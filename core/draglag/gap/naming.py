@@ -13,7 +13,7 @@ from draglag.gap.fit import Fit, Term, fit_session, latency_of_terms, log_likeli
 from draglag.gap.heldout import gap_mm, improves, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
-from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.gap.signatures import LAGS_S3_MM, SIGNATURES, shape_free
 from draglag.gap.stepped import find_step
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
@@ -109,6 +109,9 @@ def name(
             thresholds = [(float(v), 0.0) for v in step.thresholds_mm_s()]
             options = [[*before.terms, Term(effect, at, (step.size_s,))] for at in thresholds]
             fit = refit(session, before, most_promising(before, options, step.law), plateau, step.law)
+        elif effect == "acceleration_lag":
+            options = [[*before.terms, Term(effect, (lag,), (lag,))] for lag in LAGS_S3_MM]
+            fit = refit(session, before, most_promising(before, options, before.law), plateau)
         else:
             fit = refit(session, before, [*before.terms, Term(effect, theta)], plateau)
         if fit is None:

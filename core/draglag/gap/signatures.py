@@ -10,6 +10,7 @@ from scipy.sparse import block_diag, csr_matrix
 
 from draglag.gap.edges import Placed, sparse_rows
 from draglag.gap.model import Geometry, LawParameters, side_of
+from draglag.gap.unwarped import Unwarped
 from draglag.recording import FloatArray
 
 
@@ -37,6 +38,7 @@ class View:
     span_s: float
     intercept_mm: float
     averaged: Averaged
+    trace: Unwarped
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
         span,
         geometry.intercept_mm,
         averaged_of(placed),
+        placed.trace,
     )
 
 
@@ -147,8 +150,18 @@ def direction_asymmetry(v: View) -> list[Signature]:
     return [Signature(latency=_column(0.5 * np.sign(v.v_across)))]
 
 
+LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5)
+
+
 def acceleration_lag(v: View) -> list[Signature]:
-    return [Signature(latency=_column(v.accel))]
+    # As the trace shows it, amplified by the effect itself: enough to find it. Its own size takes that back.
+    return [Signature(latency=_column(v.accel), theta=(0.0,), n_grid=len(LAGS_S3_MM))]
+
+
+def unwarped_lag(v: View, lag_s3_mm: float) -> Signature:
+    """The acceleration behind a trace that a lag of this size has warped."""
+    column = v.trace.acceleration_mm_s2(lag_s3_mm) if lag_s3_mm > 0 else v.accel
+    return Signature(latency=_column(column), theta=(lag_s3_mm,), n_grid=len(LAGS_S3_MM))
 
 
 def lagging_law(v: View) -> list[Signature]:
@@ -243,6 +256,8 @@ def signature_at(effect: str, theta: tuple[float, ...], v: View) -> Signature:
     """The signature of an effect at a setting; the nearest of its grid where it has one."""
     if effect == "pitch_ripple" and theta:
         return ripple(v, theta[0], theta[1])
+    if effect == "acceleration_lag" and theta:
+        return unwarped_lag(v, theta[0])
     if effect == "second_filter_mode" and theta:
         return mode(v, theta[0], theta[1])
     options = SIGNATURES[effect](v)

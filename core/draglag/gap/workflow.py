@@ -11,7 +11,7 @@ from draglag.errors import EstimateError
 from draglag.gap.edges import gather
 from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit, fit_session
-from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
+from draglag.gap.heldout import floor_mm, gap_mm, shrinks, shrinks_with
 from draglag.gap.model import base_prior
 from draglag.gap.naming import PLATEAU, TOO_CLOSE, UNNAMED_MARGIN, Name, gained, name, refit
 from draglag.gap.parameters import parameters_of, where_of
@@ -142,11 +142,15 @@ def close_gap(
     finding = find(fit, without=_left_out(allowed))
     unexplained: Candidate | None = None
     retries = 2
+    ages = bool({s.effect for s in seen} & UNEVEN_AGES)
     looked = PLATEAU not in allowed
     while len(steps) < max_effects and (finding.significant or not (plateau or looked)):
         looked = not finding.significant
         tell(0.2 + 0.12 * len(steps), "naming")
         names, unnamed = name(repaired, fit, finding, allowed, plateau)
+        if ages:
+            # Edges whose positions are of uneven age are no independent witnesses: the gap itself has to shrink.
+            names = [n for n in names if shrinks(fit, n.fit)]
         better = refit(repaired, fit, fit.terms, plateau, names[0].fit.law) if names and retries else None
         closes = bool(names) and better is not None and names[0].gap_after_mm < CLOSES * gap_mm(better)
         if better is not None and not closes and gained(fit, better) > SAME_MODEL_BETTER:
@@ -176,7 +180,7 @@ def close_gap(
     steps = [_settled(step, fit) for step in steps]
     if unexplained is None and finding.significant:
         unexplained = _still_there(fit, finding)
-    if unexplained is None and not {s.effect for s in seen} & UNEVEN_AGES:
+    if unexplained is None and not ages:
         unexplained = excess_scatter(fit)
     if unexplained is None:
         steps += _offset_step(session, fit, steps, allowed)

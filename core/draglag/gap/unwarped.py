@@ -1,0 +1,87 @@
+"""The stylus' own acceleration behind a trace that an effect of the acceleration has warped.
+
+When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ). About a mean speed v₀ that makes
+the shown speed u = v − v₀ c·v̈: changes of speed are shown amplified by 1 + v₀ c ω², four times at 1 m/s. The inverse,
+1 / (1 + τ² ω²) with τ² = v₀ c, is a two-sided exponential: the shown speed smoothed by exp(−|t|/τ) / 2τ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import lfilter
+
+from draglag.motion import local_fit, sample_interval_s
+from draglag.recording import FloatArray
+
+if TYPE_CHECKING:
+    from draglag.gap.edges import RunData
+
+# Half the window of a speed, and half the span of a change of speed: a hand speeds up and slows down at 1–4 Hz, its
+# tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.
+WIDTH_S, APART_S = 0.09, 0.08
+TURNING = 0.7
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The speed that one run's trace shows. grid_s, speed_mm_s: (g,) every step_s. apart_s: half the span of a
+    change of speed. mean_mm_s: the run's own speed."""
+
+    grid_s: FloatArray
+    step_s: float
+    speed_mm_s: FloatArray
+    apart_s: float
+    mean_mm_s: float
+
+
+@dataclass(frozen=True)
+class Unwarped:
+    """Where m edges lie on their runs' traces. run: (m,) index. at_s: (m,) touch time."""
+
+    runs: tuple[RunData, ...]
+    run: np.ndarray
+    at_s: FloatArray
+
+    def __getitem__(self, use: np.ndarray) -> Unwarped:
+        return replace(self, run=self.run[use], at_s=self.at_s[use])
+
+    def acceleration_mm_s2(self, lag_s3_mm: float) -> FloatArray:
+        """Tangential acceleration (m,) of the stylus when the latency grows by ``lag_s3_mm`` times it (s per mm/s²)."""
+        out = np.zeros(self.at_s.size)
+        for k in np.unique(self.run):
+            shown, own = self.runs[k].shown, self.run == k
+            keep = _kept(np.sqrt(max(shown.mean_mm_s * lag_s3_mm, 0.0)), shown.step_s)
+            speed = _smoothed(shown.speed_mm_s, keep)
+            at = self.at_s[own]
+            later = np.interp(at + shown.apart_s, shown.grid_s, speed)
+            earlier = np.interp(at - shown.apart_s, shown.grid_s, speed)
+            out[own] = (later - earlier) / (2 * shown.apart_s)
+        return out
+
+
+def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
+    """The speed that a trace (n,), (n, 2) shows, evenly spaced. radius_mm, mean_mm_s: of a circle at constant speed."""
+    step_s = sample_interval_s(t_s)
+    grid_s = np.arange(t_s[0], t_s[-1], step_s)
+    turning_s = TURNING * radius_mm / mean_mm_s if mean_mm_s and radius_mm else np.inf
+    fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * step_s), degree=2)
+    speed = np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok]) if fit.ok.any() else np.zeros(grid_s.size)
+    return Shown(grid_s, step_s, speed, float(min(APART_S, turning_s)), mean_mm_s or float(np.mean(speed)))
+
+
+def _kept(tau_s: float, step_s: float) -> float:
+    """What a one-pole filter keeps from step to step."""
+    return float(np.exp(-step_s / tau_s)) if tau_s > 0 else 0.0
+
+
+def _smoothed(values: FloatArray, keep: float) -> FloatArray:
+    """Two-sided exponential smoothing: one pole forwards, one backwards."""
+    return _one_pole(_one_pole(values, keep)[::-1], keep)[::-1]
+
+
+def _one_pole(values: FloatArray, keep: float) -> FloatArray:
+    out, _ = lfilter([1 - keep], [1, -keep], values, zi=[keep * values[0]])
+    return np.asarray(out, float)
