@@ -108,7 +108,7 @@ class Scatter:
         fixed_mm2: touch noise, how badly the time of a speed is known, and what effects that follow the acceleration
             leave because it is only estimated. speed_mm2: a relative error of the speed. late_mm2_s2: a latency of the
             whole run. uneven_mm2: following the run's changes of speed twice.
-        loose_s: (runs,) by how much a run of changing speed may miss the law as a whole: its dynamics are not the law's.
+        loose_s: (runs,) by how much a run of changing speed may miss the law as a whole: its dynamics are its own.
     """
 
     fixed_mm2: list[FloatArray]

@@ -1,6 +1,6 @@
 """The stylus' own acceleration behind a trace that an effect of the acceleration has warped.
 
-When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ). About a mean speed v₀ that makes
+When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ). About a mean speed v₀ that is
 the shown speed u = v − v₀ c·v̈: changes of speed are shown amplified by 1 + v₀ c ω², four times at 1 m/s. The inverse,
 1 / (1 + τ² ω²) with τ² = v₀ c, is a two-sided exponential: the shown speed smoothed by exp(−|t|/τ) / 2τ.
 """
