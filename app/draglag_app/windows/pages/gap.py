@@ -10,13 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
     QHBoxLayout,
-    QTableWidgetItem,
     QVBoxLayout,
     QWidget,
 )
@@ -26,10 +23,9 @@ from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
 from draglag_app.apart import close_gap_of, run_apart
 from draglag_app.windows.gap_picture import GapPicture
-from draglag_app.windows.plots import Plot, tr
+from draglag_app.windows.gap_steps import StepPlot, StepTable, remarks
 from draglag_app.windows.tasks import Progress, Task
-from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import button, label, restyle, table
+from draglag_app.windows.widgets import button, label, restyle
 from draglag_app.windows.workspace import Edit, Workspace
 
 
@@ -86,17 +82,13 @@ class GapPage(QWidget):
         outer.addLayout(by_hand)
         self.verdict = label("", "verdict", wrap=True)
         outer.addWidget(self.verdict)
-        self.plot = Plot(
-            self.tr("Residual on runs held out of the fit"), tr("effects in the model"), tr("gap (mm RMS)"), "gap"
-        )
-        self.plot.add_legend()
+        self.plot = StepPlot()
         self.picture = GapPicture()
         pictures = QHBoxLayout()
         pictures.addWidget(self.plot, 2)
         pictures.addWidget(self.picture, 3)
         outer.addLayout(pictures, 5)
-        titles = [self.tr("effect"), self.tr("where"), self.tr("size"), self.tr("gap before → after"), self.tr("p")]
-        self.table = table(titles, stretch=1)
+        self.table = StepTable()
         outer.addWidget(self.table, 2)
         self.table.itemSelectionChanged.connect(self._row_chosen)
         self.more = label("", "hint", wrap=True)
@@ -187,21 +179,19 @@ class GapPage(QWidget):
             self._ready()
 
     def _row_chosen(self) -> None:
-        rows = self.table.selectionModel().selectedRows()
+        row, _ = self.table.chosen()
         if self._task is None:
-            self.leave_out.setEnabled(bool(self._without or rows))
-        self.picture.choose_step(rows[0].row() if rows else -1)
-        chosen = bool(self.table.selectionModel().selectedRows())
-        self.leave_out.setText(self.tr("Take it out again") if chosen or not self._without else self.tr("All effects"))
+            self.leave_out.setEnabled(bool(self._without or row >= 0))
+        self.picture.choose_step(row)
+        all_again = row < 0 and bool(self._without)
+        self.leave_out.setText(self.tr("All effects") if all_again else self.tr("Take it out again"))
 
     def _leave_out(self) -> None:
         """Take the chosen effect out of the model and look again; without a choice, allow all again. Can be undone."""
-        rows = self.table.selectionModel().selectedRows()
-        item = self.table.item(rows[0].row(), 0) if rows else None
-        if item is None:
+        row, effect = self.table.chosen()
+        if row < 0:
             self._change((frozenset(), self._added))
             return
-        effect = str(item.data(Qt.ItemDataRole.UserRole))
         if effect in self._added:
             self._change((self._without, tuple(e for e in self._added if e != effect)))
         else:
@@ -242,54 +232,11 @@ class GapPage(QWidget):
             ),
         }.get(str(report["verdict"]), ("warning", " ".join(report.get("missing", ()))))
         self._say(level, text)
-        self.table.setRowCount(0)
-        for k, step in enumerate(report["steps"]):
-            self._add_step(k, step)
-        self.more.setText("\n".join(self._remarks(report)))
-        self._draw(report)
+        self.table.show_steps(report["steps"])
+        self.more.setText("\n".join(remarks(report, self._added, self._without)))
+        self.plot.show_report(report)
         self.picture.show_overlay(report.get("overlay"), str(report.get("overlay_why") or ""))
         self._ready()
-
-    def _remarks(self, report: dict[str, Any]) -> list[str]:
-        lines = [f"{step['effect']}: {step['extra_run']}" for step in report["steps"] if step.get("extra_run")]
-        for step in report["steps"]:
-            if step["effect"] in self._added:
-                lines.append(f"{step['effect']}: {step['evidence'].get('text', '')}")
-        unseen = [f"{effect}: {why}" for effect, why in report.get("not_seen", {}).items()]
-        if unseen:
-            lines.append(self.tr("This session cannot show: {effects}").format(effects="; ".join(unseen)))
-        if self._without:
-            lines.append(self.tr("Left out: {effects}").format(effects=", ".join(sorted(self._without))))
-        return lines
-
-    def _add_step(self, k: int, step: dict[str, Any]) -> None:
-        self.table.insertRow(k)
-        twins = step.get("indistinguishable_from") or []
-        name = step["effect"] + (self.tr(" (or {others})").format(others=", ".join(twins)) if twins else "")
-        size = ", ".join(f"{key} {_value(value)}" for key, value in step["parameters"].items())
-        gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
-        chance = f"{step['evidence']['p_value']:.1e}"
-        for column, text in enumerate((name, str(step.get("where", "")), size, gap, chance)):
-            item = QTableWidgetItem(text)
-            item.setToolTip(text)
-            item.setData(Qt.ItemDataRole.UserRole, step["effect"])
-            self.table.setItem(k, column, item)
-
-    def _draw(self, report: dict[str, Any]) -> None:
-        self.plot.clear_all()
-        if report["gap_first_mm"] is None:
-            return
-        gaps = [report["gap_first_mm"], *(step["gap_after_mm"] for step in report["steps"])]
-        x = np.arange(len(gaps), dtype=float)
-        y = np.array(gaps, float)
-        names = [self.tr("none yet"), *(step["effect"] for step in report["steps"])]
-        tips = [f"{name}\n{gap:.3f} mm" for name, gap in zip(names, gaps, strict=True)]
-        self.plot.line(self.tr("gap"), x, y, theme().blue, 2)
-        self.plot.dots(self.tr("steps"), x, y, theme().orange, "s", 10, words=tips)
-        floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
-        self.plot.line(self.tr("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
-        self.plot.getAxis("bottom").setTicks([[(float(k), name) for k, name in enumerate(names)]])
-        self.plot.setYRange(0, 1.4 * max(*gaps, *floor))
 
     def _say(self, level: str, text: str) -> None:
         self.verdict.setText(text)
@@ -300,13 +247,4 @@ class GapPage(QWidget):
         self.plot.restyle()
         self.picture.restyle()
         if self._report is not None:
-            self._draw(self._report)
-
-
-def _value(value: Any) -> str:
-    """A parameter with its 95 % interval."""
-    if not isinstance(value, dict):
-        return str(value)
-    interval = value.get("ci95")
-    text = f"{value['value']:.4g}"
-    return text + (f" ({interval[0]:.4g} … {interval[1]:.4g})" if interval else "")
+            self.plot.show_report(self._report)

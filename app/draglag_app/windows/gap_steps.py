@@ -1,0 +1,99 @@
+"""The steps of a closed gap as the page shows them: a table of effects, a plot of the gap that shrinks, remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
+
+from draglag_app.windows.plots import Plot, tr
+from draglag_app.windows.theme import theme
+from draglag_app.windows.widgets import set_up_table
+
+
+def say(text: str) -> str:
+    return QCoreApplication.translate("GapPage", text)
+
+
+class StepTable(QTableWidget):
+    """One row a step of a gap report (the design's JSON)."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        titles = [say("effect"), say("where"), say("size"), say("gap before → after"), say("p")]
+        set_up_table(self, titles, stretch=1)
+
+    def show_steps(self, steps: list[dict[str, Any]]) -> None:
+        self.setRowCount(0)
+        for k, step in enumerate(steps):
+            self._add(k, step)
+
+    def chosen(self) -> tuple[int, str]:
+        """Row and effect that are chosen; −1 and nothing where none is."""
+        rows = self.selectionModel().selectedRows()
+        item = self.item(rows[0].row(), 0) if rows else None
+        return (-1, "") if item is None else (item.row(), str(item.data(Qt.ItemDataRole.UserRole)))
+
+    def _add(self, k: int, step: dict[str, Any]) -> None:
+        self.insertRow(k)
+        twins = step.get("indistinguishable_from") or []
+        name = step["effect"] + (say(" (or {others})").format(others=", ".join(twins)) if twins else "")
+        size = ", ".join(f"{key} {_value(value)}" for key, value in step["parameters"].items())
+        gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
+        chance = f"{step['evidence']['p_value']:.1e}"
+        for column, text in enumerate((name, str(step.get("where", "")), size, gap, chance)):
+            item = QTableWidgetItem(text)
+            item.setToolTip(text)
+            item.setData(Qt.ItemDataRole.UserRole, step["effect"])
+            self.setItem(k, column, item)
+
+
+class StepPlot(Plot):
+    """The gap on runs held out of the fit, step by step, against the noise floor."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        title = say("Residual on runs held out of the fit")
+        super().__init__(title, tr("effects in the model"), tr("gap (mm RMS)"), "gap", parent)
+        self.add_legend()
+
+    def show_report(self, report: dict[str, Any]) -> None:
+        self.clear_all()
+        if report["gap_first_mm"] is None:
+            return
+        gaps = [report["gap_first_mm"], *(step["gap_after_mm"] for step in report["steps"])]
+        x, y = np.arange(len(gaps), dtype=float), np.array(gaps, float)
+        names = [say("none yet"), *(step["effect"] for step in report["steps"])]
+        tips = [f"{name}\n{gap:.3f} mm" for name, gap in zip(names, gaps, strict=True)]
+        self.line(say("gap"), x, y, theme().blue, 2)
+        self.dots(say("steps"), x, y, theme().orange, "s", 10, words=tips)
+        floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
+        self.line(say("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
+        self.getAxis("bottom").setTicks([[(float(k), name) for k, name in enumerate(names)]])
+        # With room for the legend above the highest of them.
+        self.setYRange(0, 1.4 * max(*gaps, *floor))
+
+
+def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
+    """What would tell twins apart, how effects added by hand are judged, what the session cannot show."""
+    lines = [f"{step['effect']}: {step['extra_run']}" for step in report["steps"] if step.get("extra_run")]
+    for step in report["steps"]:
+        if step["effect"] in added:
+            lines.append(f"{step['effect']}: {step['evidence'].get('text', '')}")
+    unseen = [f"{effect}: {why}" for effect, why in report.get("not_seen", {}).items()]
+    if unseen:
+        lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
+    if without:
+        lines.append(say("Left out: {effects}").format(effects=", ".join(sorted(without))))
+    return lines
+
+
+def _value(value: Any) -> str:
+    """A parameter with its 95 % interval."""
+    if not isinstance(value, dict):
+        return str(value)
+    interval = value.get("ci95")
+    text = f"{value['value']:.4g}"
+    return text + (f" ({interval[0]:.4g} … {interval[1]:.4g})" if interval else "")
