@@ -19,9 +19,20 @@ SYMBOLS = ("o", "s", "t", "d", "x")
 class CurvePlot(Plot):
     """Points of runs with their 95 % intervals, the fitted curve with its band, rivals if asked for."""
 
-    def __init__(self, title: str = "", parent: QWidget | None = None, legend_columns: int = 1) -> None:
+    def __init__(self, title: str = "", parent: QWidget | None = None, named_above: bool = False) -> None:
+        self._named_above = ""
         super().__init__(title, tr("drag speed (mm/s)"), tr("latency (ms)"), "latency-curve", parent)
-        self.add_legend(columns=legend_columns)
+        if named_above:  # where a legend would cover what there is to see
+            self._named_above = title
+            self.restyle()
+        else:
+            self.add_legend()
+
+    def restyle(self) -> None:
+        super().restyle()
+        if self._named_above:
+            marks = (("●", theme().orange, tr("runs")), ("─", theme().blue, tr("curve")))
+            self.name_above(self._named_above, marks)
 
     def draw(
         self,

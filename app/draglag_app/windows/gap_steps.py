@@ -57,7 +57,7 @@ class StepPlot(Plot):
     def __init__(self, parent: QWidget | None = None) -> None:
         title = say("Residual on runs held out of the fit")
         super().__init__(title, tr("effects in the model"), tr("gap (mm RMS)"), "gap", parent)
-        self.add_legend()
+        self.add_legend(columns=3)
 
     def show_report(self, report: dict[str, Any]) -> None:
         self.clear_all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import numpy as np
 from PySide6.QtCore import QObject
 
@@ -20,6 +22,7 @@ class PlanPreview(QObject):
     def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._space = workspace
+        self._key = ""
         self.words = label("", "verdict", wrap=True)
         self.plot = Plot(
             tr("Order of the runs"), tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol"
@@ -46,7 +49,8 @@ class PlanPreview(QObject):
             total_s += 2 * protocol.clock_check.duration_s
         text = self.tr("{n} runs, about {time} in all").format(n=len(plan), time=words.duration(total_s))
         notes = sorted({planned.note for planned in plan if planned.note})
-        self.words.setText(text + "".join(f". {note}" for note in notes))
+        # What the colours mean stands here: above the plot there is no room for it.
+        self.words.setText(escape(text + "".join(f". {note}" for note in notes)) + self._key)
 
     def _draw(self, plan: tuple[PlannedRun, ...]) -> float:
         at_s, rest_s = 0.0, self._space.protocol.rest_s
@@ -65,8 +69,10 @@ class PlanPreview(QObject):
             width = 4 if kind == "circle" else 1.2
             colour = colours.get(kind, theme().text)
             self.plot.line(words.target_name(kind), table[:, 0], table[:, 1], colour, width, legend=False)
-        marks = [("■", colours.get(kind, theme().text), words.target_name(kind)) for kind in parts]
-        self.plot.name_above(tr("Order of the runs"), marks if len(marks) > 1 else (), apart="<br>")
+        self._key = "".join(
+            f" &nbsp; <span style='color:{colours.get(kind, theme().text)}'>■</span> {words.target_name(kind)}"
+            for kind in parts
+        )
         self.plot.autoRange(padding=0.04)
         return at_s
 

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QLineEdit,
+    QMenu,
     QPushButton,
     QScrollArea,
     QTabBar,
@@ -514,6 +515,16 @@ def test_everything_to_press_or_fill_in_is_large_enough_for_a_finger(open_window
                     assert widget.height() >= 44, (name, kind.__name__, widget.accessibleName())
         for rows in window.findChildren(QTableWidget):
             assert rows.verticalHeader().defaultSectionSize() >= 44, (name, rows.accessibleName())
+
+
+def test_menus_are_large_enough_for_a_finger(open_window: Callable) -> None:
+    bar = open_window().menuBar()
+    assert all(bar.actionGeometry(title).height() >= 44 for title in bar.actions())
+    menus = [menu for menu in bar.findChildren(QMenu) if menu.title()]  # not the one of what finds no room
+    assert len(menus) == len(bar.actions())
+    for menu in menus:
+        menu.ensurePolished()
+        assert all(menu.actionGeometry(item).height() >= 44 for item in menu.actions())
 
 
 @pytest.mark.parametrize("language", ["en", "nl"])

@@ -60,7 +60,7 @@ class RecordPage(QWidget):
         self.trace = TracePlot()
         right = QSplitter(Qt.Orientation.Vertical)
         self.speed = SpeedPlot()
-        self.curve = CurvePlot(self.tr("Latency so far"), legend_columns=4)
+        self.curve = CurvePlot(self.tr("Latency so far"), named_above=True)
         self._turns = [self.trace, self.speed]
         right.addWidget(self.speed)
         right.addWidget(self.curve)
