@@ -303,7 +303,7 @@ class TestGeometryPage:
         page._numbers_edited()
         assert space.settings.panel.stylus().diameter_mm == 6.5
         assert space.settings.panel.beam().slope == pytest.approx(0.01)
-        assert load_settings(window.space._settings_file)[0].panel == space.settings.panel
+        assert load_settings(window.space.settings_file)[0].panel == space.settings.panel
 
 
 class TestCompare:
