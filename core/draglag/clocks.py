@@ -237,10 +237,17 @@ def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
     good = np.isfinite(y)
     x, y = x[good], sign * y[good]
     order = np.lexsort((y, x))
+    order = order[np.append(True, np.diff(x[order]) > 0)]  # of points above each other only the outermost counts
+    x, y = x[order], y[order]
+    # A point above the line through its neighbours is no corner; most go at once.
+    for _ in range(8 if x.size > 20 else 0):
+        rise = np.diff(y) / np.diff(x)
+        keep = np.concatenate([[True], rise[:-1] < rise[1:], [True]])
+        if keep.all():
+            break
+        x, y = x[keep], y[keep]
     chain: list[tuple[float, float]] = []
-    for px, py in zip(x[order].tolist(), y[order].tolist(), strict=True):
-        if chain and chain[-1][0] == px:
-            continue  # of points above each other only the outermost, which came first, counts
+    for px, py in zip(x.tolist(), y.tolist(), strict=True):
         while len(chain) > 1:
             (ax, ay), (bx, by) = chain[-2], chain[-1]
             if (by - ay) * (px - ax) < (py - ay) * (bx - ax):
@@ -272,31 +279,34 @@ def _feasible(floor: FloatArray, ceiling: FloatArray, slack: float) -> FloatArra
     reach = 1.0 + float(np.abs(np.concatenate([floor[:, 1], ceiling[:, 1]])).max())
     reach += LARGEST_DRIFT * float(np.abs(np.concatenate([floor[:, 0], ceiling[:, 0]])).max())
     b = LARGEST_DRIFT
-    polygon = np.array([[-reach, -b], [reach, -b], [reach, b], [-reach, b]])
+    polygon = [(-reach, -b), (reach, -b), (reach, b), (-reach, b)]
     widen = slack + _ROUNDING_S
-    for x, y in floor:
-        polygon = _cut(polygon, np.array([-1.0, -x]), -(y - widen))
-    for x, y in ceiling:
-        polygon = _cut(polygon, np.array([1.0, x]), y + widen)
-    return polygon
+    for x, y in floor.tolist():
+        polygon = _cut(polygon, -1.0, -x, -(y - widen))
+    for x, y in ceiling.tolist():
+        polygon = _cut(polygon, 1.0, x, y + widen)
+    return np.array(polygon).reshape(-1, 2)
 
 
-def _cut(polygon: FloatArray, normal: FloatArray, limit: float) -> FloatArray:
-    """The part of a convex polygon where normal · p ≤ limit."""
-    if not len(polygon):
+# Polygons have some ten corners: plain floats are several times faster than arrays.
+Corner = tuple[float, float]
+
+
+def _cut(polygon: list[Corner], across: float, along: float, limit: float) -> list[Corner]:
+    """The part of a convex polygon where across · offset + along · drift ≤ limit."""
+    excess = [across * offset + along * drift - limit for offset, drift in polygon]
+    if not excess or max(excess) <= 0:
         return polygon
-    excess = polygon @ normal - limit
-    if (excess <= 0).all():
-        return polygon
-    kept: list[FloatArray] = []
-    for k in range(len(polygon)):
-        here, there = excess[k - 1], excess[k]
+    kept: list[Corner] = []
+    for k, there in enumerate(excess):
+        here = excess[k - 1]
         if (here > 0) != (there > 0):
             share = here / (here - there)
-            kept.append(polygon[k - 1] + share * (polygon[k] - polygon[k - 1]))
+            (a, b), (c, d) = polygon[k - 1], polygon[k]
+            kept.append((a + share * (c - a), b + share * (d - b)))
         if there <= 0:
             kept.append(polygon[k])
-    return np.array(kept).reshape(-1, 2)
+    return kept
 
 
 def _centre(polygon: FloatArray) -> tuple[float, float]:

@@ -303,10 +303,14 @@ def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None)
     gram = np.swapaxes(columns[:, :, :free], 1, 2) @ columns[:, :, :free]
     moment = np.einsum("gnp,gn->gp", columns[:, :, :free], target)
     total = np.einsum("gn,gn->g", target, target)
-    best_cost = total.copy()
-    best = np.zeros((g, free))
-    todo = np.arange(g)
-    for size in range(free, 0, -1):
+    ridge = 1e-12 * np.einsum("gpp->g", gram)[:, None, None]
+    best = np.linalg.solve(gram + ridge * np.eye(free), moment[:, :, None])[:, :, 0]
+    best_cost = total - (best * moment).sum(1)
+    # Where nothing is negative with all columns, that is the best there is.
+    todo = np.flatnonzero((best < 0).any(1))
+    best_cost[todo] = total[todo]
+    best[todo] = 0.0
+    for size in range(free - 1, 0, -1) if todo.size else ():
         for active in combinations(range(free), size):
             pick = np.array(active)
             sub = gram[todo[:, None, None], pick[:, None], pick]
@@ -320,11 +324,6 @@ def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None)
             best_cost[rows] = cost[better]
             best[rows] = 0.0
             best[rows[:, None], pick] = amplitude[better]
-        if size == free:
-            # Where nothing is negative with all columns, that is the best there is.
-            todo = todo[~allowed]
-            if not todo.size:
-                break
     if tied_s is not None:
         best = np.column_stack([best, np.full(g, fixed)])
     return best_cost, best
@@ -336,11 +335,15 @@ def _between_runs(points: CurvePoints, predicted_s: FloatArray, n_free: int) -> 
     dof = points.latency_s.size - n_free
     if dof < 1 or np.sum(squared / points.se_s**2) <= dof:
         return 0.0
-    low, high = 0.0, float(np.sqrt(np.sum(squared)))
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if np.sum(squared / (points.se_s**2 + middle**2)) > dof else (low, middle)
-    return high
+    # Falling and convex in the extra variance: Newton's steps from below never pass the root.
+    known, extra = points.se_s**2, 0.0
+    for _ in range(60):
+        share = squared / (known + extra)
+        step = (float(share.sum()) - dof) / float((share / (known + extra)).sum())
+        extra += step
+        if step <= 1e-12 * extra:
+            break
+    return float(np.sqrt(extra))
 
 
 def _finish(

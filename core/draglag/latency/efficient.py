@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg.lapack import dpbtrf, dpbtrs
+from scipy.linalg.lapack import dpbtrf, dtbtrs
 from scipy.special import stdtrit
 
 from draglag.beam import Lines, sides, stylus_diameter_mm
@@ -22,7 +22,7 @@ from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstim
 from draglag.latency.path import APART_S, Path, corner_of, events_of, smooth_path, spectrum_of
 from draglag.latency.scan import Scan, scan
 from draglag.latency.tremor import Tremor, tremor_of
-from draglag.motion import contact_losses, in_contact
+from draglag.motion import contact_losses, in_contact, median
 from draglag.recording import FloatArray
 
 SPEED_SLOPE_SD_S = 0.08  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
@@ -142,7 +142,7 @@ def _track(ready: Prepared) -> Track:
     speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
     usual = float(np.exp(np.mean(np.log(np.maximum(speed, 1e-3)))))
     relative = np.clip(np.log(np.maximum(speed, 1e-3) / usual), -1, 1)
-    uneven = path.like(events, v_mm_s * relative[:, None])
+    uneven = path.like(v_mm_s * relative[:, None])
     tremor = tremor_of(events, path, v_mm_s)
     return Track(path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
 
@@ -191,7 +191,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
             break
     if fit is None or known is None:
         return None
-    fit = _weighted_fit(design, xy_mm[:, 1], known)
+    fit = _weighted_fit(design, xy_mm[:, 1], known, _likely_scatter_mm(fit.residual))
     latency_s += float(np.clip(fit.estimate[0], -0.03, 0.03))
     parameters = fit.estimate.copy()
     parameters[0] = latency_s
@@ -217,7 +217,9 @@ def _on_track(solution: Solution, track: Track) -> Solution:
     at_s = solution.edges.t_s + solution.latency_s
     xy_mm = track.at(at_s)
     design = _design(track, at_s, float(solution.parameters[1]), solution.side, xy_mm, solution.v_mm_s)
-    fit = _weighted_fit(design, xy_mm[:, 1], _known(solution.edges.t_s, at_s, track))
+    known = _known(solution.edges.t_s, at_s, track)
+    fit = _weighted_fit(design, xy_mm[:, 1], known, SCATTER_MM[:1])
+    fit = _weighted_fit(design, xy_mm[:, 1], known, _likely_scatter_mm(fit.residual))
     latency_s = solution.latency_s + float(np.clip(fit.estimate[0], -0.03, 0.03))
     parameters = fit.estimate.copy()
     parameters[0] = latency_s
@@ -283,7 +285,7 @@ def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> _Known:
     bands[0] += 1e-3 * bands[0].mean() + 1e-9
     extra = np.exp(-0.5 * (lag_s / SCATTER_LASTS_S) ** 2)
     extra[0] += 0.02
-    return _Known(bands, extra)
+    return _Known(np.asfortranarray(bands), np.asfortranarray(extra))  # as LAPACK wants them
 
 
 @dataclass(frozen=True)
@@ -299,17 +301,18 @@ class _Fit:
 def _weighted_fit(design: FloatArray, response: FloatArray, known: _Known, scatter_mm: FloatArray = SCATTER_MM) -> _Fit:
     """Generalised least squares, averaged over the extra scatters τ by their restricted likelihood."""
     scale = np.sqrt((design**2).mean(0)) + 1e-12
-    prior = np.zeros(5)
-    prior[4] = (scale[4] ** -2) / SPEED_SLOPE_SD_S**2
-    both = np.column_stack([design / scale, response])
+    prior = np.zeros((5, 5))
+    prior[4, 4] = (scale[4] ** -2) / SPEED_SLOPE_SD_S**2
+    both = np.asfortranarray(np.column_stack([design / scale, response]))
     grams, log_dets = np.empty((scatter_mm.size, 6, 6)), np.empty(scatter_mm.size)
     for k, tau in enumerate(scatter_mm):
-        factor, bad = dpbtrf(known.bands + tau**2 * known.extra, lower=1)
+        factor, bad = dpbtrf(known.bands + tau**2 * known.extra, lower=1, overwrite_ab=1)
         if bad:
             raise np.linalg.LinAlgError("the edges' covariance is not positive definite")
-        grams[k] = both.T @ dpbtrs(factor, both, lower=1)[0]
+        white = dtbtrs(factor, both, uplo="L")[0]
+        grams[k] = white.T @ white
         log_dets[k] = np.log(factor[0]).sum()
-    normal, moment = grams[:, :5, :5] + np.diag(prior), grams[:, :5, 5]
+    normal, moment = grams[:, :5, :5] + prior, grams[:, :5, 5]
     spreads = np.linalg.inv(normal)
     estimates = np.einsum("tpq,tq->tp", spreads, moment)
     chi2 = grams[:, 5, 5] - (moment * estimates).sum(1)
@@ -332,9 +335,20 @@ def _weighted_fit(design: FloatArray, response: FloatArray, known: _Known, scatt
     )
 
 
+def _likely_scatter_mm(residual: FloatArray) -> FloatArray:
+    """The scatters τ that can have weight beside residuals (m,).
+
+    From three times their size on the likelihood falls with τ^(m/2 − 5) or faster (edges in pairs, five parameters);
+    what is 10¹¹ times less likely than there is left out.
+    """
+    beyond = 25.0 / (np.log(1.6) * max(0.5 * residual.size - 5, 1.0))
+    size = int(np.searchsorted(SCATTER_MM, 3 * np.sqrt(np.mean(residual**2))))
+    return SCATTER_MM[: size + 1 + int(np.ceil(beyond))]
+
+
 def _outliers(residual: FloatArray, variance: FloatArray) -> np.ndarray:
     """Edges that no stylus made: beyond 5 robust standard deviations of the rest, at most a fifth at a time."""
-    scale = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    scale = 1.4826 * median(np.abs(residual - median(residual)))
     limit = 5 * np.maximum(np.sqrt(variance), scale)
     out = np.abs(residual) > limit
     if np.count_nonzero(out) > 0.2 * residual.size:

@@ -13,15 +13,17 @@ What is left of the events is noise and whatever the hand did faster than the co
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import get_window
+from scipy.sparse import csr_array
 
-from draglag.motion import sample_interval_s
+from draglag.motion import median, sample_interval_s
 from draglag.recording import FloatArray, IntArray
 
 SEGMENT_S = 8.0
@@ -137,7 +139,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
             rhythm = 0.0
     top = max(NOISE_UP_TO_HZ, 2.5 * rhythm)
     between = (f > rhythm + 2 * step) & (f < top)
-    noise = float(np.median(power[between])) / spectrum.median
+    noise = median(power[between]) / spectrum.median
     start = max(1.15 * rhythm, rhythm + 2 * step, 3 * step)
     corners = start * (max(12.0, 3 * rhythm) / start) ** np.linspace(0, 1, 30)
     shape, at = _penalty(f, rhythm), _penalty_at_corner(corners, rhythm)
@@ -148,7 +150,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
         corner = float(corners[int(np.argmin(risk))])
         beyond = (f > corner) & (f < max(top, 1.5 * corner))
         if np.count_nonzero(beyond) >= 5:
-            noise = float(np.median(power[beyond])) / spectrum.median
+            noise = median(power[beyond]) / spectrum.median
     return rhythm, corner, _noise_below(spectrum, corner, noise)
 
 
@@ -193,7 +195,7 @@ class Path:
         start_s, step_s: the knots. coefficients: (k, 2). factor: banded Cholesky factor of the normal equations.
         noise_mm: standard deviation of an event, had it all over its band the noise it has below the corner.
         noise_dof: degrees of freedom that this is known with.
-        dt_s: mean interval of the events.
+        dt_s: mean interval of the events. basis: (n, k) the splines at the events.
     """
 
     start_s: float
@@ -205,23 +207,33 @@ class Path:
     corner_hz: float
     noise_dof: float
     dt_s: float
+    basis: csr_array = field(repr=False)
 
     def at(self, t_s: FloatArray, order: int = 0) -> FloatArray:
         """Position (0), velocity (1) or acceleration (2) at times of any shape, (..., 2)."""
-        first, weights = self._weights(t_s, order)
-        out = weights[0][..., None] * self.coefficients[first]
-        for j in (1, 2, 3):
-            out += weights[j][..., None] * self.coefficients[first + j]
-        return np.asarray(out)
+        position = (t_s - self.start_s) / self.step_s
+        first = np.clip(position.astype(np.int64), 0, self.coefficients.shape[0] - 4)
+        u = position - first
+        a, b, c, d = self._powers
+        if order == 0:
+            out = ((d.take(first) * u + c.take(first)) * u + b.take(first)) * u + a.take(first)
+        elif order == 1:
+            out = ((3 * d.take(first) * u + 2 * c.take(first)) * u + b.take(first)) / self.step_s
+        else:
+            out = (6 * d.take(first) * u + 2 * c.take(first)) / self.step_s**2
+        return np.asarray(out.view(np.float64).reshape(*t_s.shape, 2))
 
-    def like(self, events: Events, values: FloatArray) -> Path:
+    @cached_property
+    def _powers(self) -> tuple[NDArray[np.complex128], ...]:
+        """Coefficients x + iy of the cubic of each interval, (k − 3,) for each power of the share of it."""
+        whole = np.asarray(self.coefficients[:, 0] + 1j * self.coefficients[:, 1], np.complex128)
+        a, b, c, d = (whole[j : whole.size - 3 + j] / 6 for j in range(4))
+        return a + 4 * b + c, 3 * (c - a), 3 * (a - 2 * b + c), d - a + 3 * (b - c)
+
+    def like(self, values: FloatArray) -> Path:
         """The same smoother put on other values of the same events, (n, 2)."""
-        first, weights = self._weights(events.t_s, 0)
-        target = _moments(first, weights, values, self.coefficients.shape[0])
-        return replace(self, coefficients=cho_solve_banded((self.factor, True), target, check_finite=False))
-
-    def _weights(self, t_s: FloatArray, order: int) -> tuple[IntArray, list[FloatArray]]:
-        return _bspline(t_s, self.start_s, self.step_s, self.coefficients.shape[0], order)
+        solved = cho_solve_banded((self.factor, True), self.basis.T @ values, check_finite=False)
+        return replace(self, coefficients=solved)
 
     def by_lag(self, lag_s: FloatArray) -> FloatArray:
         """Covariance of the errors of one coordinate at two times that far apart, away from ends and gaps, mm²."""
@@ -232,7 +244,7 @@ class Path:
         scale = np.ones(t_s.size)
         near = np.flatnonzero(np.abs(t_s[:, None] - edge_of_s[None, :]).min(1) < 1.0 / self.corner_hz)
         if near.size:
-            first, weights = self._weights(t_s[near], 0)
+            first, weights = _bspline(t_s[near], self.start_s, self.step_s, self.coefficients.shape[0])
             basis = np.zeros((self.coefficients.shape[0], near.size), order="F")
             for j in range(4):
                 basis[first + j, np.arange(near.size)] = weights[j]
@@ -291,35 +303,16 @@ def _penalty_at_corner(corner_hz: FloatArray, rhythm_hz: float) -> FloatArray:
     return np.asarray((corner_hz**2 * (corner_hz**2 - rhythm_hz**2) ** 2 * third) ** 2)
 
 
-def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int, order: int) -> tuple[IntArray, list[FloatArray]]:
-    """Cubic B-splines on even knots: the first of four at each time, and their values or derivatives."""
+def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[IntArray, list[FloatArray]]:
+    """Cubic B-splines on even knots: the first of four at each time, and their values."""
     position = (t_s - start_s) / step_s
-    first = np.clip(np.floor(position).astype(np.int64), 0, n - 4)
+    first = np.clip(position.astype(np.int64), 0, n - 4)
     u = position - first
-    if order == 0:
-        v = 1 - u
-        u3 = u * u * u
-        low = v * v * v / 6
-        b = (3 * u3 - 6 * u * u + 4) / 6
-        return first, [low, b, 1 - low - b - u3 / 6, u3 / 6]
-    if order == 1:
-        c = 1 / step_s
-        return first, [
-            -0.5 * c * (1 - u) ** 2,
-            c * (1.5 * u * u - 2 * u),
-            c * (-1.5 * u * u + u + 0.5),
-            0.5 * c * u * u,
-        ]
-    c = 1 / step_s**2
-    return first, [c * (1 - u), c * (3 * u - 2), c * (1 - 3 * u), c * u]
-
-
-def _moments(first: IntArray, weights: list[FloatArray], values: FloatArray, n: int) -> FloatArray:
-    out = np.zeros((n, 2))
-    for a in range(4):
-        for column in range(2):
-            out[:, column] += np.bincount(first + a, weights[a] * values[:, column], n)
-    return out
+    v = 1 - u
+    u3 = u * u * u
+    low = v * v * v / 6
+    b = (3 * u3 - 6 * u * u + 4) / 6
+    return first, [low, b, 1 - low - b - u3 / 6, u3 / 6]
 
 
 def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power: float) -> Path:
@@ -332,7 +325,7 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
     taps = np.array([1.0, -2.0, 1.0])
     for turn_hz in (rhythm_hz, rhythm_hz, 3 * rhythm_hz) if rhythm_hz > 0 else (0.0, 0.0):
         taps = np.convolve(taps, [1.0, -2 * np.cos(2 * np.pi * turn_hz * step_s), 1.0])
-    first, weights = _bspline(t_s, start_s, step_s, n, 0)
+    first, weights = _bspline(t_s, start_s, step_s, n)
     bands = np.zeros((taps.size, n))
     for a in range(4):
         for b in range(a, 4):
@@ -345,9 +338,12 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
             bands[k, a : a + rows] += strength * taps[a] * taps[a + k]
     bands[0] += 1e-10 * step_s / events.dt_s
     factor = cholesky_banded(bands, lower=True, check_finite=False)
-    target = _moments(first, weights, events.xy_mm, n)
-    coefficients = cho_solve_banded((factor, True), target, check_finite=False)
+    column = first[:, None] + np.arange(4)
+    row_starts = np.arange(0, 4 * t_s.size + 1, 4)
+    basis = csr_array((np.stack(weights, axis=1).ravel(), column.ravel(), row_starts), shape=(t_s.size, n))
+    coefficients = cho_solve_banded((factor, True), basis.T @ events.xy_mm, check_finite=False)
     noise_mm = float(np.sqrt(noise_power / (2 * events.dt_s)))
     # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.
     noise_dof = 0.5 * max(NOISE_UP_TO_HZ - corner_hz, 1.0) * float(t_s[-1] - t_s[0])
-    return Path(start_s, step_s, coefficients, factor, noise_mm, rhythm_hz, corner_hz, max(noise_dof, 3.0), events.dt_s)
+    noise_dof = max(noise_dof, 3.0)
+    return Path(start_s, step_s, coefficients, factor, noise_mm, rhythm_hz, corner_hz, noise_dof, events.dt_s, basis)

@@ -47,27 +47,16 @@ def scan(
     circle's top and bottom, perfectly aligned.
     """
     latency_s = np.arange(window_s[0], window_s[1] + step_s / 2, step_s)
-    dt_s = sample_interval_s(touch.t_s)
-    grid_s = np.arange(touch.t_s[0], touch.t_s[-1] + dt_s / 2, dt_s)
-    reach = max(2, round(0.7 * half_width_s / dt_s))
-    if path is not None:
-        x_mm, y_mm = path.at(grid_s).T
-        vy = np.gradient(y_mm, dt_s)
-    else:
-        x_mm, y_mm = (np.interp(grid_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
-        if grid_s.size > 2 * reach + 1:
-            vy = savgol_filter(y_mm, 2 * reach + 1, 3, deriv=1, delta=dt_s)
-            y_mm = savgol_filter(y_mm, 2 * reach + 1, 3)
-        else:
-            vy = np.gradient(y_mm, dt_s)
     # An odd stride keeps both kinds of edges; to tell minima apart some sixty are plenty.
     some = slice(None, None, 2 * (edges.t_s.size // (2 * MANY_EDGES)) + 1)
     at_s = edges.t_s[None, some] + latency_s[:, None]
-    placed = in_contact(touch.t_s, at_s, contact_losses(touch.t_s)) & (at_s <= grid_s[-1])
-    position = np.clip((at_s - grid_s[0]) / dt_s, 0, grid_s.size - 1.001)
-    k = position.astype(int)
-    f = position - k
-    x, y, v = ((1 - f) * a[k] + f * a[k + 1] for a in (x_mm, y_mm, vy))
+    placed = in_contact(touch.t_s, at_s, contact_losses(touch.t_s))
+    if path is not None:
+        inside_s = np.clip(at_s, touch.t_s[0], touch.t_s[-1])
+        x, y = np.moveaxis(path.at(inside_s), -1, 0)
+        v = path.at(inside_s, 1)[..., 1]
+    else:
+        x, y, v = _moved(touch, at_s, half_width_s)
     side = sides(edges.falling[None, some], v)
     cost, apart_mm = _cost(x, y, side, placed)
     if stylus_diameter_mm is not None:
@@ -77,30 +66,48 @@ def scan(
     return Scan(latency_s, np.where(enough, cost, np.inf))
 
 
+def _moved(touch: TouchTrace, at_s: FloatArray, half_width_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """x, y and the velocity along y at times of any shape, by a local cubic on an even grid."""
+    dt_s = sample_interval_s(touch.t_s)
+    grid_s = np.arange(touch.t_s[0], touch.t_s[-1] + dt_s / 2, dt_s)
+    reach = max(2, round(0.7 * half_width_s / dt_s))
+    x_mm, y_mm = (np.interp(grid_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
+    if grid_s.size > 2 * reach + 1:
+        vy = savgol_filter(y_mm, 2 * reach + 1, 3, deriv=1, delta=dt_s)
+        y_mm = savgol_filter(y_mm, 2 * reach + 1, 3)
+    else:
+        vy = np.gradient(y_mm, dt_s)
+    position = np.clip((at_s - grid_s[0]) / dt_s, 0, grid_s.size - 1.001)
+    k = position.astype(int)
+    f = position - k
+    x, y, v = ((1 - f) * a[k] + f * a[k + 1] for a in (x_mm, y_mm, vy))
+    return x, y, v
+
+
 def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) -> tuple[FloatArray, FloatArray]:
     """Robust mean squared residual about two parallel lines, and how far the lower one is below, for every row."""
     weight = placed.astype(float)
     n = np.minimum(np.count_nonzero(placed, axis=1), placed.shape[1] - 1)
-    means: list[tuple[FloatArray, FloatArray]] = []
+    above, below = side < 0, side > 0
     for _ in range(3):
-        top, bottom = weight * (side < 0), weight * (side > 0)
-        xc, yc = x.copy(), y.copy()
-        means = []
-        for part in (top, bottom):
-            total = np.maximum(part.sum(1, keepdims=True), 1e-12)
-            inside = part > 0
-            x_mean = (part * x).sum(1, keepdims=True) / total
-            y_mean = (part * y).sum(1, keepdims=True) / total
-            xc -= np.where(inside, x_mean, 0.0)
-            yc -= np.where(inside, y_mean, 0.0)
-            means.append((x_mean[:, 0], y_mean[:, 0]))
-        sxx = np.maximum((weight * xc * xc).sum(1), 1e-12)
-        slope = np.clip((weight * xc * yc).sum(1) / sxx, -0.2, 0.2)  # ±11°: a beam, not a fit to the circle
+        (x_top, y_top), (x_bottom, y_bottom) = (_means(weight * part, x, y) for part in (above, below))
+        xc = x - np.where(above, x_top[:, None], x_bottom[:, None])
+        yc = y - np.where(above, y_top[:, None], y_bottom[:, None])
+        weighted = weight * xc
+        sxx = np.maximum(np.einsum("ln,ln->l", weighted, xc), 1e-12)
+        # ±11°: a beam, not a fit to the circle
+        slope = np.clip(np.einsum("ln,ln->l", weighted, yc) / sxx, -0.2, 0.2)
         squared = (yc - slope[:, None] * xc) ** 2
-        scale = np.sort(np.where(placed, squared, np.inf), axis=1)[np.arange(n.size), n // 2]
+        ranks = np.unique(n // 2)
+        scale = np.partition(np.where(placed, squared, np.inf), ranks, axis=1)[np.arange(n.size), n // 2]
         limit = 20 * np.maximum(scale, 1e-9)[:, None]  # about 3 σ of a normal residual
         weight = placed * np.minimum(1.0, np.sqrt(limit / np.maximum(squared, 1e-12)))
     one_sided = (np.count_nonzero(placed & (side < 0), 1) < 2) | (np.count_nonzero(placed & (side > 0), 1) < 2)
     robust = (placed * np.minimum(squared, limit)).sum(1) / np.maximum(placed.sum(1), 1)
-    (x_top, y_top), (x_bottom, y_bottom) = means
     return np.where(one_sided, np.inf, robust), y_bottom - y_top - slope * (x_bottom - x_top)
+
+
+def _means(weight: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weighted means of every row."""
+    total = np.maximum(weight.sum(1), 1e-12)
+    return np.einsum("ln,ln->l", weight, x) / total, np.einsum("ln,ln->l", weight, y) / total
