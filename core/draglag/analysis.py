@@ -166,18 +166,18 @@ def curve_points(estimates: list[RunEstimate], options: AnalysisOptions) -> Curv
 def _curve(
     estimates: list[RunEstimate], taps: Mapping[str, TapSummary], options: AnalysisOptions
 ) -> tuple[CurveFit | None, list[str]]:
-    tied_s = None
+    tied_s, tied_se_s = None, 0.0
     problems = []
     if options.tie_asymptote:
         if "release" in taps:
-            tied_s = taps["release"].median_s
+            tied_s, tied_se_s = taps["release"].median_s, taps["release"].median_se_s
         else:
             problems.append("the asymptote could not be tied: the session has no release taps")
     points = curve_points(estimates, options)
     try:
         if options.form == "best":
-            return fit_best(points, tied_s), problems
-        return fit_form(points, options.form, tied_s), problems
+            return fit_best(points, tied_s, tied_se_s=tied_se_s), problems
+        return fit_form(points, options.form, tied_s, tied_se_s), problems
     except KeyError:
         raise EstimateError(f"unknown curve form {options.form!r}", "See draglag analyze --help") from None
     except EstimateError as error:

@@ -55,9 +55,7 @@ def asymptote_check(
     asymptote_se = 1e-3 * curve.standard_errors["a7_ms"]
     out = []
     for kind, summary in taps.items():
-        # The median's interval by ranks is nearly normal for the 100 taps of a session.
-        tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / (2 * 1.96)
-        se = max(float(np.hypot(tap_se, asymptote_se)), 1e-9)
+        se = max(float(np.hypot(summary.median_se_s, asymptote_se)), 1e-9)
         difference = summary.median_s - asymptote_s
         p_value = float(norm.sf((margin_s - abs(difference)) / se))
         out.append(

@@ -1,4 +1,4 @@
-"""Speed and precision, printed: ``./run bench [RUNS]`` (default 500 simulated runs at each speed)."""
+"""Speed and precision, printed: ``./run bench [RUNS]`` (default 1500 simulated runs at each speed)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TRUE_S = {50.0: 0.140, 250.0: 0.090, 1000.0: 0.035}
 def precision(n_runs: int) -> None:
     print(f"RMSE over the Cramér–Rao bound and coverage of the 95 % interval, {n_runs} simulated runs at each speed")
     print("(one latency at all speeds, the simulated participant, 120 Hz, 0.15 mm noise of which a fifth correlated)")
-    print(f"{'mm/s':>6} {'edges':>6} {'bound ms':>9} {'efficient':>10} {'coverage':>9} {'none':>5} {'Eq. 2 raw':>10}")
+    print(f"{'mm/s':>6} {'edges':>6} {'bound ms':>9} {'efficient':>13} {'coverage':>14} {'none':>5} {'Eq. 2 raw':>10}")
     for speed, true_s in TRUE_S.items():
         rig = rig_with_latency(true_s, sensor_response_s=0.0)
         error, paper_error, covered, bounds, edges = [], [], [], [], []
@@ -44,8 +44,12 @@ def precision(n_runs: int) -> None:
         bound = float(np.sqrt(np.mean(np.square(bounds))))
         ratio, other_ratio = (float(np.sqrt(np.nanmean(np.square(e)))) / bound for e in (error, paper_error))
         none = n_runs - len(error)
+        # What so many runs leave open, one standard error: of a root mean square, and of a share.
+        open_ratio = ratio / np.sqrt(2 * len(error))
+        open_covered = 100 * float(np.std(covered)) / np.sqrt(len(covered))
         print(
-            f"{speed:6.0f} {np.mean(edges):6.0f} {1e3 * bound:9.3f} {ratio:10.2f} {100 * np.mean(covered):8.1f}% "
+            f"{speed:6.0f} {np.mean(edges):6.0f} {1e3 * bound:9.3f} {ratio:6.2f} ± {open_ratio:.2f} "
+            f"{100 * np.mean(covered):6.1f} ± {open_covered:.1f}% "
             f"{none:5d} {other_ratio:10.2f}"
         )
 
@@ -55,13 +59,16 @@ def speed() -> None:
     session = simulate_session("screen-1", protocol, seed=1)
     session = replace(session, runs=session.runs[:15])
     analyze(session)  # once for imports and caches
-    start = time.perf_counter()
-    analyze(session)
-    ours = time.perf_counter() - start
-    start = time.perf_counter()
-    for run in session.runs:
-        walt_style_latency_s(run)
-    peer = time.perf_counter() - start
+    # Turn about, the fastest of each: another job on the machine then slows neither alone.
+    ours, peer = float("inf"), float("inf")
+    for _ in range(7):
+        start = time.perf_counter()
+        analyze(session)
+        ours = min(ours, time.perf_counter() - start)
+        start = time.perf_counter()
+        for run in session.runs:
+            walt_style_latency_s(run)
+        peer = min(peer, time.perf_counter() - start)
     print(f"\nanalyze, 15 runs: {ours:.3f} s; WALT-style minimisation of the same runs: {peer:.3f} s")
     print(f"ratio {ours / peer:.3f} (bar: 0.25)")
     times = []
@@ -74,4 +81,4 @@ def speed() -> None:
 
 if __name__ == "__main__":
     speed()
-    precision(int(sys.argv[1]) if len(sys.argv) > 1 else 500)
+    precision(int(sys.argv[1]) if len(sys.argv) > 1 else 1500)

@@ -49,6 +49,20 @@ def test_the_band_covers_the_truth() -> None:
     assert np.mean(inside) > 0.88  # 95 % pointwise; 60 correlated curves scatter it by a few percent
 
 
+def test_a_tied_asymptote_hands_its_own_error_on() -> None:
+    """Refitted with taps off by one standard error, coefficients move as the covariance says."""
+    exact = points(TABLE_2[1])
+    tie_s, se_s = 0.02814, 2e-4
+    plain = fit_form(exact, "double_exponential", tied_asymptote_s=tie_s)
+    unsure = fit_form(exact, "double_exponential", tied_asymptote_s=tie_s, tied_se_s=se_s)
+    off = [fit_form(exact, "double_exponential", tied_asymptote_s=tie_s + d) for d in (-se_s, se_s)]
+    moved = 0.5 * (off[1].values - off[0].values)
+    added = np.diag(unsure.covariance - plain.covariance)
+    assert np.allclose(unsure.values, plain.values)
+    assert unsure.standard_errors["a7_ms"] == pytest.approx(0.2)
+    assert np.sqrt(added) == pytest.approx(np.abs(moved), rel=0.1)
+
+
 def test_a_tied_asymptote_stays_tied() -> None:
     curve = fit_form(points(TABLE_2[1]), "double_exponential", tied_asymptote_s=0.02814)
     assert curve.parameters["a7_ms"] == pytest.approx(28.14)

@@ -11,7 +11,7 @@ from draglag.latency.estimate import prepare
 from draglag.planning import plan
 from draglag.protocols import Protocol, RunPlan
 from draglag.recording import Taps
-from draglag.simulation import LatencyLaw, Rig, rig_for_screen, simulate_session_with_truth
+from draglag.simulation import LatencyLaw, Rig, rig_for_screen, simulate_session, simulate_session_with_truth
 from draglag.taps import summarise_taps
 from draglag.validation import validate_run
 from draglag.verification import asymptote_check, clock_drifts, width_check
@@ -110,7 +110,7 @@ def test_the_plan_foretells_what_runs_then_show(law: LatencyLaw) -> None:
     from draglag.latency import estimate_run
 
     protocol = Protocol(name="p", runs=(RunPlan(kind="circle", speed_mm_s=250, duration_s=16.0, repeats=100),))
-    rig = replace(steady_rig(), law=law, contact_loss_per_s=0.0, sensor_response_s=0.0)
+    rig = replace(steady_rig(), law=law, contact_loss_per_s=0.0, sensor_response_s=0.0, clock_width_s=1e-6)
     foretold = plan(protocol, rig).runs[0]
     errors = []
     for seed in (9, 10):
@@ -118,6 +118,15 @@ def test_the_plan_foretells_what_runs_then_show(law: LatencyLaw) -> None:
         errors += [(estimate_run(r, 7.0).latency_s or np.nan) - truth.runs[r.id].mean_latency_s for r in session.runs]
     # 200 runs know their own scatter to 5 %.
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(foretold.se_s, rel=0.15)
+
+
+@pytest.mark.parametrize(("screen", "speed_mm_s"), [("screen-1", 60.0), ("screen-2", 250.0), ("screen-1", 900.0)])
+def test_the_plan_foretells_the_interval_that_the_analysis_prints(screen: str, speed_mm_s: float) -> None:
+    protocol = Protocol(name="p", runs=(RunPlan(kind="circle", speed_mm_s=speed_mm_s, repeats=12),))
+    foretold = plan(protocol, screen).runs[0]
+    found = [run.latency_ci95_s for run in analyze(simulate_session(screen, protocol, seed=4)).runs]
+    halves_s = [0.5 * (ends[1] - ends[0]) for ends in found if ends is not None]
+    assert np.mean(halves_s) == pytest.approx(foretold.half_interval_s, rel=0.15)
 
 
 def test_a_plan_says_more_edges_are_better_and_too_few_speeds_make_no_curve() -> None:

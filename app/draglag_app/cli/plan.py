@@ -12,8 +12,8 @@ from draglag_app.cli.common import json_option, number, print_json, table
 @click.option("--screen", "screen_name", required=True, metavar="NAME", help="Preset or TOML file of the screen.")
 @json_option
 def plan(protocol: str, screen_name: str, as_json: bool) -> None:
-    """Predict, from the Cramér–Rao bound, the 95 % interval of the latency that each circle of PROTOCOL (a preset or
-    a TOML file) will give on a screen like NAME, and that of the curve through them.
+    """Predict the 95 % interval of the latency that each circle of PROTOCOL (a preset or a TOML file) will give on a
+    screen like NAME, and that of the curve through them: the simulated participant rehearses every circle.
 
     \b
     Example:

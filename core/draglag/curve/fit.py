@@ -135,8 +135,13 @@ class CurveFit:
         }
 
 
-def fit_form(points: CurvePoints, form_name: str, tied_asymptote_s: float | None = None) -> CurveFit:
+def fit_form(
+    points: CurvePoints, form_name: str, tied_asymptote_s: float | None = None, tied_se_s: float = 0.0
+) -> CurveFit:
     """Fit one form. ``tied_asymptote_s`` holds a7 at the tap latency (the paper's "corrected" row of Table 2).
+
+    ``tied_se_s``: standard error of that latency, which the covariance then holds: a7's own, and what it does to the
+    coefficients that are fitted around it.
 
     Raises EstimateError with fewer points than parameters.
     """
@@ -161,11 +166,15 @@ def fit_form(points: CurvePoints, form_name: str, tied_asymptote_s: float | None
         if settled:
             break
     variance = points.se_s**2 + between_s**2
-    return replace(_finish(form, points, values, variance, between_s, tied_asymptote_s), points=measured)
+    finished = _finish(form, points, values, variance, between_s, tied_asymptote_s, tied_se_s)
+    return replace(finished, points=measured)
 
 
 def fit_best(
-    points: CurvePoints, tied_asymptote_s: float | None = None, forms: Sequence[str] = tuple(FORMS)
+    points: CurvePoints,
+    tied_asymptote_s: float | None = None,
+    forms: Sequence[str] = tuple(FORMS),
+    tied_se_s: float = 0.0,
 ) -> CurveFit:
     """Fit every form the points can carry and choose: Eq. 5 unless a rival is clearly better on both counts.
 
@@ -176,7 +185,7 @@ def fit_best(
     for name in forms:
         try:
             tied = tied_asymptote_s if "a7_ms" in FORMS[name].names else None
-            fit = fit_form(points, name, tied)
+            fit = fit_form(points, name, tied, tied_se_s)
         except EstimateError:
             continue
         fits.append(replace(fit, held_out_rms_s=_held_out_rms_s(points, fit)))
@@ -353,6 +362,7 @@ def _finish(
     variance_s2: FloatArray,
     between_s: float,
     tied_s: float | None,
+    tied_se_s: float,
 ) -> CurveFit:
     speed = points.speed_mm_s
     error_s = points.latency_s - _shown_s(form, values, points)
@@ -369,6 +379,12 @@ def _finish(
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
     even = normal / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
     covariance[np.ix_(free, free)] = np.linalg.inv(even) / np.outer(scale, scale)
+    if tied_s is not None and tied_se_s > 0:
+        # Delta method: a tap median off by δ moves the others by −(JᵀWJ)⁻¹JᵀW·∂L/∂a7·δ.
+        moved = np.zeros(values.size)
+        moved[-1] = 1.0
+        moved[free] = -covariance[np.ix_(free, free)] @ (jacobian[:, free].T @ (jacobian[:, -1] / variance_s2))
+        covariance += (1e3 * tied_se_s) ** 2 * np.outer(moved, moved)
     penalty = 2 * k + 2 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
     # The runs' own standard errors are known; the scatter between runs is profiled, so both enter the likelihood.
     deviance = float(np.sum(error_s**2 / variance_s2 + np.log(variance_s2)))

@@ -167,7 +167,7 @@ def _row(screen: str, seed: int) -> Row2:
     paper = TABLE_2[screen]
     return Row2(
         screen,
-        _coefficients(analysis.curve, paper, analysis.taps["release"].ci95_s),
+        _coefficients(analysis.curve, paper),
         1e3 * analysis.curve.rms_s,
         paper["rms_ms"],
         analysis.curve,
@@ -176,7 +176,7 @@ def _row(screen: str, seed: int) -> Row2:
     )
 
 
-def _coefficients(curve: CurveFit, paper: dict[str, float], tap_ci95_s: tuple[float, float]) -> tuple[Coefficient, ...]:
+def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient, ...]:
     """Our coefficients under the paper's names: its a4 is the larger amplitude in every row.
 
     Where an amplitude's interval reaches zero, nothing is known of its rate.
@@ -197,9 +197,6 @@ def _coefficients(curve: CurveFit, paper: dict[str, float], tap_ci95_s: tuple[fl
         partner = {"a2_s_per_mm": "a1_ms", "a5_s_per_mm": "a4_ms"}.get(ours)
         gone = partner is not None and not sure[partner]
         error = errors[ours]
-        if name == "a7_ms" and curve.tied_asymptote_s is not None:
-            low_s, high_s = tap_ci95_s
-            error = 1e3 * (high_s - low_s) / (2 * reach)  # the median tap it is tied to
         known = not gone and np.isfinite(error) and error > 0
         interval = (values[ours] - reach * error, values[ours] + reach * error) if known else None
         out.append(Coefficient(name, published, values[ours], interval))
