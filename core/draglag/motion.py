@@ -35,16 +35,7 @@ def usable(touch: TouchTrace) -> TouchTrace:
 
 def sample_interval_s(t_s: FloatArray) -> float:
     """Median interval between events, s; NaN with fewer than two."""
-    return median(np.diff(t_s)) if t_s.size > 1 else float("nan")
-
-
-def median(values: FloatArray) -> float:
-    """``np.median`` of (n,) finite values, without its overhead: runs are many and short. Raises for none."""
-    half = values.size // 2
-    if values.size % 2:
-        return float(np.partition(values, half)[half])
-    pair = np.partition(values, (half - 1, half))[half - 1 : half + 1]
-    return float(0.5 * (pair[0] + pair[1]))
+    return float(np.median(np.diff(t_s))) if t_s.size > 1 else float("nan")
 
 
 def contact_losses(t_s: FloatArray, factor: float = 3.5) -> FloatArray:

@@ -19,10 +19,10 @@ from draglag.beam import Lines, sides, stylus_diameter_mm
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
-from draglag.latency.path import APART_S, Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import APART_S, Path, corner_of, events_of, median, smooth_path, spectrum_of
 from draglag.latency.scan import Scan, scan
 from draglag.latency.tremor import Tremor, tremor_of
-from draglag.motion import contact_losses, in_contact, median
+from draglag.motion import contact_losses, in_contact
 from draglag.recording import FloatArray
 
 SPEED_SLOPE_SD_S = 0.08  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
