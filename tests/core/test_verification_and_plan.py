@@ -110,7 +110,7 @@ def test_the_plan_foretells_what_runs_then_show(law: LatencyLaw) -> None:
     from draglag.latency import estimate_run
 
     protocol = Protocol(name="p", runs=(RunPlan(kind="circle", speed_mm_s=250, duration_s=16.0, repeats=100),))
-    rig = replace(steady_rig(), law=law, contact_loss_per_s=0.0, sensor_response_s=0.0, clock_width_s=1e-6)
+    rig = replace(steady_rig(), law=law, contact_loss_per_s=0.0, sensor_response_s=0.0)
     foretold = plan(protocol, rig).runs[0]
     errors = []
     for seed in (9, 10):
