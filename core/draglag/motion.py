@@ -121,11 +121,14 @@ def local_fit(
     at_s: FloatArray,
     half_width_s: float | FloatArray,
     degree: int = DEGREE,
+    roundness: int = 1,
 ) -> LocalFit:
-    """Weighted polynomial of ``degree`` through the events within ``half_width_s`` of each time (Epanechnikov weights).
+    """Weighted polynomial of ``degree`` through the events within ``half_width_s`` of each time.
 
     Args:
         t_s: (n,) increasing. xy_mm: (n, 2). at_s: (m,). half_width_s: scalar or (m,).
+        roundness: power of the weights 1 − u²: 1 (Epanechnikov) makes the most of white noise, 3 lets next to nothing
+            pass beyond its band.
     """
     m = at_s.size
     width_s = np.broadcast_to(np.asarray(half_width_s, float), (m,))
@@ -137,7 +140,7 @@ def local_fit(
     valid = index < last[:, None]
     index = np.minimum(index, t_s.size - 1)
     u = (t_s[index] - at_s[:, None]) / width_s[:, None]
-    kernel = np.where(valid, np.maximum(1 - u * u, 0.0), 0.0)
+    kernel = np.where(valid, np.maximum(1 - u * u, 0.0) ** roundness, 0.0)
     powers = np.empty((*u.shape, degree + 1))
     powers[..., 0] = 1.0
     for order in range(degree):

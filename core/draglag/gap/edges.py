@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from draglag.compensation import stylus_speed, stylus_time_s
 from draglag.errors import EstimateError
 from draglag.gap.steep import wide_enough
-from draglag.gap.unwarped import APART_S, WIDTH_S, Shown, Unwarped, shown_speed
+from draglag.gap.unwarped import Shown, Unwarped, shown_speed
 from draglag.latency.estimate import RunEstimate, estimate_run, prepare
 from draglag.motion import (
     LocalFit,
@@ -26,6 +26,11 @@ from draglag.motion import (
 from draglag.recording import FloatArray, IntArray, Run, Session
 
 Law = Callable[[FloatArray], FloatArray]
+STRAIGHT_S = 0.001  # so near, a velocity and its rate of change say what a new fit would
+NEAR_S = 0.004  # so near, the accelerations of a hand are the same
+# Half the span of a change of speed and half the window of each speed: beyond the reach of a position's own window; a
+# hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
+APART_S, WIDTH_S = 0.12, 0.13
 FEWEST = 6  # edges a run must give to count
 
 
@@ -64,7 +69,8 @@ class Placed:
         run: index into the runs. t_s: laser time. since_start_s: since the session's first event; in_run_s: since the
         run's. falling: light→dark. latency_s: L at the edge. speed_mm_s: the stylus' own speed.
         xy_mm, v_mm_s, a_mm_s2: (m, 2) shown by the trace at t + L. accel_mm_s2: along the motion, in own time.
-        accel_apart_mm_s2: the same with an error that is not the position's.
+        accel_apart_mm_s2: the same with an error that is not the position's. change_mm_s2: as the trace shows it.
+        sudden: next to a sudden start or stop. looked_s: the touch time that these two were taken at.
         slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
         stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
         ok: placed well enough to judge by. trace: where on the traces the edges lie.
@@ -83,6 +89,9 @@ class Placed:
     a_mm_s2: FloatArray
     accel_mm_s2: FloatArray
     accel_apart_mm_s2: FloatArray
+    change_mm_s2: FloatArray
+    sudden: np.ndarray
+    looked_s: FloatArray
     slope_s2_mm: FloatArray
     uneven_mm_s: FloatArray
     stretch: FloatArray
@@ -161,15 +170,13 @@ def place(
             half_s = start.speed_half_s[own]
         elif not data.steady:
             half_s = speed_half_widths_s(data.t_s, data.xy_mm, data.edge_t_s + latency, data.noise_mm)
-        for _ in range(8 if start is None else 4):
+        for _ in range(8):
             fast = local_fit(data.t_s, data.xy_mm, data.edge_t_s + latency, half_s)
-            speed = stylus_speed(law, fast.v_mm_s, fast.a_mm_s2)
-            step = np.clip(law(speed) + added - latency, -0.02, 0.02)
-            step = np.where(fast.ok, (1.0 if data.steady else 0.5) * step, 0.0)
-            latency = latency + step
-            if np.max(np.abs(step), initial=0) < 2e-5:
+            latency, speed, step = _solved(fast, law, added, data.edge_t_s, 1.0 if data.steady else 0.5)
+            at_s = data.edge_t_s + latency
+            if np.max(np.abs(at_s - fast.at_s), initial=0) < STRAIGHT_S:
                 break
-        at_s = data.edge_t_s + latency
+        fast = moved_to(fast, at_s)
         fit = local_fit(data.t_s, data.xy_mm, at_s, data.half_s)
         below = np.maximum(speed - 0.5, 0)
         slope = (law(speed + 0.5) - law(below)) / (speed + 0.5 - below)
@@ -177,11 +184,14 @@ def place(
         ratio = np.maximum(speed, 1e-6) / shown
         along = np.einsum("mk,mk->m", fast.v_mm_s, fast.a_mm_s2) / shown * ratio**2
         # For the columns: with the fit's own, position noise would look like an effect.
-        apart = ratio**2 * _acceleration_apart(data, fit, fast, at_s)
+        if start is not None and np.max(np.abs(at_s - start.looked_s[own]), initial=0) < NEAR_S:
+            change, sudden, looked_s = start.change_mm_s2[own], start.sudden[own], start.looked_s[own]
+        else:
+            change, sudden, looked_s = _acceleration_apart(data, at_s), _catching_up(data, at_s), at_s
+        apart = ratio**2 * change
         across = np.abs(fast.v_mm_s[:, 1])
         ok = fit.ok & fast.ok & in_contact(data.t_s, at_s, contact_losses(data.t_s)) & (fit.gain < 1.5)
-        ok &= ~_catching_up(data, at_s)
-        ok &= (across > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
+        ok &= ~sudden & (across > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
         parts.append(
             {
                 "run": np.full(m, k),
@@ -196,6 +206,9 @@ def place(
                 "a_mm_s2": fast.a_mm_s2,
                 "accel_mm_s2": along,
                 "accel_apart_mm_s2": apart,
+                "change_mm_s2": change,
+                "sudden": sudden,
+                "looked_s": looked_s,
                 "slope_s2_mm": slope,
                 "uneven_mm_s": speed - np.mean(speed[ok]) if data.steady and ok.any() else np.zeros(m),
                 "stretch": 1 / np.clip(1 - slope * apart, 0.7, 1.5),
@@ -215,6 +228,27 @@ def place(
     )
 
 
+def _solved(
+    fast: LocalFit, law: Law, added_s: FloatArray | float, edge_t_s: FloatArray, share: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Latency, stylus' speed and last step, (m,) each, of L = law(v) + added, the trace taken for straight."""
+    latency = fast.at_s - edge_t_s
+    for _ in range(6):
+        near = moved_to(fast, edge_t_s + latency)
+        speed = stylus_speed(law, near.v_mm_s, near.a_mm_s2)
+        step = np.clip(law(speed) + added_s - latency, -0.02, 0.02)
+        step = np.where(fast.ok, share * step, 0.0)
+        latency = latency + step
+        if np.max(np.abs(step), initial=0) < 2e-5 or np.max(np.abs(edge_t_s + latency - fast.at_s)) > NEAR_S:
+            break
+    return latency, speed, step
+
+
+def moved_to(fit: LocalFit, at_s: FloatArray) -> LocalFit:
+    """The fit's velocity a little beside where it was made; its weights stay."""
+    return replace(fit, at_s=at_s, v_mm_s=fit.v_mm_s + fit.a_mm_s2 * (at_s - fit.at_s)[:, None])
+
+
 def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:
     """Edges close to a sudden start or stop, where fresh positions overtake late ones and no law holds, (m,) bool.
 
@@ -230,33 +264,23 @@ def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:
     return np.asarray(~(slowest > 0.45 * fastest))
 
 
-def _acceleration_apart(data: RunData, position: LocalFit, fast: LocalFit, at_s: FloatArray) -> FloatArray:
-    """Change of speed about each edge, (m,) mm/s², cleared of the noise that it shares with the position.
+def _acceleration_apart(data: RunData, at_s: FloatArray) -> FloatArray:
+    """Change of speed about each edge, (m,) mm/s², as the trace shows it, with an error that is not the position's.
 
-    Taken from speeds, not from bent positions, which a fast circle bends far more; over as much as a hand's own
-    changes last, so that its tremor is not taken for them. Both are weighted sums of the same events. Where the
-    narrow window of the position and the wide one of the motion disagree, that is noise; as much of it is taken off
-    as makes the two errors uncorrelated.
+    Taken from speeds, not from bent positions, which a fast circle bends far more; each from a window beside the
+    position's own, so that the two share no noise, and smooth enough that a tremor, which the law turns into an error
+    of the position, is not taken for a change of speed.
     """
-    n = data.t_s.size
-    width_s = max(WIDTH_S, 4.5 * sample_interval_s(data.t_s))
-    later = local_fit(data.t_s, data.xy_mm, at_s + APART_S, width_s, degree=2)
-    earlier = local_fit(data.t_s, data.xy_mm, at_s - APART_S, width_s, degree=2)
-    change = (later.speed_mm_s - earlier.speed_mm_s) / (2 * APART_S)
-    share = [f.v_mm_s[:, 1] / np.maximum(f.speed_mm_s, 1e-6) / (2 * APART_S) for f in (later, earlier)]
-    narrow = sparse_rows(position.first, position.weights, n)
-    wide = sparse_rows(fast.first, fast.weights, n)
-    shared = share[0] * _overlap(narrow, sparse_rows(later.first, later.v_weights, n))
-    shared -= share[1] * _overlap(narrow, sparse_rows(earlier.first, earlier.v_weights, n))
-    own = position.gain - _overlap(narrow, wide)
-    share_off = np.where(own > 0.05 * position.gain, shared / np.maximum(own, 1e-12), 0.0)
-    change = change - share_off * (position.xy_mm[:, 1] - fast.xy_mm[:, 1])
+    scale = 1.0
+    if data.run.radius_mm and data.estimate and data.estimate.speed_mm_s:
+        scale = min(1.0, data.run.radius_mm / data.estimate.speed_mm_s / APART_S)
+    width_s = max(scale * WIDTH_S, 4.5 * sample_interval_s(data.t_s))
+    later, earlier = (
+        local_fit(data.t_s, data.xy_mm, at_s + side * scale * APART_S, width_s, degree=2, roundness=3)
+        for side in (1, -1)
+    )
+    change = (later.speed_mm_s - earlier.speed_mm_s) / (2 * scale * APART_S)
     return np.where(later.ok & earlier.ok, change, 0.0)
-
-
-def _overlap(a: csr_matrix, b: csr_matrix) -> FloatArray:
-    """Σ of products row by row, (m,)."""
-    return np.asarray(a.multiply(b).sum(axis=1)).ravel()
 
 
 def sparse_rows(first: np.ndarray, weights: FloatArray, n_events: int) -> csr_matrix:

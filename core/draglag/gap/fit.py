@@ -16,7 +16,6 @@ from draglag.gap.model import (
     LawParameters,
     base_columns,
     base_prior,
-    later_speed_column,
     residual_mm,
     starting_law,
 )
@@ -137,7 +136,7 @@ def fit_session(
             use = use & _usable(state, runs, loose=False) if start is None else use & state.placed.ok
             parts = scatter(runs, state.placed, use, state.blur_mm)
             # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
-            likely = _likeliest(parts, state.residual[use], state.design[use], state.prior, components)
+            likely = _likeliest(parts, state.residual[use], state.design[use], state.prior, (components,), rounds=1)
             components = replace(likely, run_s=min(likely.run_s, 1e-3), run_mm=min(likely.run_mm, 0.03))
         white = whitener(parts, components)
         a, b = white.apply(state.design[use]), white.apply(state.residual[use])
@@ -172,7 +171,8 @@ def fit_session(
     placed, view, law, geometry, active = state.placed, state.view, state.law, state.geometry, list(state.terms)
     use = use & (_usable(state, runs, loose=False) if start is None else placed.ok)
     parts = scatter(runs, placed, use, state.blur_mm)
-    components = _likeliest(parts, state.residual[use], state.design[use], state.prior, components)
+    far = replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])
+    components = _likeliest(parts, state.residual[use], state.design[use], state.prior, (components, far))
     residual, design, prior = state.residual, state.design, state.prior
     whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
     prior = np.concatenate([base_prior(law), np.full(design.shape[1] - base_prior(law).size, 1e-12)])
@@ -264,7 +264,6 @@ def _look(
         view = replace(view, accel=view.trace.acceleration_mm_s2(lag))
     signatures = tuple(term_signature(t, view) for t in terms)
     residual = residual_mm(placed, geometry) - _total(signatures, terms, view, "offset")
-    residual = residual + law.follows_later * later_speed_column(placed)
     columns = [s.columns(view) for s in signatures]
     design = np.column_stack([-base_columns(placed, law), *columns])
     prior = np.concatenate([base_prior(law), np.full(sum(c.shape[1] for c in columns), 1e-12)])
@@ -295,7 +294,7 @@ def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, place
 def _stepped(state: _State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float) -> _State:
     n = base_prior(state.law).size
     beam = n - N_NUISANCES - 2
-    law = state.law.moved(step[:n])
+    law = state.law.moved(step[:beam])
     geometry = replace(
         state.geometry,
         slope=state.geometry.slope + step[beam],
@@ -428,18 +427,22 @@ def _profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: F
 
 
 def _likeliest(
-    parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray, start: Components
+    parts: Scatter,
+    residual: FloatArray,
+    design: FloatArray,
+    prior: FloatArray,
+    starts: Sequence[Components],
+    rounds: int = 2,
 ) -> Components:
-    """The components of greatest likelihood: one kind after the other, from two starts, for they trade places."""
+    """The components of greatest likelihood: one kind after the other, from several starts, for they trade places."""
 
     @cache
     def value(components: Components) -> float:
         return _profile(whitener(parts, components), residual, design, prior)[0]
 
     ends = []
-    for begin in (start, replace(start, edge_mm=EDGE_MM[0], speed=SPEED[-1])):
-        best = begin
-        for _ in range(2):
+    for best in starts:
+        for _ in range(rounds):
             for name, grid in LOCAL:
                 best = max((replace(best, **{name: size}) for size in grid), key=value)
             best = max((replace(best, run_s=a, run_mm=b) for a, b in BETWEEN), key=value)

@@ -15,21 +15,18 @@ from draglag.recording import FloatArray
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
 LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15
-# A filter that smooths by what moves now follows a speed between the edge's own (a pure delay: 0) and the present one
-# (a latency later: 1). Sound sessions of several makers lie between 0 and 0.5, give or take their own error.
-FOLLOWS_LATER, FOLLOWS_LATER_SD = (0.0, 0.5), 0.06
+# The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
+# the windows of the speeds leave on sound sessions.
+FOLLOWS_LATER_SD = 0.07
 FLATTENING_SD = 0.5
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
 BENT_SD_S2 = 1.5e-5  # as a low-pass of some 5 ms bends
-N_NUISANCES = 3  # the last base columns: fitted at every step; the first of them moves the law within its range
+N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 
 
 @dataclass(frozen=True)
 class LawParameters:
-    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is held; 0 = none.
-
-    follows_later: the share of the latency by which the speed that counts is a later one than the edge's.
-    """
+    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is held; 0 = none."""
 
     a1_s: float
     a2_s_mm: float
@@ -37,7 +34,6 @@ class LawParameters:
     a5_s_mm: float
     a7_s: float
     plateau_mm_s: float = 0.0
-    follows_later: float = 0.25
 
     def __call__(self, speed_mm_s: FloatArray) -> FloatArray:
         v = np.maximum(speed_mm_s, self.plateau_mm_s)
@@ -60,7 +56,7 @@ class LawParameters:
         return np.column_stack(out)
 
     def moved(self, step: FloatArray) -> LawParameters:
-        """The law after a Gauss–Newton step in the order of ``base_columns``; rates move by their logarithm."""
+        """The law after a Gauss–Newton step in the order of ``columns``; rates move by their logarithm."""
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
         moved = replace(
             self,
@@ -70,8 +66,6 @@ class LawParameters:
             a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), 3e-4, 0.15)),
             a7_s=self.a7_s + step[4],
         )
-        later = float(np.clip(self.follows_later + step[-N_NUISANCES], *FOLLOWS_LATER))
-        moved = replace(moved, follows_later=later)
         if self.plateau_mm_s > 0:
             moved = replace(moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), 20, 400)))
         return moved
@@ -137,19 +131,12 @@ def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
     columns = v_n[:, None] * law.columns(placed.speed_mm_s)
     x = placed.xy_mm[:, 0]
     # The share of the latency by which the law's speed is a later one: a nuisance, bounded by its prior.
-    lag = later_speed_column(placed)
+    lag = v_n * placed.slope_s2_mm * placed.accel_apart_mm_s2 * np.maximum(placed.latency_s, 0.0)
     # Its noise flattens the law within a run of nearly constant speed (not from run to run): another nuisance.
     uneven = v_n * placed.slope_s2_mm * placed.uneven_mm_s
     # The position fits themselves bend a fast circle inwards a little: a third.
     bent = placed.a_mm_s2[:, 1]
     return np.column_stack([columns, -x, -np.ones_like(x), lag, uneven, bent])
-
-
-def later_speed_column(placed: Placed) -> FloatArray:
-    """How the residual moves when the law follows the speed one latency later, (m,) mm."""
-    later_s = np.maximum(placed.latency_s, 0.0)
-    v_n = placed.v_mm_s[:, 1] * placed.stretch
-    return np.asarray(v_n * placed.slope_s2_mm * placed.accel_apart_mm_s2 * later_s)
 
 
 def base_prior(law: LawParameters) -> FloatArray:

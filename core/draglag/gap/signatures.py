@@ -165,9 +165,9 @@ def unwarped_lag(v: View, lag_s3_mm: float) -> Signature:
 
 
 def lagging_law(v: View) -> list[Signature]:
-    # A speed some time ago; or the present one, which is a latency later than the edge's own.
+    # A speed some time ago; or (negative) one towards the present, which is a latency later than the edge's own.
     past = Signature(latency=_column(-v.law_slope * v.accel), theta=(0.0,), n_grid=2)
-    present = Signature(latency=_column(v.law_slope * v.accel * v.latency_s / 0.05), theta=(1.0,), n_grid=2)
+    present = Signature(latency=_column(-v.law_slope * v.accel * v.latency_s / 0.05), theta=(1.0,), n_grid=2)
     return [past, present]
 
 

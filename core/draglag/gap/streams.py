@@ -214,7 +214,11 @@ def _quantum(touches: list[TouchTrace]) -> StreamEffect | None:
     common = common[common > 1e-4]
     if common.size < 2 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
         return None
-    gaps = np.diff(np.sort(common))
+    common = np.sort(common)
+    gaps = np.diff(common)
+    gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
+    if gaps.size == 0:
+        return None
     quantum_s = float(np.min(gaps))
     typical = float(np.median(intervals))
     if quantum_s < 0.08 * typical or quantum_s > 1.5 * typical:
@@ -227,6 +231,8 @@ def _quantum(touches: list[TouchTrace]) -> StreamEffect | None:
     share = float(np.mean(off < 0.03 * quantum_s))
     if share < 0.95 or np.mean(np.round(intervals / quantum_s) == np.round(typical / quantum_s)) > 0.999:
         return None
+    if _reaches_further(touches) > 0.5:
+        return None  # frames are missing
     return StreamEffect(
         "timestamp_quantisation",
         "quantum_s",
@@ -236,6 +242,22 @@ def _quantum(touches: list[TouchTrace]) -> StreamEffect | None:
         f"{100 * share:.0f} % of intervals are multiples of {1e3 * quantum_s:.2f} ms",
         share,
     )
+
+
+def _reaches_further(touches: list[TouchTrace]) -> float:
+    """How much of a longer interval the stylus uses to go further: 1 where frames are missing, 0 where stamps are
+    coarse; median over the runs fast enough to tell, 0 without any."""
+    shares = []
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
+        short_s = float(np.median(dt))
+        short, long = np.abs(dt - short_s) < 0.2 * short_s, (dt > 1.4 * short_s) & (dt < 3.5 * short_s)
+        if np.count_nonzero(long) < 10 or float(step.sum() / np.sum(dt)) < FAST_MM_S:
+            continue
+        further = float(np.mean(step[long]) / np.mean(step[short])) - 1
+        shares.append(further / (float(np.mean(dt[long]) / np.mean(dt[short])) - 1))
+    return float(np.median(shares)) if shares else 0.0
 
 
 def _drops(touches: list[TouchTrace]) -> StreamEffect | None:
@@ -318,7 +340,10 @@ def _filled_losses(runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Ru
             out.append(run)
             continue
         total_s += float(t[-1] - t[0])
-        bend = np.hypot(np.diff(x, 2), np.diff(y, 2))
+        # How far each event lies from the line between its neighbours at its own stamp: stamps are not quite even.
+        share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
+        off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
+        bend = np.hypot(*off)
         moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
         straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
         keep = np.ones(t.size, bool)

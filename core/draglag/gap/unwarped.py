@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # Half the window of a speed, and half the span of a change of speed: a hand speeds up and slows down at 1–4 Hz, its
 # tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.
-WIDTH_S, APART_S = 0.09, 0.08
+WIDTH_S, APART_S = 0.18, 0.05
 TURNING = 0.7
 
 
@@ -67,7 +67,7 @@ def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mea
     step_s = sample_interval_s(t_s)
     grid_s = np.arange(t_s[0], t_s[-1], step_s)
     turning_s = TURNING * radius_mm / mean_mm_s if mean_mm_s and radius_mm else np.inf
-    fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * step_s), degree=2)
+    fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * step_s), degree=2, roundness=3)
     speed = np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok]) if fit.ok.any() else np.zeros(grid_s.size)
     return Shown(grid_s, step_s, speed, float(min(APART_S, turning_s)), mean_mm_s or float(np.mean(speed)))
 

@@ -139,10 +139,10 @@ def close_gap(
     first_mm = steps[0].gap_before_mm if steps else gap_mm(fit)
     first = fit
     plateau = False
-    finding = find(fit, without=_left_out(allowed))
+    ages = bool({s.effect for s in seen} & UNEVEN_AGES)
+    finding = find(fit, without=_left_out(allowed) | _beside((), ages))
     unexplained: Candidate | None = None
     retries = 2
-    ages = bool({s.effect for s in seen} & UNEVEN_AGES)
     looked = PLATEAU not in allowed
     while len(steps) < max_effects and (finding.significant or not (plateau or looked)):
         looked = not finding.significant
@@ -158,7 +158,7 @@ def close_gap(
             retries -= 1
             fit = better
             first, first_mm = (first, first_mm) if steps else (fit, gap_mm(fit))
-            finding = find(fit, without=_left_out(allowed) | {s.effect for s in steps})
+            finding = find(fit, without=_left_out(allowed) | _beside((s.effect for s in steps), ages))
             continue
         nearly = bool(names) and unnamed is not None and names[0].gain > NEARLY_ALL * unnamed.score
         if (
@@ -176,7 +176,7 @@ def close_gap(
         fit = names[0].fit
         steps.append(step)
         fit, steps = _without_proxies(repaired, fit, steps)
-        finding = find(fit, without=_left_out(allowed) | {s.effect for s in steps})
+        finding = find(fit, without=_left_out(allowed) | _beside((s.effect for s in steps), ages))
     steps = [_settled(step, fit) for step in steps]
     if unexplained is None and finding.significant:
         unexplained = _still_there(fit, finding)
@@ -202,6 +202,16 @@ def close_gap(
         fit,
         finding,
     )
+
+
+def _beside(steps: Iterable[str], ages: bool) -> set[str]:
+    """Effects that cannot be told beside those named: their evidence is what these leave themselves."""
+    out = set(steps)
+    if "smoothing_shrink" in out:
+        out.add("lagging_law")  # a low-pass delays, and the speed that counts with it
+    if ages:
+        out |= {"lagging_law", "acceleration_lag"}  # positions of uneven age beat with the motion
+    return out
 
 
 def _left_out(allowed: frozenset[str]) -> set[str]:
