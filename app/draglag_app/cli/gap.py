@@ -9,7 +9,8 @@ import click
 from draglag.errors import DataError, EstimateError
 from draglag.gap.extended import extended_model
 from draglag.gap.provisional import Provisional, provisional_term
-from draglag.gap.workflow import MOST_EFFECTS, GapReport, close_gap
+from draglag.gap.results import GapReport
+from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model
 from draglag.simulation.effects import EFFECTS
 from draglag_app.cli.common import (

@@ -5,7 +5,8 @@
 
 from draglag.gap.compose import Gap, Model, Shrinkage, find, name, shrinkage
 from draglag.gap.finding import Finding
-from draglag.gap.workflow import GapReport, Step, close_gap
+from draglag.gap.results import GapReport, Step
+from draglag.gap.workflow import close_gap
 
 __all__ = [
     "Finding",

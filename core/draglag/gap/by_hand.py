@@ -8,15 +8,16 @@ import numpy as np
 
 from draglag.errors import DataError, EstimateError
 from draglag.gap.compose import STREAMS, Gap, Model, shrinkage, theta_of
+from draglag.gap.doubts import covariate_of, left_out, still_there
 from draglag.gap.finding import Finding, find
 from draglag.gap.fit import Fit, Term, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm
 from draglag.gap.naming import PLATEAU
 from draglag.gap.parameters import parameters_of, where_of
+from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
 from draglag.gap.signatures import SIGNATURES
 from draglag.gap.streams import inspect
-from draglag.gap.workflow import COVARIATE, TERM_OF, GapReport, Step, _covariate, _left_out, _still_there
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
@@ -46,7 +47,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         fit = fit_session(repaired, before.runs, terms, plateau, before)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"the model cannot be fitted with {effect}: {problem}", "Choose another effect") from None
-    finding = find(fit, without=_left_out(frozenset(EFFECTS)) | there | {term})
+    finding = find(fit, without=left_out(frozenset(EFFECTS)) | there | {term})
     changed = shrinkage(_gap(session, before, report.finding), _gap(session, fit, finding))
     low, high = changed.change_ci95_mm
     step = Step(
@@ -62,7 +63,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         EXTRA_RUN.get(effect, ""),
         fit,
     )
-    left = _still_there(fit, finding) if finding.significant else None
+    left = still_there(fit, finding) if finding.significant else None
     settled = [replace(s, parameters=parameters_of(s.effect, fit) or s.parameters) for s in report.steps]
     verdict = "unexplained" if left else "explained"
     if not left and report.verdict == "no_gap" and changed.verdict != "shrinks":
@@ -73,7 +74,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         steps=(*settled, step),
         noise_floor_mm=floor_mm(fit),
         gap_last_mm=gap_mm(fit),
-        unexplained_by=None if left is None else _covariate(left),
+        unexplained_by=None if left is None else covariate_of(left),
         p_value=finding.p_value,
         last=fit,
         finding=finding,

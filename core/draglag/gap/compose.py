@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from draglag.errors import DataError, EstimateError
+from draglag.gap.doubts import left_out
 from draglag.gap.edges import gather
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.finding import find as find_in
@@ -24,9 +25,10 @@ from draglag.gap.model import Geometry, LawParameters
 from draglag.gap.naming import PLATEAU, gained
 from draglag.gap.naming import name as names_of
 from draglag.gap.parameters import parameters_of
+from draglag.gap.results import COVARIATE, TERM_OF, Step
 from draglag.gap.signatures import SIGNATURES
 from draglag.gap.streams import StreamEffect, inspect
-from draglag.gap.workflow import COVARIATE, TERM_OF, Step, _left_out, _step
+from draglag.gap.workflow import step_of
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS
 
@@ -169,7 +171,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
         raise EstimateError(f"{session.name}: the model cannot be fitted: {problem}", "Take an effect out") from None
     fitted = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit)
     used = {TERM_OF.get(effect, effect) for effect in model.effects}
-    finding = find_in(fit, without=_left_out(frozenset(EFFECTS)) | used)
+    finding = find_in(fit, without=left_out(frozenset(EFFECTS)) | used)
     return Gap(ready, fitted, fit, finding, streams, gap_mm(fit), floor_mm(fit))
 
 
@@ -184,7 +186,7 @@ def name(gap: Gap, candidates: Collection[str] | None = None) -> tuple[Step, ...
         return seen
     finding = gap.finding
     names, _ = names_of(gap.session, gap.fit, finding, allowed, PLATEAU in gap.model.effects)
-    return tuple(_step(gap.session, names[k:], finding, allowed) for k in range(len(names)))
+    return tuple(step_of(gap.session, names[k:], finding, allowed) for k in range(len(names)))
 
 
 def shrinkage(before: Gap, after: Gap) -> Shrinkage:

@@ -9,7 +9,7 @@ from draglag.curve import FORMS, CurveFit
 from draglag.errors import EstimateError
 from draglag.gap.fit import Fit
 from draglag.gap.realised import fitted_shape, has_free_shape
-from draglag.gap.workflow import GapReport, Step
+from draglag.gap.results import GapReport, Step
 from draglag.model_file import LatencyModel, ModelEffect, Provenance, Shape, model_of
 from draglag.recording import Session
 

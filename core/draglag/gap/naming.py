@@ -27,7 +27,13 @@ PLATEAU, MODE = "low_speed_plateau", "second_filter_mode"
 # Of an effect's typical size, 0.1 where not said: less is of no use to anybody, and a proxy more likely than itself.
 # The position fits bend circles as a low-pass of 5 ms would; a hand's acceleration is some 100 mm/s², and the time
 # that a speed belongs to is known to some 30 ms.
-SMALLEST = {"smoothing_shrink": 0.6, "acceleration_lag": 1.0, "lagging_law": 0.75, "second_filter_mode": 0.33}
+SMALLEST = {
+    "smoothing_shrink": 0.6,
+    "acceleration_lag": 1.0,
+    "lagging_law": 0.75,
+    "second_filter_mode": 0.33,
+    "pitch_ripple": 0.25,
+}
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
 

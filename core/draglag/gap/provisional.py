@@ -9,8 +9,8 @@ import numpy as np
 from draglag.gap.finding import Candidate
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
+from draglag.gap.results import GapReport
 from draglag.gap.signatures import View, shape_free
-from draglag.gap.workflow import GapReport
 from draglag.recording import FloatArray
 
 POINTS = 25

@@ -19,9 +19,9 @@ from draglag.gap.edges import Placed, RunData, gather, place
 from draglag.gap.fit import Fit, restrict
 from draglag.gap.model import residual_mm
 from draglag.gap.realised import effects_of_fit, held_s, rig_of
+from draglag.gap.results import GapReport
 from draglag.gap.signatures import View, view_of
 from draglag.gap.streams import inspect
-from draglag.gap.workflow import GapReport
 from draglag.latency.estimate import RunEstimate
 from draglag.motion import contact_losses, local_fit, sample_interval_s
 from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace

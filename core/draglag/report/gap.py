@@ -14,7 +14,7 @@ from draglag.errors import DataError, DraglagError
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import held_out_residual_mm
 from draglag.gap.replay import Replay, replays
-from draglag.gap.workflow import GapReport
+from draglag.gap.results import GapReport
 from draglag.recording import FloatArray, Session
 from draglag.report import replayed
 from draglag.report.style import BLUE, GREEN, GREY, ORANGE, VERMILION, house_style, new_figure

@@ -1,0 +1,105 @@
+"""Second thoughts about a name: whether it holds beside the newest, whether taps speak against it, what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from draglag.gap.finding import Candidate, Finding, find
+from draglag.gap.fit import Fit
+from draglag.gap.heldout import shrinks_with
+from draglag.gap.model import base_prior
+from draglag.gap.naming import MODE, PLATEAU, UNNAMED_MARGIN, Name, gained, name, refit
+from draglag.gap.results import COVARIATE, TERM_OF, Step
+from draglag.gap.separate import clock_offset
+from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.recording import Session
+
+ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
+CERTAIN = 80.0  # a structure this strong is there, whatever the held-out runs make of it
+
+
+def beside(steps: Iterable[str], ages: bool) -> set[str]:
+    """Effects that cannot be told beside those named: their evidence is what these leave themselves."""
+    out = set(steps)
+    if "smoothing_shrink" in out:
+        out.add("lagging_law")  # a low-pass delays, and the speed that counts with it
+    if ages:
+        out |= {"lagging_law", "acceleration_lag"}  # positions of uneven age beat with the motion
+    return out
+
+
+def left_out(allowed: frozenset[str]) -> set[str]:
+    out = {e for e in SIGNATURES if e not in allowed}
+    if "thermal_drift" in allowed:
+        out.discard("clock_drift")  # they share one signature; taps decide on the name
+    if "scale_error" in allowed:
+        out.discard("beam_width")
+    return out
+
+
+def path_closes(session: Session, start: Name, allowed: frozenset[str], plateau: bool, most: int) -> bool:
+    """Whether named effects, added one by one from a first, leave nothing: then a smooth term was only their sum."""
+    fit, used = start.fit, {start.effect}
+    plateau = plateau or start.effect == PLATEAU
+    for _ in range(min(most, 2)):
+        finding = find(fit, without=left_out(allowed) | used)
+        if not finding.significant:
+            return True
+        names, unnamed = name(session, fit, finding, allowed, plateau)
+        if unnamed is not None or not names:
+            return False
+        fit = names[0].fit
+        used.add(names[0].effect)
+        plateau = plateau or names[0].effect == PLATEAU
+    return not find(fit, without=left_out(allowed) | used).significant
+
+
+def without_proxies(session: Session, fit: Fit, steps: list[Step]) -> tuple[Fit, list[Step]]:
+    """Look at earlier names again beside the newest: one that only stood in for it is dropped."""
+    for term in list(fit.terms[:-1]):
+        at = [t.effect for t in fit.terms]
+        others = [t for t in fit.terms if t.effect != term.effect]
+        first = base_prior(fit.law).size + sum(len(t.sizes) for t in fit.terms[: at.index(term.effect)])
+        own = slice(first, first + len(term.sizes))
+        sizes = np.array(term.sizes)
+        wald = float(sizes @ np.linalg.pinv(fit.covariance[own, own]) @ sizes)
+        if wald > 40 * sizes.size:
+            continue
+        without = refit(session, fit, others, fit.law.plateau_mm_s > 0)
+        if without is None:
+            continue
+        if -gained(fit, without) < 8 * sizes.size:
+            fit = without
+            steps = [s for s in steps if TERM_OF.get(s.effect, s.effect) != term.effect]
+    return fit, steps
+
+
+def contradicted_by_taps(session: Session, fit: Fit) -> Fit | None:
+    """The fit without its step of the law, if taps agree with the asymptote then and not beside it; else None.
+
+    A step at some speed takes runs on its far side to another asymptote. Where taps deny that, a law bent otherwise
+    was taken for a step.
+    """
+    if all(t.effect != MODE for t in fit.terms) or clock_offset(session, fit) is None:
+        return None
+    without = refit(session, fit, [t for t in fit.terms if t.effect != MODE], fit.law.plateau_mm_s > 0)
+    return without if without is not None and clock_offset(session, without) is None else None
+
+
+def still_there(fit: Fit, finding: Finding) -> Candidate | None:
+    """The strongest structure left that held-out runs confirm and that is worth more than its price."""
+    smooth = shape_free(fit.view)
+    for candidate in finding.significant:
+        if candidate.score <= UNNAMED_MARGIN:
+            return None
+        if candidate.effect is None and candidate.score > CERTAIN and candidate.covariate not in ESTIMATED:
+            return candidate
+        if candidate.effect is None and shrinks_with(fit, smooth[candidate.covariate, candidate.role]):
+            return candidate
+    return None
+
+
+def covariate_of(candidate: Candidate) -> str:
+    return candidate.covariate or COVARIATE.get(candidate.effect or "", candidate.effect or "")

@@ -1,0 +1,85 @@
+"""What the workflow finds: the effects added, step by step, and the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from draglag.gap.finding import Finding
+from draglag.gap.fit import Fit
+
+COVARIATE = {
+    "clock_drift": "session_time", "thermal_drift": "session_time", "low_speed_plateau": "speed", "scan_skew": "x",
+    "spatial_warp": "x", "beam_wedge": "x", "pitch_ripple": "x", "laser_hysteresis": "kind_of_edge",
+    "beam_width": "kind_of_edge", "direction_asymmetry": "direction", "second_filter_mode": "speed",
+    "lagging_law": "acceleration", "acceleration_lag": "acceleration", "smoothing_shrink": "normal_acceleration",
+    "clock_offset": "taps", "sample_hold": "host_tick", "frame_batching": "frame", "timestamp_quantisation": "frame",
+    "frame_drop": "frame", "loss_of_contact": "frame", "laser_bounce": "kind_of_edge",
+}  # fmt: skip
+
+
+TERM_OF = {"thermal_drift": "clock_drift", "scale_error": "beam_width"}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect added. parameters: name → (value, (low, high)); gaps on held-out runs, mm."""
+
+    effect: str
+    parameters: dict[str, tuple[float, tuple[float, float]]]
+    where: str
+    covariate: str
+    p_value: float
+    evidence: str
+    gap_before_mm: float
+    gap_after_mm: float
+    indistinguishable_from: tuple[str, ...] = ()
+    extra_run: str = ""
+    fit: Fit | None = field(default=None, repr=False)
+
+    def to_dict(self) -> dict[str, object]:
+        gain = 1 - self.gap_after_mm / self.gap_before_mm if self.gap_before_mm > 0 else 0.0
+        return {
+            "effect": self.effect,
+            "indistinguishable_from": list(self.indistinguishable_from),
+            "parameters": {k: {"value": v, "ci95": list(ci)} for k, (v, ci) in self.parameters.items()},
+            "where": self.where,
+            "covariate": self.covariate,
+            "evidence": {"p_value": self.p_value, "held_out_gain": gain, "text": self.evidence},
+            "gap_before_mm": self.gap_before_mm,
+            "gap_after_mm": self.gap_after_mm,
+            "extra_run": self.extra_run,
+        }
+
+
+@dataclass(frozen=True)
+class GapReport:
+    """The workflow's result. verdict: explained | no_gap | unexplained, or None with ``missing`` for a poor session."""
+
+    session: str
+    verdict: str | None
+    steps: tuple[Step, ...] = ()
+    noise_floor_mm: float | None = None
+    gap_first_mm: float | None = None
+    gap_last_mm: float | None = None
+    unexplained_by: str | None = None
+    p_value: float | None = None
+    missing: tuple[str, ...] = ()
+    not_seen: dict[str, str] = field(default_factory=dict)
+    first: Fit | None = field(default=None, repr=False)
+    last: Fit | None = field(default=None, repr=False)
+    finding: Finding | None = field(default=None, repr=False)
+
+    def to_dict(self) -> dict[str, object]:
+        """The design's ``gap --json`` (section 5)."""
+        return {
+            "session": self.session,
+            "verdict": self.verdict,
+            "noise_floor_mm": self.noise_floor_mm,
+            "steps": [step.to_dict() for step in self.steps],
+            "unexplained_by": self.unexplained_by,
+            "gap_first_mm": self.gap_first_mm,
+            "gap_last_mm": self.gap_last_mm,
+            "p_value": self.p_value,
+            "missing": list(self.missing),
+            "not_seen": dict(self.not_seen),
+        }
