@@ -16,6 +16,7 @@ from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
+from draglag.simulation.hand import Human
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
@@ -38,6 +39,13 @@ def test_a_sound_session_has_no_gap(sound: Session) -> None:
     assert report.gap_last_mm < 1.15 * report.noise_floor_mm
 
 
+@pytest.mark.parametrize("screen", ["screen-1", "screen-2"])
+def test_a_tremor_is_not_taken_for_a_lag(screen: str) -> None:
+    # Through the law a tremor jitters the trace; nothing that smooths its acceleration may see a pattern in that.
+    report = close_gap(simulate_session(screen, load_protocol("demo"), seed=3))
+    assert (report.verdict, report.steps) == ("no_gap", ())
+
+
 def test_a_plateau_is_found_named_sized_and_closed() -> None:
     report = close_gap(read_exchange(SAMPLES / "low_speed_plateau"))
     assert report.verdict == "explained"
@@ -57,6 +65,7 @@ def test_a_plateau_is_found_named_sized_and_closed() -> None:
         ("clock_drift=30", "drift_ppm", 30.0, 3.0),
         ("laser_hysteresis=0.0018", "delay_s", 0.0018, 0.0001),
         ("scan_skew=0.008", "across_s", 0.008, 0.0015),
+        ("lagging_law=0.08", "delay_s", 0.08, 0.025),
     ],
 )
 def test_a_simulated_effect_is_named_and_sized(effect: str, parameter: str, truth: float, within: float) -> None:
@@ -64,6 +73,15 @@ def test_a_simulated_effect_is_named_and_sized(effect: str, parameter: str, trut
     assert report.steps, report.unexplained_by
     assert report.steps[0].effect == effect.split("=")[0]
     assert report.steps[0].parameters[parameter][0] == pytest.approx(truth, abs=within)
+
+
+def test_an_effect_of_the_acceleration_is_sized_although_it_warps_the_trace_it_is_seen_in() -> None:
+    # At 1 m/s it amplifies the shown changes of speed fourfold. A tremor's accelerations would drown the hand's.
+    calm = Human(tremor_mm=0.01, timing_sd_s=0.04)
+    effects = [parse_effect("acceleration_lag=1e-5")]
+    report = close_gap(simulate_session("screen-1", load_protocol("demo"), effects=effects, seed=5, human=calm))
+    assert [s.effect for s in report.steps] == ["acceleration_lag"]
+    assert report.steps[0].parameters["lag_s_per_mm_s2"][0] == pytest.approx(1e-5, abs=2.5e-6)
 
 
 def test_an_effect_outside_the_library_is_owned_up_to() -> None:

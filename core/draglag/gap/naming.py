@@ -33,6 +33,7 @@ SMALLEST = {
     "lagging_law": 0.75,
     "second_filter_mode": 0.33,
     "pitch_ripple": 0.25,
+    "direction_asymmetry": 0.2,
 }
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 

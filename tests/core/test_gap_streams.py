@@ -1,0 +1,94 @@
+"""Stream-level evidence on sessions changed by a known amount, and the acceleration behind a warped trace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from draglag.exchange import read_exchange
+from draglag.gap.stalls import stalls
+from draglag.gap.streams import inspect
+from draglag.gap.unwarped import Shown, _kept, _smoothed
+from draglag.recording import Session, TouchTrace
+
+SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+
+
+@pytest.fixture(scope="module")
+def sound() -> Session:
+    return read_exchange(SAMPLES / "none-A")
+
+
+def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
+    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
+
+
+def test_stamps_as_coarse_as_the_frames_are_not_taken_for_missing_frames(sound: Session) -> None:
+    # 100 frames a second on a clock of 8 ms: intervals of 8 and 16 ms, as if a fifth of 125 frames a second were lost.
+    found, _ = inspect(with_touch(sound, lambda touch: replace(touch, t_s=np.floor(touch.t_s / 0.008) * 0.008)))
+    assert [f.effect for f in found] == ["timestamp_quantisation"]
+    assert found[0].value == pytest.approx(0.008, rel=0.01)
+
+
+def test_missing_frames_of_an_even_clock_are_not_taken_for_coarse_stamps(sound: Session) -> None:
+    def thinned(touch: TouchTrace) -> TouchTrace:
+        even_s = touch.t_s[0] + 0.01 * np.arange(touch.t_s.size)
+        keep = np.random.default_rng(4).random(touch.t_s.size) > 0.2
+        x, y = (np.interp(even_s, touch.t_s, values)[keep] for values in (touch.x_mm, touch.y_mm))
+        return TouchTrace(np.round(even_s[keep], 6), x, y)
+
+    found, _ = inspect(with_touch(sound, thinned))
+    assert [f.effect for f in found] == ["frame_drop"]
+    assert found[0].value == pytest.approx(0.2, abs=0.02)
+
+
+def test_straight_fills_are_counted_although_stamps_jitter(sound: Session) -> None:
+    rng = np.random.default_rng(8)
+
+    def filled(touch: TouchTrace) -> TouchTrace:
+        t_s = touch.t_s + rng.uniform(-2e-4, 2e-4, touch.t_s.size)
+        lost = np.zeros(t_s.size, bool)
+        for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 3.0):  # 20 a minute, 100 ms each
+            lost |= (t_s > start) & (t_s < start + 0.1)
+        x, y = (np.interp(t_s, t_s[~lost], values[~lost]) for values in (touch.x_mm, touch.y_mm))
+        return replace(touch, t_s=t_s, x_mm=x, y_mm=y)
+
+    found, repaired = inspect(with_touch(sound, filled))
+    assert [f.effect for f in found] == ["loss_of_contact"]
+    assert found[0].value == pytest.approx(20, rel=0.15)
+    assert all(new.touch.t_s.size < old.touch.t_s.size for new, old in zip(repaired.runs, sound.runs, strict=True))
+
+
+def test_stalls_are_owned_up_to(sound: Session) -> None:
+    def stalled(touch: TouchTrace) -> TouchTrace:
+        t_s = touch.t_s.copy()
+        for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 3.0):
+            held = np.flatnonzero((t_s >= start) & (t_s < start + 0.05))
+            t_s[held] = start + 0.05 + 3e-5 * np.arange(held.size)
+        return replace(touch, t_s=t_s)
+
+    assert stalls(sound) is None
+    found = stalls(with_touch(sound, stalled))
+    assert found is not None
+    assert found.effect is None
+    assert found.covariate == "frame"
+
+
+def test_the_speed_behind_a_warped_trace_is_given_back() -> None:
+    # A stylus at 800 mm/s whose speed varies at 2.5 Hz, reported with 10 µs per mm/s² more latency: exact, no fits.
+    t_s = np.arange(0, 12, 1e-3)
+    rate, swing, lag = 2 * np.pi * 2.5, 30.0, 1e-5
+    speed = 800 + swing * np.sin(rate * t_s)
+    path = 800 * t_s - swing / rate * np.cos(rate * t_s)
+    shown_s = t_s + 0.03 + lag * swing * rate * np.cos(rate * t_s)
+    grid_s = np.arange(0.5, 11.5, 0.008)
+    shown = Shown(grid_s, 0.008, np.gradient(np.interp(grid_s, shown_s, path), grid_s), 0.05, 800.0)
+    middle = slice(200, -200)
+    assert np.std(shown.speed_mm_s[middle]) > 2.5 * np.std(speed)  # 1 + v c ω² = 2.97
+    back = _smoothed(shown.speed_mm_s, _kept(np.sqrt(800 * lag), 0.008))
+    truth = np.interp(grid_s - 0.03, t_s, speed)
+    assert np.std((back - truth)[middle]) < 0.1 * swing
