@@ -117,6 +117,8 @@ def _unit(key: str, unit: str) -> float:
     """What turns a parameter called `key` into the generator's unit."""
     if unit.startswith("s") and key.endswith(("_ms", "_ms_per_hour", "_ms_per_h")):
         return 1e-3
+    if unit == "1/s" and key.endswith("_per_min"):
+        return 1 / 60
     if unit == "s" and key.endswith("_us"):
         return 1e-6
     return 0.01 if unit == "1" and key.endswith("_percent") else 1.0
