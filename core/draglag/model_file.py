@@ -18,6 +18,7 @@ from draglag.simulation.effects import EFFECTS
 
 VERSION = 1
 LONGEST_FILE = 4_000_000  # bytes; a model is a few kilobytes
+LONGEST_S = 60.0  # no drag latency is near
 OF_SPEED = ("low_speed_plateau", "second_filter_mode")
 IN_THE_LAW = (*OF_SPEED, "lagging_law", "acceleration_lag")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -95,6 +96,10 @@ class LatencyModel(_Table):
         low, high = self.speed_range_mm_s
         if not 0 <= low <= high:
             raise ValueError("speed_range_mm_s must run from low to high")
+        with np.errstate(all="ignore"):
+            law_s = self.curve.predict_s(np.append(0.0, np.linspace(low, high, 50)))
+        if not (np.abs(law_s) < LONGEST_S).all():
+            raise ValueError(f"the law gives latencies beyond {LONGEST_S:g} s; see its parameters")
         unknown = [effect.id for effect in self.effects if effect.id not in EFFECTS]
         if unknown:
             raise ValueError(f"unknown effect '{unknown[0]}'; known: {', '.join(EFFECTS)}")
@@ -231,6 +236,7 @@ def save_lookup(model: LatencyModel, path: Path | str) -> None:
             from scipy.io import savemat
 
             content = {**columns, "form": model.form, "parameters": dict(model.parameters)}
-            savemat(path, content, oned_as="column")
+            with path.open("xb") as file:
+                savemat(file, content, oned_as="column")
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from draglag.curve import CurvePoints, fit_form
 from draglag.exchange import read_exchange
+from draglag.model_file import model_of, save_model
 from draglag.store import SessionWriter, read_analyses, read_session, verify
 from draglag_app.cli import cli
 from draglag_app.cli.main import COMMANDS, load
@@ -38,6 +43,15 @@ def one_line(result: Result) -> str:
 def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("cli") / "session.h5"
     assert run("import", SAMPLES / "none-A", "--out", path).exit_code == 0
+    return path
+
+
+@pytest.fixture
+def model_file(tmp_path: Path) -> Path:
+    """A constant latency of 50 ms."""
+    points = CurvePoints(np.array([50.0, 100, 200]), np.full(3, 0.05), np.full(3, 1e-3))
+    path = tmp_path / "model.json"
+    save_model(model_of(fit_form(points, "constant")), path)
     return path
 
 
@@ -134,10 +148,54 @@ def test_bad_input_gets_one_sentence(
 
 
 @pytest.mark.parametrize(
-    "arguments", [("nothing",), ("analyze",), ("export", "s.h5", "--to", "word", "--out", "x"), ("analyze", "s", "--x")]
+    "arguments",
+    [
+        ("nothing",),
+        ("analyze",),
+        ("export", "s.h5", "--to", "word", "--out", "x"),
+        ("analyze", "s", "--x"),
+        ("analyze", "s", "--update-rate", "nan"),
+        ("analyze", "s", "--window-ms", "0", "nan"),
+        ("check", "--touch", "sim:", "--seconds", "nan"),
+        ("record", "demo", "--touch", "sim:", "--stylus-mm", "inf", "--out", "x"),
+    ],
 )
 def test_wrong_usage_is_exit_2(arguments: tuple[str, ...]) -> None:
     assert run(*arguments).exit_code == 2
+
+
+MOVES = "".join(f"{0.01 * k:.2f},{k},20\n" for k in range(40))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t_s,x_mm,y_mm\n", "holds no events"),
+        ("t_s,x_mm,y_mm\n" + MOVES + "0.4,40\n", "line 42: expected 3 cells"),
+        ("t_s,x_mm,y_mm\n" + MOVES.replace("0.05,", "0.05,7,"), "line 7: expected 3 cells"),
+        ("t_s,x_mm,y_mm\n" + MOVES.replace("0.05,", "1e300,"), "cannot be seconds"),
+        ("t_s,x_mm,y_mm\n0,1,2\n", "touch.csv: 1 usable touch events are too few"),
+        ("x,y\n1,2\n", "touch.csv: no column t_s"),
+    ],
+)
+def test_events_that_cannot_be_compensated_are_one_sentence(
+    tmp_path: Path, model_file: Path, text: str, message: str
+) -> None:
+    (tmp_path / "touch.csv").write_text(text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        line = one_line(run("compensate", model_file, tmp_path / "touch.csv", tmp_path / "out.csv"))
+    assert message in line
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_events_with_a_quoted_head_and_gzipped_are_compensated(tmp_path: Path, model_file: Path) -> None:
+    with gzip.open(tmp_path / "touch.csv.gz", "wt") as file:
+        file.write('"t_s","x_mm","y_mm"\n' + MOVES)
+    result = run("compensate", model_file, tmp_path / "touch.csv.gz", tmp_path / "out.csv", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["compensated"]["n_retimed"] == 40
+    assert len((tmp_path / "out.csv").read_text().splitlines()) == 41
 
 
 def test_a_bug_is_one_line_and_a_saved_traceback(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -232,7 +290,9 @@ def test_verify_says_what_is_wrong_and_exits_1(tmp_path: Path, session_file: Pat
     result = run("verify", path)
     assert result.exit_code == 1
     assert result.stderr.startswith(f"error: {path}: is truncated")
-    data = json.loads(run("verify", path, "--json").stdout)
+    in_json = run("verify", path, "--json")
+    data = json.loads(in_json.stdout)
+    assert in_json.stderr == result.stderr
     assert data["ok"] is False
     assert data["findings"][0]["level"] == "error"
 

@@ -18,6 +18,7 @@ from scipy.io import loadmat
 from core.store_sessions import assert_same, bare_session, full_session
 from draglag.errors import DataError
 from draglag.exchange import read_exchange, write_csv, write_exchange, write_mat, write_netcdf
+from draglag.exchange.tables import read_events
 from draglag.recording import Run, empty_laser, empty_touch
 
 SAMPLES = Path(__file__).parent.parent / "data" / "exchange"
@@ -162,6 +163,10 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"taps": "../taps.csv"}, r"taps: expected the name of a file in the same folder"),
     ({"taps": "taps.csv"}, r"taps\.csv: there is no such file"),
     ({"stylus_diameter_mm": float("nan")}, "stylus_diameter_mm: expected a finite number"),
+    ({"stylus_diameter_mm": True}, "stylus_diameter_mm: expected a valid number, not true"),
+    ({"stylus_diameter_mm": "7"}, 'stylus_diameter_mm: expected a valid number, not "7"'),
+    ({"screen": None}, r"screen: expected an object \{…\}, not null"),
+    ({"runs": "x"}, r"runs: expected a list \[…\], not \"x\""),
 ]
 
 
@@ -178,6 +183,27 @@ def test_broken_json_is_located(tmp_path: Path) -> None:
     (tmp_path / "session.json").write_text('{\n "format": "draglag-exchange",\n oops\n}')
     with pytest.raises(DataError, match=r"session\.json, line 3, column 2: is not JSON"):
         read_exchange(tmp_path)
+
+
+def test_a_number_too_long_to_read_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "session.json").write_text('{"version": ' + "9" * 6000 + "}")
+    with pytest.raises(DataError, match=r"session\.json: holds a number that is too long"):
+        read_exchange(tmp_path)
+
+
+def test_events_from_elsewhere_are_read_and_lines_that_cannot_be_told_apart_named(tmp_path: Path) -> None:
+    path = tmp_path / "touch.csv"
+    path.write_text('"id","y_mm","t_s","x_mm"\n# a note\na1,2,0.5,1\n\na2,,0.6,3\n')
+    np.testing.assert_array_equal(read_events(path, ("t_s", "x_mm", "y_mm")), [[0.5, 1, 2], [0.6, 3, np.nan]])
+    path.write_text("t_s,x_mm,y_mm\n0,1,2\n0.1,9,1,2\n")
+    with pytest.raises(DataError, match=r"touch\.csv, line 3: expected 3 cells"):
+        read_events(path, ("t_s", "x_mm", "y_mm"))
+
+
+def test_a_folder_that_takes_no_netcdf_is_one_short_reason() -> None:
+    pytest.importorskip("h5netcdf")
+    with pytest.raises(DataError, match=r"cannot be written \(No such file or directory\)"):
+        write_netcdf(full_session(), Path("/nowhere/at/all/s.nc"))
 
 
 def test_folders_that_are_none_are_called_so(tmp_path: Path) -> None:

@@ -44,6 +44,14 @@ def test_a_model_survives_its_file(model: LatencyModel, tmp_path: Path) -> None:
         ({"covariance": [[1.0]]}, "covariance"),
         ({"extra": 1}, "extra"),
         ({"speed_range_mm_s": [100, 10]}, "low to high"),
+        (
+            {"parameters": dict.fromkeys(("a1_ms", "a2_s_per_mm", "a4_ms", "a5_s_per_mm", "a7_ms"), 1e308)},
+            "beyond 60 s",
+        ),
+        (
+            {"parameters": {"a1_ms": 90.0, "a2_s_per_mm": -0.03, "a4_ms": 9.0, "a5_s_per_mm": -0.3, "a7_ms": 30.0}},
+            "beyond 60 s",
+        ),
     ],
 )
 def test_a_wrong_model_is_refused_by_name(
@@ -80,6 +88,8 @@ def test_lookup_tables(model: LatencyModel, tmp_path: Path) -> None:
     assert csv["latency_s"] == pytest.approx(table["latency_s"], rel=1e-7)
     with pytest.raises(DataError, match="neither"):
         save_lookup(model, tmp_path / "t.xls")
+    with pytest.raises(DataError, match=r"cannot be written \(No such file or directory\)"):
+        save_lookup(model, tmp_path / "none" / "t.mat")
 
 
 def drag(latency_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

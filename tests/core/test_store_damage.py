@@ -219,6 +219,8 @@ def test_a_hostile_file_gets_one_clear_error(tmp_path: Path, harm: Callable[[h5p
     with pytest.raises(DataError, match=message) as caught:
         read_session(path)
     assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert caught.value.remedy
     assert any(finding.level == "error" for finding in verify(path))
 
 

@@ -14,6 +14,7 @@ from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
 from draglag.recording import Session
 from draglag_app.cli.common import (
+    FiniteRange,
     checksum,
     json_option,
     load_session,
@@ -39,7 +40,7 @@ from draglag_app.cli.common import (
 @click.option(
     "--update-rate",
     "update_rate_hz",
-    type=click.FloatRange(min=1, max=10000),
+    type=FiniteRange(min=1, max=10000),
     metavar="HZ",
     help="Emulate a loop that holds the last event (the paper: 100). Default: the kernel's own stamps.",
 )
@@ -51,7 +52,7 @@ from draglag_app.cli.common import (
     "--window-ms",
     "window_ms",
     nargs=2,
-    type=click.FloatRange(-2000, 5000),
+    type=FiniteRange(-2000, 5000),
     metavar="FROM TO",
     help="Latencies to search. Default: 0 400.",
 )

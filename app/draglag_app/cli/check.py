@@ -9,7 +9,7 @@ import click
 
 from draglag.presets import load_screen_file
 from draglag.recording import Screen
-from draglag_app.cli.common import json_option, print_json, progress
+from draglag_app.cli.common import FiniteRange, json_option, print_json, progress
 from draglag_app.preflight import Check, preflight, ready
 
 MARKS = {"ok": "✓", "warning": "!", "fault": "✗"}
@@ -20,7 +20,7 @@ MARKS = {"ok": "✓", "warning": "!", "fault": "✗"}
 @click.option("--laser", metavar="ADDRESS", help="The laser sensor, e.g. ethercat:eth1?channel=1.")
 @click.option("--walt", metavar="ADDRESS", help="The WALT, e.g. serial:/dev/ttyACM0.")
 @click.option("--screen", "screen_name", metavar="NAME", help="Preset or TOML file of the screen under test.")
-@click.option("--seconds", default=3.0, show_default=True, type=click.FloatRange(0.5, 3600),
+@click.option("--seconds", default=3.0, show_default=True, type=FiniteRange(0.5, 3600),
               help="How long to watch; longer bounds the drift of clocks more closely.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder where sessions will be saved.")
 @json_option

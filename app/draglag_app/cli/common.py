@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,17 @@ from draglag.errors import DataError
 from draglag.recording import LogEntry, Session
 
 Progress = Callable[[float, str], None]
+
+
+class FiniteRange(click.FloatRange):
+    """A range that also refuses nan, which compares with nothing, and inf."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a number to work with.", param, ctx)
+        return number
+
 
 session_argument = click.argument("session", type=click.Path(path_type=Path))
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")

@@ -9,9 +9,10 @@ import click
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.recording import FloatArray
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table
 
-MOST_ROWS = 20_000_000
+LATEST_S = 1e11  # even stamps since 1970 are far below
 
 
 @click.command("compensate")
@@ -55,9 +56,12 @@ def compensate(
         refuse_existing(out)
         t_s, x_mm, y_mm = _read(source)
         freed_s, freed_x, freed_y, correction = corrected_touch(t_s, x_mm, y_mm, model)
-        done = apply(
-            freed_s, freed_x, freed_y, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s
-        )
+        try:
+            done = apply(
+                freed_s, freed_x, freed_y, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s
+            )
+        except DataError as error:
+            raise DataError(f"{source}: {error.problem}", error.remedy) from error
         columns = {
             "t_s": t_s,
             "x_mm": x_mm,
@@ -102,25 +106,15 @@ def compensate(
         click.echo("\n\n".join(_words(result, out)))
 
 
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Columns t_s, x_mm, y_mm of a CSV file; what is no number becomes NaN. Raises DataError."""
-    try:
-        with path.open(encoding="utf-8-sig") as file:
-            header = [name.strip() for name in file.readline().split(",")]
-            missing = [name for name in ("t_s", "x_mm", "y_mm") if name not in header]
-            if missing:
-                raise DataError(f"{path}: no column {missing[0]} in its first line", "Head the columns t_s,x_mm,y_mm")
-            places = [header.index(name) for name in ("t_s", "x_mm", "y_mm")]
-            rows = np.genfromtxt(
-                file, delimiter=",", usecols=places, invalid_raise=False, max_rows=MOST_ROWS, encoding="utf-8"
-            )
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read ({error})", "Check the name; the file must be UTF-8 text") from error
-    except ValueError as error:
-        raise DataError(f"{path}: rows of different length", "Every row needs the columns of the first line") from error
-    rows = np.atleast_2d(rows)
-    if rows.shape[1] != 3 or rows.size == 0:
+    from draglag.exchange.tables import read_events
+
+    rows = read_events(path, ("t_s", "x_mm", "y_mm"))
+    if not len(rows):
         raise DataError(f"{path}: holds no events", "Give one row t_s,x_mm,y_mm for each event")
+    if np.nanmax(np.abs(rows[:, 0]), initial=0.0, where=np.isfinite(rows[:, 0])) > LATEST_S:
+        raise DataError(f"{path}: t_s holds times that cannot be seconds", "Give the times in seconds")
     return rows[:, 0], rows[:, 1], rows[:, 2]
 
 

@@ -19,6 +19,7 @@ from draglag.errors import DataError, DraglagError
 from draglag.presets import load_screen_file
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
+from draglag_app.cli.common import FiniteRange
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_devices.addresses import parse_address
 from draglag_devices.calibration import as_mapping, load_calibration, load_touches
@@ -45,7 +46,7 @@ _ON_SCREEN = "draglag_app.windows.screen_display"
               help="Simulated or replayed sources: as fast as the computer allows, or in real time.")  # fmt: skip
 @click.option("--calibration", type=click.Path(path_type=Path), metavar="FILE.json",
               help="Of the touchscreen, saved on the Geometry page of the window.")  # fmt: skip
-@click.option("--stylus-mm", type=click.FloatRange(min=0, min_open=True), help="Diameter of the stylus.")
+@click.option("--stylus-mm", type=FiniteRange(min=0, min_open=True), help="Diameter of the stylus.")
 @click.option("--note", default="", help="The operator's words for the file.")
 def record(
     protocol: str,

@@ -45,6 +45,8 @@ def verify(session: Path, out: Path | None, as_json: bool) -> None:
     if as_json:
         rows = [{"level": f.level, "where": f.where, "text": f.text} for f in findings]
         print_json({"session": str(session), "ok": not errors, "saved": saved and str(saved), "findings": rows})
+        if errors:
+            click.echo(str(errors[0]), err=True)
     else:
         for finding in findings:
             click.echo(str(finding), err=finding.level == "error")

@@ -14,7 +14,9 @@ FORMAT = "draglag-exchange"
 VERSION = 1
 _MAX_BYTES = 16 * 2**20
 
-Positive = Annotated[float, Field(gt=0)]
+# Strict: "44" and true are no numbers, and what they were meant to be would be a guess.
+Positive = Annotated[float, Field(gt=0, strict=True)]
+NotNegative = Annotated[float, Field(ge=0, strict=True)]
 FileName = Annotated[str, StringConstraints(pattern=r"^[^/\\\x00]+$", max_length=200)]
 
 
@@ -36,10 +38,10 @@ class RunPart(_Part):
 
     id: str
     protocol: Literal["circle", "chirp", "multisine", "step", "free"]
-    nominal_speed_mm_s: Annotated[float, Field(ge=0)] | None = None
+    nominal_speed_mm_s: NotNegative | None = None
     radius_mm: Positive | None = None
-    duration_s: Annotated[float, Field(ge=0)] | None = None
-    start_s: float | None = None
+    duration_s: NotNegative | None = None
+    start_s: Annotated[float, Field(strict=True)] | None = None
     target: dict[str, float | int | str] = Field(default_factory=dict)
     outcome: Literal["complete", "aborted", "device_lost", "failed"] = "complete"
 
@@ -90,14 +92,17 @@ def _json(path: Path) -> Any:
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: is not UTF-8 text (byte {error.start})", "Save it as UTF-8") from error
     except RecursionError as error:
-        raise DataError(f"{path}: is nested too deep for a header") from error
+        raise DataError(f"{path}: is nested too deep for a header", "Write the keys as the README shows") from error
+    except ValueError as error:  # a number of thousands of digits
+        raise DataError(f"{path}: holds a number that is too long", "Correct that number") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def _plain(error: Any) -> str:
     """Pydantic's message as an expectation."""
-    text = str(error["msg"])
+    text = str(error["msg"]).split(", unable to parse")[0].split(" or instance of ")[0]
+    text = text.replace("a valid dictionary", "an object {…}").replace("a valid list", "a list […]")
     if error["type"] == "missing":
         return "is missing"
     if error["type"] == "string_pattern_mismatch":

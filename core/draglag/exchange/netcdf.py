@@ -13,7 +13,7 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.recording import Session
 from draglag.store.schema import Node, session_nodes
-from draglag.store.write import publish, zero_utc
+from draglag.store.write import publish, reason, zero_utc
 
 
 def write_netcdf(session: Session, path: Path | str) -> Path:
@@ -38,7 +38,7 @@ def write_netcdf(session: Session, path: Path | str) -> Path:
                 _put(file, node, start)
         publish(growing, path)
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror or error})", "Check the folder") from error
+        raise DataError(f"{path}: cannot be written ({reason(error)})", "Check the folder and free space") from error
     finally:
         growing.unlink(missing_ok=True)
     return path

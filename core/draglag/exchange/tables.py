@@ -55,6 +55,40 @@ def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     return table
 
 
+def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
+    """The named columns of somebody else's CSV file, (n, len(columns)): further columns may hold anything, lines that
+    begin with # are notes, and a cell that is no number is NaN.
+
+    Raises DataError: a missing column, or a line with more or fewer cells than the header, since its cells
+    cannot be told apart.
+    """
+    head, _, body = _text(path).partition("\n")
+    names = [name.strip().strip('"') for name in head.split(",")]
+    missing = [name for name in columns if name not in names]
+    if missing:
+        raise DataError(f"{path}: no column {missing[0]} in its first line", f"Head the columns {','.join(columns)}")
+    wanted = [names.index(name) for name in columns]
+    rows = []
+    for number, line in enumerate(body.split("\n"), 2):
+        if not line.strip() or line.startswith("#"):
+            continue
+        cells = line.split(",")
+        if len(cells) != len(names):
+            raise DataError(
+                f"{path}, line {number}: expected {len(names)} cells ({','.join(names)}), found {len(cells)}",
+                "Correct or remove that line",
+            )
+        rows.append([_number(cells[place]) for place in wanted])
+    return np.array(rows, float).reshape(-1, len(columns))
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell.strip().strip('"'))
+    except ValueError:
+        return float("nan")
+
+
 def line_of_row(path: Path, row: int) -> int:
     """The line in the file of a row of ``read_table``, counting from 1."""
     lines = _text(path).split("\n")

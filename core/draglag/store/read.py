@@ -110,7 +110,7 @@ READERS: dict[int, Callable[[Any], Session]] = {1: read_v1}
 def _group(parent: Any, name: str) -> Any:
     group = parent.get(name)
     if not isinstance(group, h5py.Group):
-        raise DataError(f"{parent.file.filename}: the group {parent.name.rstrip('/')}/{name} is missing")
+        raise DataError(f"the group {parent.name.rstrip('/')}/{name} is missing")
     return group
 
 

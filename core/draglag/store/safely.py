@@ -45,12 +45,20 @@ def open_session(path: Path | str) -> Iterator[Any]:
             check_schema(file, path)
             check_tree(file, path)
             yield file
-    except DraglagError:
-        raise
+    except DraglagError as error:
+        raise _named(error, path) from error
     except BROKEN as error:
         raise DataError(
             f"{path}: is damaged ({short(error)})", f"Try `draglag verify {path}` to see what can be saved"
         ) from error
+
+
+def _named(error: DraglagError, path: Path) -> DraglagError:
+    """The error with the name of the file and a remedy, where it has none yet."""
+    if error.problem.startswith(str(path)) and error.remedy:
+        return error
+    problem = error.problem if error.problem.startswith(str(path)) else f"{path}: {error.problem}"
+    return DataError(problem, error.remedy or f"Try `draglag verify {path}` to see what can be saved")
 
 
 @contextmanager

@@ -65,7 +65,7 @@ class SessionWriter:
             self._file = h5py.File(self.partial, "x")
         except OSError as error:
             raise DataError(
-                f"{self.partial}: cannot be made ({_reason(error)})", "Choose a folder you may write"
+                f"{self.partial}: cannot be made ({reason(error)})", "Choose a folder you may write"
             ) from error
         _write_metadata_only_in_flush(self._file)
         try:
@@ -212,7 +212,7 @@ class SessionWriter:
 
     def _unwritable(self, error: BaseException) -> DataError:
         return DataError(
-            f"{self.partial}: cannot be written ({_reason(error)})",
+            f"{self.partial}: cannot be written ({reason(error)})",
             "Make room on the disk, then `draglag verify` that file to save what it holds",
         )
 
@@ -311,7 +311,8 @@ def _join_rows(table: schema.Table, parts: list[Mapping[str, Any]]) -> dict[str,
     return joined
 
 
-def _reason(error: BaseException) -> str:
+def reason(error: BaseException) -> str:
+    """Why something could not be written, in the system's words."""
     if isinstance(error, OSError) and error.errno:
         return os.strerror(error.errno)
     return " ".join(str(error).split())[:200]
