@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,9 @@ from scipy.stats import chi2
 
 from draglag.gap.fit import Fit
 from draglag.gap.noise import Whitener
-from draglag.gap.signatures import SIGNATURES, Signature, pitch_ripple, shape_free
+from draglag.gap.signatures import SIGNATURES, shape_free
 from draglag.recording import FloatArray
+from draglag.simulation.residual import LineGains, Signature
 
 LEVEL = 0.01
 DRAWS = 200
@@ -55,11 +56,11 @@ class Finding:
 def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None = None) -> Finding:
     """Test every library effect and every smooth term against the fit. ``without`` leaves library effects out."""
     items: list[tuple[str | None, str, str, Signature | None, FloatArray]] = []
+    gains_of_lines = _line_gains(fit)
     for effect, make in SIGNATURES.items():
         if effect in without or (only is not None and effect not in only):
             continue
-        options = pitch_ripple(fit.view, _line_gains(fit)) if effect == "pitch_ripple" else make(fit.view)
-        for signature in options:
+        for signature in make(fit.view, gains_of_lines):
             items.append((effect, "", "", signature, signature.columns(fit.view)))
     for (covariate, role), columns in shape_free(fit.view).items():
         items.append((None, covariate, role, None, columns))
@@ -89,7 +90,7 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     return Finding(ranked, min((c.p_value for c in ranked), default=1.0))
 
 
-def _line_gains(fit: Fit) -> Callable[[FloatArray], FloatArray]:
+def _line_gains(fit: Fit) -> LineGains:
     """Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
     white = fit.whiteners[fit.best]
     design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])

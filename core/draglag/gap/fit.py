@@ -32,9 +32,11 @@ from draglag.gap.noise import (
     touch_variances,
     whitener,
 )
-from draglag.gap.signatures import Averaged, Signature, View, signature_at, view_of
+from draglag.gap.signatures import view_of
 from draglag.gap.unwarped import Unwarped
 from draglag.recording import FloatArray, Session
+from draglag.simulation.effects import EFFECTS
+from draglag.simulation.residual import Averaged, Signature, View
 
 START = Components(0.05, 0.01, 0.1, 0.0003, 0.03)
 FOLLOW_ACCELERATION = ("acceleration_lag", "lagging_law")
@@ -83,7 +85,7 @@ class Fit:
 
 def term_signature(term: Term, view: View) -> Signature:
     """The signature of a term at its setting."""
-    return signature_at(term.effect, term.theta, view)
+    return EFFECTS[term.effect].signature_at(term.theta, view)
 
 
 def restrict(view: View, use: np.ndarray) -> View:

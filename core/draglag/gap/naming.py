@@ -13,10 +13,11 @@ from draglag.gap.fit import Fit, Term, fit_session, latency_of_terms, log_likeli
 from draglag.gap.heldout import gap_mm, improves, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
-from draglag.gap.signatures import LAGS_S3_MM, SIGNATURES, shape_free
+from draglag.gap.signatures import SIGNATURES, shape_free
 from draglag.gap.stepped import find_step
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect

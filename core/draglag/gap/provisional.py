@@ -10,8 +10,9 @@ from draglag.gap.finding import Candidate
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.results import GapReport
-from draglag.gap.signatures import View, shape_free
+from draglag.gap.signatures import shape_free
 from draglag.recording import FloatArray
+from draglag.simulation.residual import View
 
 POINTS = 25
 ROLES = {"latency": "ms", "direction": "ms", "offset": "mm", "width": "mm"}

@@ -20,7 +20,7 @@ from draglag.gap.fit import Fit, restrict
 from draglag.gap.model import residual_mm
 from draglag.gap.realised import effects_of_fit, held_s, rig_of
 from draglag.gap.results import GapReport
-from draglag.gap.signatures import View, view_of
+from draglag.gap.signatures import view_of
 from draglag.gap.streams import inspect
 from draglag.latency.estimate import RunEstimate
 from draglag.motion import contact_losses, local_fit, sample_interval_s
@@ -29,6 +29,7 @@ from draglag.simulation.chain import simulate_run
 from draglag.simulation.digitiser import reporting
 from draglag.simulation.effects.base import Effect
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
+from draglag.simulation.residual import View
 from draglag.simulation.rig import Rig
 
 Progress = Callable[[float, str], None]

@@ -10,6 +10,9 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
+
+LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5)  # sizes to begin from
 
 
 @dataclass(frozen=True)
@@ -29,3 +32,14 @@ class AccelerationLag(Effect):
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         return latency_s + self.value * k.tangential_mm_s2
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # As the trace shows it, amplified by the effect itself: enough to find it. Its own size takes that back.
+        return [Signature(latency=column(view.accel), theta=(0.0,), n_grid=len(LAGS_S3_MM))]
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        lag_s3_mm = theta[0] if theta else 0.0
+        accel = view.trace.acceleration_mm_s2(lag_s3_mm) if lag_s3_mm > 0 else view.accel
+        return Signature(latency=column(accel), theta=(lag_s3_mm,), n_grid=len(LAGS_S3_MM))

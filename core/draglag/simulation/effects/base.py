@@ -14,6 +14,7 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.recording import FloatArray, IntArray
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View
 
 
 @dataclass(frozen=True)
@@ -123,3 +124,21 @@ class Effect:
     def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
         """(n,) latency of taps made at session time t."""
         return latency_s
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        """How the effect moves the residual of each edge, at every setting of what it is not linear in.
+
+        Empty where residuals do not show it. ``gains`` tells which of many settings are worth looking at.
+        """
+        return []
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        """The signature at a setting: the nearest of those there are."""
+        options = cls.signatures(view)
+        if not theta:
+            return options[0]
+        options = [o for o in options if len(o.theta) == len(theta)]
+        distance = [abs(o.theta[0] - theta[0]) + 1e3 * (o.theta[1:] != theta[1:]) for o in options]
+        return options[int(np.argmin(distance))]

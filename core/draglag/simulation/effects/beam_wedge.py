@@ -10,6 +10,7 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -32,3 +33,7 @@ class BeamWedge(Effect):
 
     def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
         return np.maximum(diameter_mm + self.value * (k.motion.x_mm / k.width_mm - 0.5), 0.0)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        return [Signature(offset=column(0.25 * view.side * view.panel_x))]

@@ -10,6 +10,7 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -29,3 +30,8 @@ class BeamWidth(Effect):
 
     def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
         return np.maximum(diameter_mm + self.value, 0.0)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # A wrong scale looks alike: every edge lies half a diameter from the beam.
+        return [Signature(offset=column(0.5 * view.side))]

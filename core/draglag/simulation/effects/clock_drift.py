@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -29,3 +30,8 @@ class ClockDrift(Effect):
 
     def laser_clock(self, t_s: FloatArray) -> FloatArray:
         return t_s * (1 + self.value * 1e-6)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # The laser's clock gains: its stamps lie later and the latency reads shorter. A creeping latency looks alike.
+        return [Signature(latency=column(-view.since_start_s))]

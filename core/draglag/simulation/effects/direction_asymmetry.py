@@ -10,6 +10,7 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -33,3 +34,8 @@ class DirectionAsymmetry(Effect):
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         return latency_s + 0.5 * self.value * np.sign(k.motion.vy_mm_s)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # Between moving down and moving up, half each way.
+        return [Signature(latency=column(0.5 * np.sign(view.v_across)))]

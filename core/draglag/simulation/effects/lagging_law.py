@@ -10,6 +10,7 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -32,3 +33,10 @@ class LaggingLaw(Effect):
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
         t = k.motion.t_s
         return np.interp(t - self.value, t, speed_mm_s)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # A speed some time ago; or (negative) one towards the present, which is a latency later than the edge's own.
+        past = -view.law_slope * view.accel
+        present = past * view.latency_s / 0.05
+        return [Signature(latency=column(c), theta=(k,), n_grid=2) for k, c in enumerate((past, present))]

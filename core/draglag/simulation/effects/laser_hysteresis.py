@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -27,3 +28,7 @@ class LaserHysteresis(Effect):
 
     def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
         return Edges(edges.t_s + self.value * (edges.light == 1), edges.light)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        return [Signature(latency=column(-view.rising))]

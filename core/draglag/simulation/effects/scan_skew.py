@@ -10,6 +10,7 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -32,3 +33,7 @@ class ScanSkew(Effect):
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         return latency_s + self.value * (k.motion.x_mm / k.width_mm - 0.5)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        return [Signature(latency=column(0.5 * view.panel_x))]

@@ -10,6 +10,7 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -34,3 +35,22 @@ class SecondFilterMode(Effect):
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         return latency_s + self.value * (k.speed_mm_s > self.threshold_mm_s)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # A stronger filter above some speed, or while the stylus speeds up or slows down.
+        out = []
+        for kind, values in enumerate((view.speed, np.abs(view.accel))):
+            limits = np.quantile(values, np.linspace(0.12, 0.88, 16))
+            out += [mode(view, float(limit), float(kind), 32) for limit in limits]
+        return out
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        return mode(view, theta[0], theta[1]) if theta else super().signature_at(theta, view)
+
+
+def mode(view: View, limit: float, kind: float, n_grid: int = 1) -> Signature:
+    """More latency above a speed (kind 0) or above an acceleration (1)."""
+    values = np.abs(view.accel) if kind else view.speed
+    return Signature(latency=column((values > limit).astype(float)), theta=(limit, kind), n_grid=n_grid)

@@ -11,6 +11,7 @@ from scipy.signal import filtfilt
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -43,3 +44,8 @@ class SmoothingShrink(Effect):
             return np.asarray(filtfilt([1 - keep], [1.0, -keep], p, padlen=margin))
 
         return smooth(x_mm), smooth(y_mm)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # A first-order low-pass with time constant τ whose delay the law already holds leaves ½ τ² of acceleration.
+        return [Signature(offset=column(0.5 * view.a_across))]

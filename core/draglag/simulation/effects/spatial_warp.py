@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View
 
 
 @dataclass(frozen=True)
@@ -31,3 +34,12 @@ class SpatialWarp(Effect):
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         u = 2 * k.motion.x_mm / k.width_mm - 1
         return x_mm, y_mm + self.value * (1.5 * u**2 - 0.5)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        x = view.panel_x
+        polynomial = np.column_stack([x**2 - x.mean(), x**3, x**4])
+        return [Signature(offset=polynomial)] + [
+            Signature(offset=np.column_stack([np.sin(k * np.pi * x), np.cos(k * np.pi * x)]), theta=(k,), n_grid=4)
+            for k in (0.75, 1.0, 1.5, 2.0)
+        ]

@@ -1,0 +1,95 @@
+"""How an effect moves the residual of an edge: what it sees of the session, and what it makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from draglag.recording import FloatArray
+
+LineGains = Callable[[FloatArray], FloatArray]
+"""Of columns (m, 2 k), how much each pair of them gains on the white residual, (k,)."""
+
+
+class Trace(Protocol):
+    """The touch trace about m edges."""
+
+    def acceleration_mm_s2(self, lag_s3_mm: float) -> FloatArray:
+        """Tangential acceleration (m,) of the stylus when the latency grows by ``lag_s3_mm`` times it (s per mm/s²)."""
+        ...
+
+    def __getitem__(self, use: np.ndarray) -> Trace: ...
+
+
+@dataclass(frozen=True)
+class View:
+    """The motion at every edge as signatures see it, (m,) each, mm and s; across = positive downwards."""
+
+    x_mm: FloatArray
+    y_mm: FloatArray
+    side: FloatArray
+    rising: FloatArray
+    v_across: FloatArray
+    speed: FloatArray
+    accel: FloatArray
+    a_across: FloatArray
+    since_start_s: FloatArray
+    in_run_s: FloatArray
+    latency_s: FloatArray
+    law_slope: FloatArray
+    stretch: FloatArray
+    angle: FloatArray
+    width_mm: float
+    panel_x: FloatArray  # −1 … +1 over the panel
+    session_time: FloatArray  # −1 … +1 over the session
+    span_s: float
+    intercept_mm: float
+    averaged: Averaged
+    trace: Trace
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """How a displacement of the events becomes one of the edges: rows (m, n) of weights over all events, (n,) mm."""
+
+    rows: csr_matrix
+    x_mm: FloatArray
+    y_mm: FloatArray
+
+    def __getitem__(self, use: np.ndarray) -> Averaged:
+        return Averaged(self.rows[use], self.x_mm, self.y_mm)
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Columns of one effect at one setting of what it is not linear in.
+
+    Attributes:
+        latency: (m, k) latency added per unit, s; offset: (m, k) displacement across the beam per unit, mm.
+        theta: the setting. n_grid: how many settings are tried in all, for the penalty. looks: how many of them
+            were looked at for each one tried in earnest.
+    """
+
+    latency: FloatArray | None = None
+    offset: FloatArray | None = None
+    theta: tuple[float, ...] = ()
+    n_grid: int = 1
+    looks: float = 1.0
+
+    def columns(self, view: View) -> FloatArray:
+        """The residual the effect leaves when it is not modelled, (m, k) mm per unit."""
+        parts = []
+        if self.latency is not None:
+            parts.append(-(view.v_across * view.stretch)[:, None] * self.latency)
+        if self.offset is not None:
+            parts.append(self.offset)
+        return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+
+
+def column(values: FloatArray) -> FloatArray:
+    """(m,) as one column, (m, 1)."""
+    return values[:, None]
