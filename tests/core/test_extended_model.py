@@ -17,7 +17,8 @@ from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.edges import gather
 from draglag.gap.extended import extended_model, law_of_fit
-from draglag.gap.fit import Term, fit_session
+from draglag.gap.fit import fit_session
+from draglag.gap.state import Term
 from draglag.model_file import LatencyModel, ModelEffect, load_model, save_model
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session

@@ -10,13 +10,14 @@ from draglag.errors import DataError, EstimateError
 from draglag.gap.compose import STREAMS, Gap, Model, shrinkage, theta_of
 from draglag.gap.doubts import covariate_of, left_out, still_there
 from draglag.gap.finding import Finding, find
-from draglag.gap.fit import Fit, Term, fit_session
+from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm
 from draglag.gap.naming import PLATEAU
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
 from draglag.gap.signatures import SIGNATURES
+from draglag.gap.state import Term
 from draglag.gap.streams import inspect
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS

@@ -19,7 +19,7 @@ from draglag.gap.doubts import left_out
 from draglag.gap.edges import gather
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.finding import find as find_in
-from draglag.gap.fit import Fit, Term, fit_session
+from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import IN_EVERY_FIT, floor_mm, folds, gap_mm, held_out_residual_mm, shrinks
 from draglag.gap.model import Geometry, LawParameters
 from draglag.gap.naming import PLATEAU, gained
@@ -27,6 +27,7 @@ from draglag.gap.naming import name as names_of
 from draglag.gap.parameters import parameters_of
 from draglag.gap.results import COVARIATE, TERM_OF, Step
 from draglag.gap.signatures import SIGNATURES
+from draglag.gap.state import Term
 from draglag.gap.streams import StreamEffect, inspect
 from draglag.gap.workflow import step_of
 from draglag.recording import FloatArray, IntArray, Session

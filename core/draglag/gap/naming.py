@@ -9,11 +9,12 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.finding import Candidate, Finding
-from draglag.gap.fit import Fit, Term, fit_session, latency_of_terms, log_likelihood_on, most_promising
+from draglag.gap.fit import Fit, fit_session, latency_of_terms, log_likelihood_on, most_promising
 from draglag.gap.heldout import gap_mm, improves, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
 from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.gap.state import Term
 from draglag.gap.stepped import find_step
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS

@@ -9,8 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.gap.fit import Fit, Term
+from draglag.gap.fit import Fit
 from draglag.gap.parameters import parameters_of
+from draglag.gap.state import Term
 from draglag.recording import Beam, FloatArray, Session
 from draglag.simulation.effects import EFFECTS, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics

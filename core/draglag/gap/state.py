@@ -1,0 +1,162 @@
+"""One point of the joint fit's search: parameters, and the session seen from there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.gap.edges import Placed, RunData, place
+from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
+from draglag.gap.noise import timing_mm, touch_variances
+from draglag.gap.signatures import view_of
+from draglag.recording import FloatArray
+from draglag.simulation.effects import EFFECTS
+from draglag.simulation.residual import Signature, View
+
+FOLLOW_ACCELERATION = ("acceleration_lag", "lagging_law")
+ACCEL_UNKNOWN = 0.2
+FAR_MM = 1.5  # an edge this uncertain decides nothing
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect in the model. theta: its non-linear setting; sizes: (k,) amplitudes in the signature's units."""
+
+    effect: str
+    theta: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+
+
+def term_signature(term: Term, view: View) -> Signature:
+    """The signature of a term at its setting."""
+    return EFFECTS[term.effect].signature_at(term.theta, view)
+
+
+@dataclass(frozen=True)
+class State:
+    """One point of the search: parameters, and the session seen from there."""
+
+    law: LawParameters
+    geometry: Geometry
+    terms: tuple[Term, ...]
+    placed: Placed
+    view: View
+    signatures: tuple[Signature, ...]
+    residual: FloatArray
+    design: FloatArray
+    prior: FloatArray
+    blur_mm: FloatArray
+
+
+def look(
+    runs: tuple[RunData, ...],
+    law: LawParameters,
+    geometry: Geometry,
+    terms: Sequence[Term],
+    width_mm: float,
+    before: State | None,
+) -> State:
+    extra = None if before is None else total(before.signatures, terms, before.view, "latency")
+    placed = place(runs, law, extra, None if before is None else before.placed)
+    view = view_of(placed, law, geometry, width_mm)
+    lag = next((t.theta[0] for t in terms if t.effect == "acceleration_lag" and t.theta), 0.0)
+    if lag > 0:
+        view = replace(view, accel=view.trace.acceleration_mm_s2(lag))
+    signatures = tuple(term_signature(t, view) for t in terms)
+    residual = residual_mm(placed, geometry) - total(signatures, terms, view, "offset")
+    columns = [s.columns(view) for s in signatures]
+    design = np.column_stack([-base_columns(placed, law), *columns])
+    prior = np.concatenate([base_prior(law), np.full(sum(c.shape[1] for c in columns), 1e-12)])
+    settled = tuple(
+        replace(t, theta=s.theta, sizes=t.sizes or (0.0,) * c.shape[1])
+        for t, s, c in zip(terms, signatures, columns, strict=True)
+    )
+    blur = _blur_mm(settled, columns, view, placed)
+    return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur)
+
+
+def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
+    """What effects of the acceleration leave at each edge, mm: it is known to about a fifth of what it varies by."""
+    blur = np.zeros(view.x_mm.size)
+    for term, column in zip(terms, columns, strict=True):
+        if term.effect not in FOLLOW_ACCELERATION:
+            continue
+        moved = column @ np.array(term.sizes)
+        for k in np.unique(placed.run):
+            run = (placed.run == k) & placed.ok
+            typical = (
+                np.sqrt(np.mean(moved[run] ** 2) / max(np.mean(view.v_across[run] ** 2), 1e-9)) if run.any() else 0
+            )
+            blur[placed.run == k] += ACCEL_UNKNOWN * typical * view.v_across[placed.run == k]
+    return blur
+
+
+def stepped(state: State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float) -> State:
+    n = base_prior(state.law).size
+    beam = n - N_NUISANCES - 2
+    law = state.law.moved(step[:beam])
+    geometry = replace(
+        state.geometry,
+        slope=state.geometry.slope + step[beam],
+        intercept_mm=state.geometry.intercept_mm + step[beam + 1],
+    )
+    terms = []
+    for t in state.terms:
+        k = len(t.sizes)
+        sizes = tuple(float(q) for q in np.array(t.sizes) + step[n : n + k])
+        # The trace is unwarped by what is found in it.
+        theta = (max(sizes[0], 0.0),) if t.effect == "acceleration_lag" else t.theta
+        terms.append(replace(t, sizes=sizes, theta=theta))
+        n += k
+    return look(runs, law, geometry, terms, width_mm, state)
+
+
+def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
+    """Edges to judge by: well placed, not far from their run, and not too uncertain to matter."""
+    placed = state.placed
+    use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
+    follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
+    local = touch_variances(runs, placed) + state.blur_mm**2
+    sd = np.sqrt(local + 0.05**2 + (0.02 * follows * placed.speed_mm_s) ** 2 + timing_mm(placed) ** 2)
+    use &= sd < FAR_MM
+    # A run that mostly starts and stops is no witness to a law: its few edges left would speak for those that went.
+    for k, data in enumerate(runs):
+        own = placed.run == k
+        if not data.steady and np.count_nonzero(use & own) < 0.5 * np.count_nonzero(own):
+            use[own] = False
+    return np.asarray(use & _not_far(state.residual, sd, placed, use, loose))
+
+
+def total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, role: str) -> FloatArray:
+    total = np.zeros(view.x_mm.size)
+    for s, t in zip(signatures, terms, strict=True):
+        columns = getattr(s, role)
+        if columns is not None and t.sizes:
+            total = total + columns @ np.array(t.sizes)
+    return total
+
+
+def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarray, loose: bool) -> np.ndarray:
+    """Edges within a few robust standard deviations of their own run, whatever latency and offset that run has."""
+    keep = np.ones(residual.size, bool)
+    for k in np.unique(placed.run):
+        own = np.flatnonzero((placed.run == k) & use)
+        if own.size < 6:
+            continue
+        v = placed.v_mm_s[own, 1]
+        size = max(float(np.abs(v).max()), 1.0)
+        # Each kind of edge and direction its own level: hysteresis, width and asymmetry are not outliers.
+        side = np.where(placed.falling[own], 1.0, -1.0)
+        columns = [np.ones_like(v), v / size, side, np.abs(v) / size, side * v / size, side * np.sign(v)]
+        design = np.column_stack(columns) if own.size > 20 else np.column_stack(columns[:2])
+        z, design = residual[own] / sd[own], design / sd[own][:, None]
+        weight = np.ones(v.size)
+        for _ in range(5):
+            beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
+            left = np.abs(z - design @ beta)
+            scale = max(1.4826 * float(np.median(left)), 0.5)
+            weight = np.sqrt(np.minimum(1.0, 2 * scale / np.maximum(left, 1e-9)))
+        keep[own[left > (9 if loose else 5) * scale]] = False
+    return keep
