@@ -14,7 +14,8 @@ from draglag.errors import DataError
 from draglag.recording import Screen
 from draglag_resources import presets, resource
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+# Strict: true is no number.
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 
 
 class Strict(BaseModel):
@@ -83,7 +84,8 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
     try:
         return str(path), path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} cannot be read as UTF-8 text: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else f"byte {error.start}"
+        raise DataError(f"{path} cannot be read as UTF-8 text ({reason})", "give a TOML file") from error
 
 
 def _line_of(text: str, location: Sequence[int | str]) -> int:

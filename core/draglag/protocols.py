@@ -27,12 +27,15 @@ MULTISINE_PEAK = 2.3402
 """Largest excursion of the multi-sine of Table 1 for an amplitude of one."""
 
 
+Speed = Annotated[Positive, Field(le=20_000)]  # mm/s; no hand is faster than some metres a second
+
+
 class RunPlan(Strict):
     """One ``[[runs]]`` table: a kind of target and its numbers, for one or several speeds."""
 
     kind: Literal["circle", "chirp", "multisine", "step"]
-    speed_mm_s: Positive | None = None
-    speeds_mm_s: tuple[Positive, ...] = ()
+    speed_mm_s: Speed | None = None
+    speeds_mm_s: tuple[Speed, ...] = ()
     radius_mm: Positive | None = None
     radius_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.1  # of the screen's width
     duration_s: Annotated[float, Field(gt=0, le=3600)] | None = None

@@ -62,6 +62,8 @@ def test_usage_and_wrong_addresses():
     wrong = run("--touch", "usb:3")
     assert wrong.exit_code == 1
     assert "not a device address" in wrong.stdout
+    assert wrong.stderr.startswith("draglag: not ready: addresses: usb:3: this is not a device address")
+    assert len(wrong.stderr.splitlines()) == 1
     mixed = run("--touch", FAST, "--walt", "serial:/dev/ttyACM0")
     assert mixed.exit_code == 1
     assert "cannot run faster than time" in mixed.stdout

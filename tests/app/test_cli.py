@@ -137,6 +137,7 @@ def test_what_exists_is_not_overwritten(tmp_path: Path, session_file: Path, argu
         (("simulate", "--screen", "screen-1", "--protocol", "nothing", "--out", "s.h5"), "nothing"),
         (("import", SAMPLES / "none-A", "--out", "no/such/s.h5"), "no such folder"),
         (("analyze", SAMPLES / "none-A", "--save"), "only a session file can keep a result"),
+        (("reproduce", "--out", __file__), "cannot be made (File exists)"),
     ],
 )
 def test_bad_input_gets_one_sentence(

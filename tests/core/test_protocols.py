@@ -96,6 +96,8 @@ def test_a_file_of_ones_own_works_like_a_preset(tmp_path):
         ("speed_mm_s = 100\n", "", r"line 6: runs.2: a circle needs either speed_mm_s or speeds_mm_s"),
         ('kind = "chirp"', "kind = ", r"mine.toml is not valid TOML: .*line 4"),
         ('name = "mine"', "", r"line 1: name: field required"),
+        ("speed_mm_s = 100", "speed_mm_s = 1e12", r"runs.2.speed_mm_s: input should be less than or equal to 20000"),
+        ("speed_mm_s = 100", "speed_mm_s = true", r"runs.2.speed_mm_s: input should be a valid number"),
     ],
 )
 def test_a_malformed_file_is_refused_by_line(tmp_path, old, new, words):
@@ -110,6 +112,12 @@ def test_an_empty_protocol_and_an_unknown_name_are_refused(tmp_path):
         load_protocol("nope")
     with pytest.raises(DataError, match=r"no screen preset or file 'tv'.*screen-1"):
         load_screen("tv")
+
+
+def test_a_file_that_is_no_text_is_refused_with_a_remedy(tmp_path):
+    (tmp_path / "x.toml").write_bytes(b"\x89HDF")
+    with pytest.raises(DataError, match=r"cannot be read as UTF-8 text \(byte 0\); give a TOML file"):
+        load_protocol(tmp_path / "x.toml")
 
 
 def test_a_circle_too_big_for_the_screen_is_refused(tmp_path):

@@ -26,6 +26,11 @@ def reproduce(out: Path | None, seed: int, as_json: bool) -> None:
 
     if out is not None and (out / "reproduction.html").exists():
         raise DataError(f"{out / 'reproduction.html'}: exists already and is not overwritten", "Choose another folder")
+    if out is not None:
+        try:  # before minutes of work rather than after them
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose another folder") from error
     with progress("Reproducing") as tell:
         result = measure(seed, tell)
     written = None if out is None else write_reproduction(result, out)

@@ -83,7 +83,9 @@ def write_gap_report(
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(_PAGE.format(title="draglag gap report", body="".join(body)), encoding="utf-8")
     except OSError as problem:
-        raise DataError(f"{path}: {problem.strerror}", "Choose a folder that can be written to") from None
+        raise DataError(
+            f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
+        ) from None
     return path
 
 
@@ -93,7 +95,7 @@ def _table(report: GapReport) -> str:
     rows = []
     for step in report.steps:
         sizes = "<br>".join(
-            f"{escape(name)} = {value:.4g} ({low:.4g} to {high:.4g})"
+            f"{escape(name)} = " + f"{value:.4g} ({low:.4g} to {high:.4g})".replace("-", "−")  # no line breaks at it
             for name, (value, (low, high)) in step.parameters.items()
         )
         also = (
@@ -104,10 +106,15 @@ def _table(report: GapReport) -> str:
         extra = f"<br><small>{escape(step.extra_run)}</small>" if step.extra_run else ""
         rows.append(
             f"<tr><td><b>{escape(step.effect)}</b>{also}</td><td>{escape(step.where)}{extra}</td><td>{sizes}</td>"
-            f"<td>{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}</td><td>{step.p_value:.1g}</td></tr>"
+            f"<td>{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}</td><td>{_p(step.p_value)}</td></tr>"
         )
     head = "<tr><th>effect</th><th>where</th><th>size (95 %)</th><th>gap, mm</th><th>p</th></tr>"
     return f"<table>{head}{''.join(rows)}</table>"
+
+
+def _p(value: float) -> str:
+    """A p value for people: none is zero."""
+    return "&lt; 0.0001" if value < 1e-4 else f"{value:.1g}"
 
 
 def _svg(figure: Any) -> str:
