@@ -35,6 +35,7 @@ MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
 UNEVEN_AGES = {"sample_hold", "timestamp_quantisation", "frame_batching", "loss_of_contact"}  # they scatter edges
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
+SMOOTH_IN_X = {"spatial_warp", "scan_skew"}
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 Progress = Callable[[float, str], None]
 
@@ -122,6 +123,12 @@ def close_gap(
         unexplained = still_there(fit, finding)
     if grace is not None and unexplained is not None and unexplained.covariate == grace.covariate:
         steps, fit = list(grace.steps), grace.fit
+    if unexplained is not None and unexplained.covariate == "x":
+        # What is smooth along the whole panel leaves nothing along it: then it was something else that looked like it.
+        at = next((k for k, s in enumerate(steps) if s.effect in SMOOTH_IN_X), len(steps))
+        if at < len(steps):
+            fit = next((s.fit for s in reversed(steps[:at]) if s.fit is not None), first)
+            steps = steps[:at]
     without = contradicted_by_taps(session, fit) if unexplained is None else None
     if without is not None:
         fit, steps = without, [s for s in steps if s.effect != MODE]
