@@ -241,7 +241,7 @@ def theta_of(fit: Fit, effect: str) -> tuple[float, ...]:
 
 def _by_run(fit: Fit) -> dict[int, tuple[float, int]]:
     """Sum of squares and number of the held-out residuals of each run."""
-    residual, _ = held_out_residual_mm(fit)
+    residual = held_out_residual_mm(fit)
     held: IntArray = np.asarray(folds(fit) != IN_EVERY_FIT)
     out = {}
     for k in np.unique(fit.run_index[held]):

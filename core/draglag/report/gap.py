@@ -12,7 +12,7 @@ import numpy as np
 
 from draglag.errors import DataError, DraglagError
 from draglag.gap.fit import Fit
-from draglag.gap.heldout import held_out_residual_mm
+from draglag.gap.heldout import noise_variance_mm2
 from draglag.gap.replay import Replay, replays
 from draglag.gap.results import GapReport
 from draglag.recording import FloatArray, Session
@@ -276,7 +276,7 @@ def _curves(report: GapReport) -> Any:
 def _spread(first: Fit, last: Fit) -> Any:
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
-    _, variance = held_out_residual_mm(last)
+    variance = noise_variance_mm2(last)
     reach = 4 * float(np.sqrt(np.mean(variance))) + 1e-6
     bins = np.linspace(-reach, reach, 61).tolist()
     for fit, colour, name in ((first, ORANGE, "before"), (last, BLUE, "after")):
