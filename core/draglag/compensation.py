@@ -16,6 +16,9 @@ from draglag.recording import FloatArray, TouchTrace
 Law = Callable[[FloatArray], FloatArray]
 
 GRID_S = 0.004  # of the stylus' own time: touch events are no closer
+HALVES_S = (0.05, 0.07, 0.1, 0.15, 0.2, 0.25)  # of the smoothing window: short at speed, wide where the law is steep
+STEEP_S = 0.03  # v · L′(v) from which simulated Screens 1 and 2 are better undone as a whole
+PAUSE_S = 2.0  # what lies further apart is not one movement
 
 
 def stylus_speed(law: Law, v_mm_s: FloatArray, a_mm_s2: FloatArray) -> FloatArray:
@@ -122,6 +125,33 @@ def _on_grid(own_s: FloatArray, xy_mm: FloatArray, grid_s: FloatArray, reach: in
     return smooth, np.hypot(velocity[:, 0], velocity[:, 1])
 
 
+def settled_path(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> StylusPath | None:
+    """The movement (``stylus_path``) with the smoothing whose delayed image is nearest to the trace; None where the
+    events (n,) are fewer than eight or too short a stretch for any."""
+    best, best_mm2 = None, np.inf
+    for half_s in HALVES_S if t_s.size >= 8 else ():
+        if 2 * half_s + 2 * GRID_S > t_s[-1] - t_s[0]:
+            break
+        path = stylus_path(t_s, xy_mm, law, half_s)
+        shown_mm = np.column_stack([np.interp(t_s, path.arrival_s, column) for column in path.xy_mm.T])
+        apart_mm2 = float(np.mean((shown_mm - xy_mm) ** 2))
+        if apart_mm2 < best_mm2:
+            best, best_mm2 = path, apart_mm2
+    return best
+
+
+def _is_steep(law: Law, speed_mm_s: FloatArray) -> bool:
+    """Whether an error of speed moves these events far: v · L′(v), by which a relative error of v becomes one of time.
+
+    Where it does, events can only be inverted together; where it does not, one by one is exact and smooths nothing.
+    """
+    speed = speed_mm_s[np.isfinite(speed_mm_s)]
+    if not speed.size:
+        return False
+    slope = (law(1.02 * speed) - law(0.98 * speed)) / 0.04
+    return float(np.percentile(np.abs(slope), 90)) > STEEP_S
+
+
 @dataclass(frozen=True)
 class Compensated:
     """Recorded touch events with the lag taken out; (n,) in the order given, NaN where nothing can be said.
@@ -190,11 +220,22 @@ def compensate(
         raise DataError("no stretch of the events is long enough to tell a speed", "Give an uninterrupted recording")
     fit = local_fit(touch.t_s, xy_mm, touch.t_s, half_s)
     speed = np.where(fit.ok, stylus_speed(law, fit.v_mm_s, fit.a_mm_s2), np.nan)
+    moved_to = [np.full(touch.t_s.shape, np.nan) for _ in range(2)]
+    for one in np.split(np.arange(touch.t_s.size), np.flatnonzero(np.diff(touch.t_s) > PAUSE_S) + 1):
+        if _is_steep(law, speed[one]) and (path := settled_path(touch.t_s[one], xy_mm[one], law)) is not None:
+            own_s[one] = path.event_t_s
+            speed[one] = np.where(fit.ok[one], np.interp(path.event_t_s, path.t_s, path.speed_mm_s), np.nan)
+            for values, column in zip(moved_to, path.xy_mm.T, strict=True):
+                values[one] = np.interp(touch.t_s[one], path.t_s, column)
+    own_s = np.maximum.accumulate(own_s)
     forwards = np.append(np.diff(own_s) > 0, True)
     losses_s = contact_losses(touch.t_s)
     shown_s = np.interp(touch.t_s, own_s[forwards], touch.t_s[forwards], left=np.nan, right=np.nan)
     placed = np.isfinite(shown_s) & in_contact(touch.t_s, np.where(np.isfinite(shown_s), shown_s, -np.inf), losses_s)
-    moved_to = [np.where(placed, np.interp(shown_s, touch.t_s, v), np.nan) for v in (touch.x_mm, touch.y_mm)]
+    for values, shown in zip(moved_to, xy_mm.T, strict=True):
+        # Stretches too short for a path: where the trace shows what it showed then.
+        values[:] = np.where(np.isfinite(values), values, np.interp(shown_s, touch.t_s, shown))
+        values[~placed] = np.nan
     good = np.isfinite(t_s) & np.isfinite(x_mm) & np.isfinite(y_mm)
     index = np.clip(np.searchsorted(touch.t_s, t_s), 0, touch.t_s.size - 1)
 

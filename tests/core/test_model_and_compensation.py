@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,10 @@ from draglag.compensation import compensate
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import DataError
 from draglag.model_file import LatencyModel, load_model, lookup_table, model_of, save_lookup, save_model
+from draglag.protocols import Protocol, RunPlan
 from draglag.simulation import LatencyLaw
+from draglag.simulation.chain import simulate_session
+from draglag.simulation.rig import rig_for_screen
 from draglag.tracking import tracking_response
 
 LAW = LatencyLaw(90.53, 4e-3, 182.9, 2.9e-2, 28.49)
@@ -122,6 +126,34 @@ def test_time_never_runs_backwards_and_nan_stays_nan() -> None:
     assert good.sum() == t_s.size - 3
     assert np.all(np.diff(done.stylus_t_s[good]) >= 0)
     assert done.extrapolated[-100:-5].all()  # the last few events have no speed
+
+
+@pytest.mark.parametrize(("speed_mm_s", "most_mm"), [(77.0, 0.45), (135.0, 0.45), (750.0, 0.5)])
+def test_compensation_of_a_hand_brings_the_trace_to_the_stylus(speed_mm_s: float, most_mm: float) -> None:
+    """The same hand on a screen without lag tells where the stylus was; positions there scatter by 0.15 mm an axis."""
+    rig = rig_for_screen("screen-1")
+    protocol = Protocol(name="one", runs=(RunPlan(kind="circle", speed_mm_s=speed_mm_s, duration_s=15.0),))
+    shown = simulate_session(rig, protocol, seed=11).runs[0].touch
+    at_once = LatencyLaw(0.0, 4e-3, 0.0, 2.9e-2, 0.0)
+    true = simulate_session(replace(rig, law=at_once), protocol, seed=11).runs[0].touch
+    done = compensate(shown.t_s, shown.x_mm, shown.y_mm, rig.law.latency_s)
+    away_mm = np.hypot(
+        done.x_stylus_mm - np.interp(shown.t_s, true.t_s, true.x_mm),
+        done.y_stylus_mm - np.interp(shown.t_s, true.t_s, true.y_mm),
+    )
+    lag_mm = np.hypot(
+        shown.x_mm - np.interp(shown.t_s, true.t_s, true.x_mm), shown.y_mm - np.interp(shown.t_s, true.t_s, true.y_mm)
+    )
+    placed = np.isfinite(away_mm)
+    assert np.sqrt(np.mean(lag_mm**2)) > 7
+    assert placed.mean() > 0.97
+    assert np.sqrt(np.mean(away_mm[placed] ** 2)) < most_mm
+
+
+def test_a_pause_of_days_between_events_is_two_movements() -> None:
+    t_s, x_mm, y_mm = drag(0.05)
+    both = compensate(np.append(t_s, t_s + 3e8), np.append(x_mm, x_mm), np.append(y_mm, y_mm), lambda v: 0 * v + 0.05)
+    assert both.latency_s[10:-10] == pytest.approx(0.05, abs=1e-3)
 
 
 def test_too_few_events_are_refused() -> None:
