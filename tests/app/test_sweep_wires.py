@@ -41,7 +41,7 @@ pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=_WHY_N
 
 UNITS_PER_MM = 20
 SEED = 21
-TAPS, INTERVAL_S = 5, 2.0
+TAPS, INTERVAL_S = 4, 2.4
 PROTOCOL = f"""
 name = "sweep"
 rest_s = 0.2
@@ -66,7 +66,7 @@ RUNS = 6
 PATIENCE_S = 120.0
 # The stylus rests so much longer on the screen than a quick tap: the WALT keeps one shock until it is asked, and a
 # host that is held up asks late.
-HOLD_S = 0.8
+HOLD_S = 0.75
 # Whole units of the panel in place of exact mm: ±0.025 mm on top of 0.1 mm of noise moves an estimate by a small part
 # of its own interval.
 OF_INTERVAL = 0.3
