@@ -34,6 +34,13 @@ def test_stamps_as_coarse_as_the_frames_are_not_taken_for_missing_frames(sound: 
     assert found[0].value == pytest.approx(0.008, rel=0.01)
 
 
+def test_stamps_coarser_than_the_frames_are_told_although_some_repeat(sound: Session) -> None:
+    # 100 frames a second on a clock of 16 ms: one or two of a stamp, but no batches of one size.
+    found, _ = inspect(with_touch(sound, lambda touch: replace(touch, t_s=np.floor(touch.t_s / 0.016) * 0.016)))
+    assert [f.effect for f in found] == ["timestamp_quantisation"]
+    assert found[0].value == pytest.approx(0.016, rel=0.01)
+
+
 def test_missing_frames_of_an_even_clock_are_not_taken_for_coarse_stamps(sound: Session) -> None:
     def thinned(touch: TouchTrace) -> TouchTrace:
         even_s = touch.t_s[0] + 0.01 * np.arange(touch.t_s.size)

@@ -62,7 +62,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         changed.after_mm,
         ALWAYS_TOGETHER.get(effect, ()),
         EXTRA_RUN.get(effect, ""),
-        fit,
+        fit=fit,
     )
     left = still_there(fit, finding) if finding.significant else None
     settled = [replace(s, parameters=parameters_of(s.effect, fit) or s.parameters) for s in report.steps]

@@ -34,6 +34,7 @@ class Step:
     gap_after_mm: float
     indistinguishable_from: tuple[str, ...] = ()
     extra_run: str = ""
+    gain: float = 0.0  # deviance it saved after its price
     fit: Fit | None = field(default=None, repr=False)
 
     def to_dict(self) -> dict[str, object]:

@@ -212,16 +212,18 @@ def _quantum(touches: list[TouchTrace]) -> StreamEffect | None:
     values, counts = np.unique(np.round(rounded / 2e-5).astype(int), return_counts=True)
     common = values[counts > least] * 2e-5
     common = common[common > 1e-4]
-    if common.size < 2 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
+    if common.size == 0 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
         return None
     common = np.sort(common)
     gaps = np.diff(common)
     gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
+    if np.mean(intervals < 1e-4) > 0.05:
+        gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
     if gaps.size == 0:
         return None
     quantum_s = float(np.min(gaps))
-    typical = float(np.median(intervals))
-    if quantum_s < 0.08 * typical or quantum_s > 1.5 * typical:
+    typical = float(np.mean(intervals))
+    if quantum_s < 0.08 * typical or quantum_s > 2.5 * typical:
         return None
     # Refined on whole multiples, then every interval must be one.
     whole = np.round(intervals / quantum_s)
@@ -253,7 +255,7 @@ def _reaches_further(touches: list[TouchTrace]) -> float:
         step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
         short_s = float(np.median(dt))
         short, long = np.abs(dt - short_s) < 0.2 * short_s, (dt > 1.4 * short_s) & (dt < 3.5 * short_s)
-        if np.count_nonzero(long) < 10 or float(step.sum() / np.sum(dt)) < FAST_MM_S:
+        if min(np.count_nonzero(long), np.count_nonzero(short)) < 10 or float(step.sum() / np.sum(dt)) < FAST_MM_S:
             continue
         further = float(np.mean(step[long]) / np.mean(step[short])) - 1
         shares.append(further / (float(np.mean(dt[long]) / np.mean(dt[short])) - 1))

@@ -35,6 +35,7 @@ MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
 UNEVEN_AGES = {"sample_hold", "timestamp_quantisation", "frame_batching", "loss_of_contact"}  # they scatter edges
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
+STRUCTURE_LEFT = 0.03  # of what a name explains: its own shape may be that wrong
 SMOOTH_IN_X = {"spatial_warp", "scan_skew"}
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 Progress = Callable[[float, str], None]
@@ -125,7 +126,8 @@ def close_gap(
         steps, fit = list(grace.steps), grace.fit
     if unexplained is not None and unexplained.covariate == "x":
         # What is smooth along the whole panel leaves nothing along it: then it was something else that looked like it.
-        at = next((k for k, s in enumerate(steps) if s.effect in SMOOTH_IN_X), len(steps))
+        much = unexplained.score / STRUCTURE_LEFT
+        at = next((k for k, s in enumerate(steps) if s.effect in SMOOTH_IN_X and s.gain < much), len(steps))
         if at < len(steps):
             fit = next((s.fit for s in reversed(steps[:at]) if s.fit is not None), first)
             steps = steps[:at]
@@ -186,6 +188,7 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
         best.gap_after_mm,
         tuple(dict.fromkeys((*together, *close))),
         EXTRA_RUN.get(effect, "") if together or close else "",
+        best.gain,
         best.fit,
     )
 
