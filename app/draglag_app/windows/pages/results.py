@@ -80,8 +80,8 @@ class ResultsPage(QWidget):
         row = QHBoxLayout()
         row.setSpacing(8)
         self.estimator = QComboBox()
-        self.estimator.addItem(self.tr("Efficient estimator"), "efficient")
-        self.estimator.addItem(self.tr("The paper's estimator"), "paper")
+        self.estimator.addItem(self.tr("Efficient"), "efficient")
+        self.estimator.addItem(self.tr("As published"), "paper")
         self.rate = QComboBox()
         for rate in _RATES:
             text = self.tr("Kernel stamps") if rate is None else self.tr("Held at {hz:.0f} Hz").format(hz=rate)
