@@ -8,14 +8,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic_core import PydanticCustomError
 
 from draglag.errors import DataError
 from draglag.recording import Screen
 from draglag_resources import presets, resource
 
-# Strict: true is no number.
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+
+def _a_number(value: object) -> object:
+    if isinstance(value, bool):
+        raise PydanticCustomError("float_type", "Input should be a valid number")  # true is no number
+    return value
+
+
+Positive = Annotated[float, BeforeValidator(_a_number), Field(gt=0, allow_inf_nan=False)]
 
 
 class Strict(BaseModel):
