@@ -39,10 +39,11 @@ static int acceptable(int argc, char **argv)
 {
     if (argc == 2 && !strcmp(argv[1], "--probe"))
         return 1;
-    if (argc < 2 || argc > 6 || argc % 2 || !is_interface(argv[1]))
+    if (argc < 2 || argc > 8 || argc % 2 || !is_interface(argv[1]))
         return 0;
     for (int i = 2; i < argc; i += 2)
-        if ((strcmp(argv[i], "--channel") && strcmp(argv[i], "--first-epoch")) || !is_number(argv[i + 1]))
+        if ((strcmp(argv[i], "--channel") && strcmp(argv[i], "--position") && strcmp(argv[i], "--first-epoch")) ||
+            !is_number(argv[i + 1]))
             return 0;
     return 1;
 }
@@ -61,11 +62,11 @@ static int keep_across_exec(void)
 
 int main(int argc, char **argv)
 {
-    char *command[4 + 6 + 1] = {DRAGLAG_PYTHON, "-I", "-m", "draglag_devices.ethercat_laser.master"};
+    char *command[4 + 8 + 1] = {DRAGLAG_PYTHON, "-I", "-m", "draglag_devices.ethercat_laser.master"};
     char *environment[] = {"PATH=/usr/bin:/bin", "LANG=C.UTF-8", NULL};
 
     if (!acceptable(argc, argv)) {
-        fputs("usage: draglag-ethercat-master IFACE [--channel N] [--first-epoch N] | --probe\n", stderr);
+        fputs("usage: draglag-ethercat-master IFACE [--channel N] [--position N] [--first-epoch N] | --probe\n", stderr);
         return 2;
     }
     /* Without the capabilities the process starts all the same and says itself what is missing. */

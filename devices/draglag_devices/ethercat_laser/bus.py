@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import struct
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,11 +47,22 @@ class Cycle:
 
 
 class Bus:
-    """An open bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise."""
+    """An open bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise.
 
-    def __init__(self, interface: str) -> None:
-        """Bring the bus up. Raises Refusal; nothing is left open then."""
-        self.interface = interface
+    ``position`` is the EL1252's place on the line, counted from 1, the coupler.
+    """
+
+    def __init__(self, interface: str, position: int = 0, progress: Callable[[], None] = lambda: None) -> None:
+        """Bring the bus up.
+
+        Args:
+            position: of the EL1252; 0: there is only one.
+            progress: called after each step, the longest of which SOEM does not let anybody interrupt.
+
+        Raises Refusal, and what ``progress`` raises; nothing is left open then.
+        """
+        self.interface, self.position = interface, position
+        self._progress = progress
         self._master: Any = pysoem.Master()
         self._open = False
         try:
@@ -84,12 +96,15 @@ class Bus:
                 f"no EtherCAT device answers on {self.interface}",
                 "check that the cable is in the IN port of the EK1101 and that its 24 V supply is on",
             )
+        self._progress()
         self.terminal = self._identify()
         self._enter(pysoem.PREOP_STATE)
         master.config_map()
+        self._progress()
         wanted = self._split_mapping()
         for _ in range(_TRIES):
             master.config_dc()
+            self._progress()
             if self._clocks_agree():
                 break
         # After config_init, which clears 0x0981; not by dc_sync, which would also switch SYNC0 on.
@@ -112,22 +127,38 @@ class Bus:
             )
 
     def _identify(self) -> Any:
+        """The EL1252 that is the laser's. Raises Refusal."""
         slaves = self._master.slaves
         found = [(slave.man, slave.id) for slave in slaves]
-        if any((BECKHOFF, coupler) in found for coupler in COUPLERS) and (BECKHOFF, EL1252) in found:
-            return slaves[found.index((BECKHOFF, EL1252))]
+        places = [place for place, kind in enumerate(found, 1) if kind == (BECKHOFF, EL1252)]
         if any(product == 0 for _, product in found):
             raise Refusal(
                 "unsteady",
                 f"the EtherCAT devices on {self.interface} do not tell what they are: answers get lost",
                 "check the cable and the supply of the coupler",
             )
-        names = ", ".join(f"{s.name or 'unnamed'} (vendor 0x{s.man:X}, product 0x{s.id:08X})" for s in slaves)
-        raise Refusal(
-            "wrong_slaves",
-            f"the EtherCAT devices on {self.interface} are not an EK1101 with an EL1252, but: {names}",
-            "connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on",
-        )
+        if not places or not any((BECKHOFF, coupler) in found for coupler in COUPLERS):
+            names = ", ".join(f"{s.name or 'unnamed'} (vendor 0x{s.man:X}, product 0x{s.id:08X})" for s in slaves)
+            raise Refusal(
+                "wrong_slaves",
+                f"the EtherCAT devices on {self.interface} are not an EK1101 with an EL1252, but: {names}",
+                "connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on",
+            )
+        line = ", ".join(f"{place} {slave.name or 'unnamed'}" for place, slave in enumerate(slaves, 1))
+        if self.position and self.position not in places:
+            raise Refusal(
+                "position",
+                f"at position {self.position} on {self.interface} there is no EL1252; the line is: {line}",
+                f"write position={' or position='.join(map(str, places))} in the laser's address",
+            )
+        if not self.position and len(places) > 1:
+            raise Refusal(
+                "position",
+                f"there are {len(places)} EL1252 on {self.interface}, and the laser may be on any; the line is: {line}",
+                f"say which in the laser's address: &position={' or &position='.join(map(str, places))}",
+            )
+        self.position = self.position or places[0]
+        return slaves[self.position - 1]
 
     def _split_mapping(self) -> bytes:
         """Two FMMUs instead of SOEM's one, which maps RAM behind the inputs in place of the stamps (SOEM #873).
@@ -161,6 +192,7 @@ class Bus:
                     self.cycle()
                 reached = master.state_check(state, _STATE_TIMEOUT_US // 10)
                 if reached & _STATE_AND_ERROR == state:
+                    self._progress()
                     return
             master.read_state()
             if time.monotonic() > until or any(slave.state & _ERROR for slave in master.slaves):

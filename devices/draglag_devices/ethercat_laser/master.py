@@ -1,8 +1,8 @@
 """The process that runs the bus: ``python -m draglag_devices.ethercat_laser.master IFACE --channel 1``.
 
-It alone needs CAP_NET_RAW and CAP_NET_ADMIN, and does nothing but exchange frames at 1 kHz and tell what it saw on
-standard output (``wire``). It ends when its standard input closes. Times are ns of CLOCK_MONOTONIC; DC times ns
-since 2000-01-01.
+It alone needs CAP_NET_RAW and CAP_NET_ADMIN. It claims the interface and forks a child that does nothing but exchange
+frames at 1 kHz (``keeper``, ``runner``); what that one saw goes to standard output (``wire``). It ends when its
+standard input closes. Times are ns of CLOCK_MONOTONIC; DC times ns since 2000-01-01.
 """
 
 from __future__ import annotations
@@ -13,42 +13,49 @@ import signal
 import sys
 
 from draglag_devices.ethercat_laser import preflight
+from draglag_devices.ethercat_laser.keeper import Crashed, Keeper
 from draglag_devices.ethercat_laser.refusal import Refusal
 from draglag_devices.ethercat_laser.wire import ReaderGone, Wire
 
+_INHERIT_S = 3.0
 
-def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0) -> int:
+
+def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, position: int = 0) -> int:
     """Check, claim, bring up, run. Tells a refusal on the wire and returns 1, or 0 when the reader went."""
     lock = None
     try:
         if first_epoch == 0:
             preflight.check_interface(interface)
         preflight.check_rights()
-        lock = preflight.claim(interface)
+        # After a crash of an earlier process it may take a moment until it has let go of everything.
+        lock = preflight.claim(interface, 0.0 if first_epoch == 0 else _INHERIT_S)
         try:
-            from draglag_devices.ethercat_laser.runner import Runner, first_bus
+            from draglag_devices.ethercat_laser.runner import live
         except ImportError:
             raise Refusal("no_pysoem", "the Python package pysoem is not installed", "pip install pysoem") from None
-        runner = Runner(interface, channel, wire, first_epoch)
-        # After a crash of this process the bus may need time: then it is brought back, not refused.
-        bus = first_bus(interface) if first_epoch == 0 else runner.bring_back()
+
+        def life(number: int, child_wire: Wire) -> None:
+            live(interface, channel, position, number, child_wire)
+
         gc.freeze()
-        runner.run(bus)
+        Keeper(interface, wire, life, first_epoch).run()
     except Refusal as refusal:
         wire.tell("refused", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
+        return 1
+    except Crashed:
         return 1
     except ReaderGone:
         return 0
     finally:
         if lock is not None:
             lock.close()
-    return 0
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="draglag-ethercat-master", description="EtherCAT bus of the laser sensor")
     parser.add_argument("interface", nargs="?", default="")
     parser.add_argument("--channel", type=int, choices=(1, 2), default=1)
+    parser.add_argument("--position", type=int, default=0, help="of the EL1252 on the line, where there are several")
     parser.add_argument("--first-epoch", type=int, default=0)
     parser.add_argument("--probe", action="store_true", help="ask once on which interfaces devices answer")
     arguments = parser.parse_args()
@@ -66,7 +73,7 @@ def main() -> int:
 
             wire.tell("probed", found=probe_all())
             return 0
-        return serve(arguments.interface, arguments.channel, wire, arguments.first_epoch)
+        return serve(arguments.interface, arguments.channel, wire, arguments.first_epoch, arguments.position)
     except ReaderGone:
         return 0
 

@@ -7,6 +7,7 @@ import contextlib
 import fcntl
 import socket
 import struct
+import time
 from pathlib import Path
 
 from draglag_devices.ethercat_laser.refusal import Refusal
@@ -93,24 +94,24 @@ def other_master(interface: str) -> bool:
     return False
 
 
-def claim(interface: str) -> socket.socket:
+def claim(interface: str, patience_s: float = 0.0) -> socket.socket:
     """Hold the interface against a second master, which would read our frames as we would read its.
 
     An abstract socket address belongs to the network namespace, as the interface does, and ends with the process.
-    Raises Refusal when it is in use.
+    Raises Refusal when it is in use, and still is after ``patience_s``.
     """
-    busy = Refusal(
-        "in_use",
-        f"the EtherCAT bus on {interface} is in use by another program",
-        "close the other program (a second draglag, TwinCAT, a SOEM tool) and try again",
-    )
-    lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    try:
-        lock.bind(f"\0draglag-ethercat-{interface}")
-    except OSError:
+    until = time.monotonic() + patience_s
+    while True:
+        lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        with contextlib.suppress(OSError):
+            lock.bind(f"\0draglag-ethercat-{interface}")
+            if not other_master(interface):
+                return lock
         lock.close()
-        raise busy from None
-    if other_master(interface):
-        lock.close()
-        raise busy
-    return lock
+        if time.monotonic() >= until:
+            raise Refusal(
+                "in_use",
+                f"the EtherCAT bus on {interface} is in use by another program",
+                "close the other program (a second draglag, TwinCAT, a SOEM tool) and try again",
+            )
+        time.sleep(0.01)

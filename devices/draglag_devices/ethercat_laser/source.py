@@ -30,11 +30,19 @@ _NS = 1e-9
 
 
 def ethercat_source(address: Address, role: str) -> EthercatLaser:
-    """``ethercat:IFACE?channel=1|2&light=high|low``; ``light=low``: the sensor's output is low while it sees light."""
-    address.only("channel", "light")
+    """``ethercat:IFACE?channel=1|2&light=high|low&position=P``.
+
+    ``light=low``: the sensor's output is low while it sees light. ``position``: which device on the line the EL1252
+    is, counted from the coupler, 1; needed only where there are several.
+    """
+    address.only("channel", "light", "position")
     channel = int(address.choice("channel", ("1", "2"), "1"))
     light_is_high = address.choice("light", ("high", "low"), "high") == "high"
-    return EthercatLaser(address.text, role, address.target, channel, light_is_high)
+    place = address.options.get("position", "0")
+    if not place.isdecimal() or len(place) > 5 or ("position" in address.options and int(place) < 2):
+        problem = f"option position={place} is no place on the line"
+        raise DeviceError(address.text, problem, "write position=2 for the first device after the coupler")
+    return EthercatLaser(address.text, role, address.target, channel, light_is_high, int(place))
 
 
 @dataclass
@@ -53,12 +61,14 @@ class EthercatLaser:
 
     realtime = True
 
-    def __init__(self, address: str, role: str, interface: str, channel: int, light_is_high: bool = True) -> None:
+    def __init__(
+        self, address: str, role: str, interface: str, channel: int, light_is_high: bool = True, position: int = 0
+    ) -> None:
         self.address = address
         self.role = role
         self.disturbed: dict[str, int] = {}
         self._interface = interface
-        self._channel = channel
+        self._channel, self._position = channel, position
         self._light_is_high = light_is_high
         self._process: subprocess.Popen[bytes] | None = None
         self._complaints: IO[bytes] | None = None
@@ -149,7 +159,9 @@ class EthercatLaser:
 
     def _spawn(self) -> None:
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115  (it lives as long as the process)
-        arguments = (self._interface, "--channel", str(self._channel), "--first-epoch", str(self._epoch))
+        arguments = [self._interface, "--channel", str(self._channel), "--first-epoch", str(self._epoch)]
+        if self._position:
+            arguments += ["--position", str(self._position)]
         try:
             self._process = start(*arguments, complaints=self._complaints)
         except OSError as error:
@@ -264,6 +276,7 @@ class EthercatLaser:
         details: dict[str, str | float | int] = {
             "device_zero_ns": self._zero_ns or 0,
             "channel": self._channel,
+            "position": ready["position"],
             "level_at_start": ready["level"],
             "working_counter": ready["expected_wkc"],
         }

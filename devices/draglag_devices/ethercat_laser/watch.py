@@ -6,12 +6,16 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from draglag_devices.ethercat_laser.bus import Cycle
-from draglag_devices.ethercat_laser.clockwatch import ClockWatch
+from draglag_devices.ethercat_laser.clockwatch import ClockWatch, Pair
 from draglag_devices.ethercat_laser.edges import EdgeFinder, decode
 
 BAD_CYCLES = 8
 # Stamps come from the terminal's clock, DC times from the coupler's; both follow one time to within microseconds.
 _STAMP_TOLERANCE_NS = 5_000_000
+# Two edges of one direction need an interruption and a light between them; a stylus takes longer for that.
+STALL_NS = 3_000_000
+# The state of the devices is asked for every 100 ms: over a longer pause nothing is known for sure.
+UNWATCHED_NS = 150_000_000
 
 WORDS = {
     "lost": "the EtherCAT line does not answer (cable or supply)",
@@ -21,6 +25,21 @@ WORDS = {
 }
 
 
+@dataclass(frozen=True)
+class Found:
+    """What an accepted cycle brought.
+
+    Attributes:
+        edges: (stamp ns, level) in order of time.
+        missed: how many more are known to be lost.
+        doubt_ns: from–to in host time in which edges may be lost that nothing tells of, or None.
+    """
+
+    edges: list[tuple[int, int]]
+    missed: int = 0
+    doubt_ns: tuple[int, int] | None = None
+
+
 @dataclass
 class Epoch:
     """Supervision of the cycles since the last bring-up.
@@ -28,8 +47,8 @@ class Epoch:
     Attributes:
         number: counts bring-ups.
         bad: consecutive cycles that were refused, ``counts`` all of them by reason.
-        good_ns: host time up to which all edges have been read, or None before the first accepted cycle.
-        good_dc_ns: DC time of the last accepted cycle.
+        last: clocks of the last accepted cycle, or None before the first.
+        pauses_ns: of the bus's clock between accepted cycles, where longer than STALL_NS; the reader empties it.
     """
 
     number: int
@@ -39,12 +58,22 @@ class Epoch:
     counts: Counter[str] = field(default_factory=Counter)
     bad: int = 0
     why: str = ""
-    good_ns: int | None = None
     edges: EdgeFinder | None = None
-    good_dc_ns: int = 0
+    last: Pair | None = None
+    pauses_ns: list[int] = field(default_factory=list)
 
-    def take(self, cycle: Cycle) -> tuple[list[tuple[int, int]], int] | None:
-        """Edges (stamp ns, level) and lost edges of an accepted cycle; None if it is refused."""
+    @property
+    def good_ns(self) -> int | None:
+        """Host time up to which all edges have been read."""
+        return None if self.last is None else self.last.low_ns
+
+    @property
+    def good_dc_ns(self) -> int:
+        """Time of the bus's clock at the last accepted cycle."""
+        return 0 if self.last is None else self.last.dc_ns
+
+    def take(self, cycle: Cycle) -> Found | None:
+        """Edges of an accepted cycle; None if it is refused."""
         reason = self._fault(cycle)
         if reason:
             self.bad += 1
@@ -52,15 +81,40 @@ class Epoch:
             self.counts[reason] += 1
             return None
         sample = decode(cycle.image, self.channel)
-        if self.edges is None:
+        if self.edges is None or self.last is None:
             self.edges = EdgeFinder(sample)
-            found: tuple[list[tuple[int, int]], int] = ([], 0)
+            found = Found([])
         else:
-            found = self.edges.take(sample)
+            edges, missed = self.edges.take(sample)
+            found = Found(edges, missed, self._doubt(self.last, cycle.pair, edges, missed))
+            pause_ns = cycle.pair.dc_ns - self.last.dc_ns
+            if pause_ns > STALL_NS:
+                self.pauses_ns.append(pause_ns)
         self.bad = 0
         self.clock.add(cycle.pair)
-        self.good_ns, self.good_dc_ns = cycle.pair.low_ns, cycle.pair.dc_ns
+        self.last = cycle.pair
         return found
+
+    def _doubt(
+        self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int
+    ) -> tuple[int, int] | None:
+        """The stretch between two cycles, told by the bus's own clock, in which edges may have been overwritten.
+
+        A latch keeps the last edge of its direction. Where at most one of the two has a new stamp, that edge was the
+        only one: another would have needed one of the other direction between them. Where both have, nothing can be
+        missing after the earlier stamp, but any number of pairs between the last cycle and that stamp, and pairs
+        leave the level as it was.
+        """
+        if now.dc_ns - last.dc_ns > UNWATCHED_NS:
+            return last.low_ns, now.high_ns
+        if len(edges) < 2 or now.dc_ns - last.dc_ns <= STALL_NS:
+            return None
+        first_dc_ns = edges[0][0]
+        if first_dc_ns - last.dc_ns <= STALL_NS and not missed:
+            return None
+        # The bus's clock was read before the answer was here, so the stamp is at least that old.
+        first_ns = now.high_ns - max(0, now.dc_ns - first_dc_ns)
+        return last.low_ns, max(first_ns, last.high_ns)
 
     def _fault(self, cycle: Cycle) -> str:
         if cycle.wkc < 0:

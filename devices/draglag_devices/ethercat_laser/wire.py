@@ -24,7 +24,11 @@ class Wire:
 
     def tell(self, kind: str, **content: Any) -> None:
         """Queue and send a message. Raises ReaderGone."""
-        self._waiting += json.dumps({"m": kind, **content}).encode() + b"\n"
+        self.pass_on(json.dumps({"m": kind, **content}).encode())
+
+    def pass_on(self, line: bytes) -> None:
+        """Queue and send a message that is a line already. Raises ReaderGone."""
+        self._waiting += line + b"\n"
         self.flush()
 
     def flush(self) -> None:
@@ -38,8 +42,19 @@ class Wire:
         except OSError:
             raise ReaderGone from None
 
+    def drain(self) -> None:
+        """Send what is still queued, however long the reader takes. Raises ReaderGone."""
+        os.set_blocking(self._out, True)
+        self.flush()
+
     def check(self, wait_s: float = 0.0) -> None:
         """Raises ReaderGone once the reader has closed its end; waits for that at most ``wait_s``."""
-        ready, _, _ = select.select([self._inlet], [], [], wait_s)
-        if ready and not os.read(self._inlet, 4096):
+        self.wait(None, wait_s)
+
+    def wait(self, source: int | None, wait_s: float) -> bool:
+        """Whether there is something to read from ``source``, within the time. Raises ReaderGone as ``check`` does."""
+        sources = [self._inlet] if source is None else [self._inlet, source]
+        ready, _, _ = select.select(sources, [], [], wait_s)
+        if self._inlet in ready and not os.read(self._inlet, 4096):
             raise ReaderGone
+        return source is not None and source in ready

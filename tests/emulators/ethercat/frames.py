@@ -19,6 +19,11 @@ def is_process_data(frame: bytes) -> bool:
     return len(frame) > 16 and frame[16] in (LRD, LWR, LRW)
 
 
+def asks_for_station(frame: bytes) -> bool:
+    """Whether it reads the station address of a device by its place on the line."""
+    return len(frame) > 20 and frame[16] == APRD and frame[20:22] == b"\x10\x00"
+
+
 def with_index(frame: bytes, index: int) -> bytes:
     """The same answer as if it belonged to the frame sent with another index."""
     out = bytearray(frame)

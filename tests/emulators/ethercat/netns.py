@@ -64,14 +64,17 @@ class Segment:
             raise ValueError(reply["error"])
         return reply
 
-    def edges(self, edges: list[tuple[int, int, int]], relative: bool = False) -> int:
-        """Edges to come: (ns of CLOCK_MONOTONIC, channel, level), or ns from now. Returns the ns they count from."""
+    def edges(self, edges: list[tuple[int, int, int]], relative: bool = False, terminal: int = 0) -> int:
+        """Edges to come: (ns of CLOCK_MONOTONIC, channel, level), or ns from now. Returns the ns they count from.
+
+        ``terminal``: of which EL1252, where there are several (0: the usual one).
+        """
         base = 0
         for first in range(0, len(edges), 500):
             chunk = edges[first : first + 500]
             if relative and first:
                 chunk = [(at + base, channel, level) for at, channel, level in chunk]
-            base = self.order("edges", edges=chunk, relative=relative and not first)["t_ns"] or base
+            base = self.order("edges", edges=chunk, relative=relative and not first, terminal=terminal)["t_ns"] or base
         return base
 
     def close(self) -> None:

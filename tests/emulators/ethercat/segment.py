@@ -8,10 +8,12 @@ from collections import Counter, deque
 from typing import Any
 
 from .esc import ERROR, SAFE_OP, Esc
-from .frames import BWR, answer, is_process_data, with_index
+from .frames import BWR, answer, asks_for_station, is_process_data, with_index
 from .terminals import EK1100, EK1101, EL1252, ek1100, ek1101, el1252, other_terminal
 
 Order = dict[str, Any]
+# A master at 1 kHz that is later than this was held up.
+PAUSE_NS = 2_000_000
 
 
 class Line:
@@ -44,13 +46,17 @@ class Line:
         self.coupler = ek1100(self._drifts[0], clock) if coupler == EK1100 else ek1101(self._drifts[0], coupler)
         self.terminal, self.inputs = el1252(self._drifts[1], terminal, in_bytes)
         self.terminal.slow_ns = slow_ns
-        self.slaves: list[Esc] = [self.coupler, *map(other_terminal, before), self.terminal]
-        self.slaves += map(other_terminal, behind)
+        self.all_inputs = [self.inputs]  # the EL1252 that ``terminal`` is, then the others in order of the line
+        self.slaves: list[Esc] = [self.coupler, *map(self._further, before), self.terminal]
+        self.slaves += map(self._further, behind)
         self.present = len(self.slaves)
         self.loss = 0.0
         self.drop_next = self.late_next = self.cheat_next = 0
         self.delay_ns = self.late_ns = 0
         self.stale = False
+        self.deaf = 0
+        self.pauses: list[tuple[int, int]] = []
+        self._cycle_ns = t_ns
         self._past: deque[bytes] = deque(maxlen=17)
         self.counts: Counter[str] = Counter()
         self._random = random.Random(self._seed)
@@ -60,11 +66,18 @@ class Line:
             slave.power_on(t_ns)
         self._plug(len(self.slaves))
 
+    def _further(self, product: int) -> Esc:
+        if product != EL1252:
+            return other_terminal(product)
+        slave, inputs = el1252(-self._drifts[1])
+        self.all_inputs.append(inputs)
+        return slave
+
     # --- frames -----------------------------------------------------------------------------------------------
 
     def take(self, frame: bytes, t_ns: int) -> bytes | None:
         """The answer to send now, or None: it is lost, or held back."""
-        self.inputs.advance(t_ns)
+        self._advance(t_ns)
         if self.present == 0:
             self.counts["unheard"] += 1
             return None
@@ -74,6 +87,14 @@ class Line:
         if reply is None:
             return None
         self.counts["frames"] += 1
+        if is_process_data(frame):
+            if t_ns - self._cycle_ns > PAUSE_NS:
+                self.pauses.append((self._cycle_ns, t_ns))
+            self._cycle_ns = t_ns
+        if self.deaf and asks_for_station(frame):
+            self.deaf -= 1
+            self.counts["lost"] += 1
+            return None
         reply = self._aged(frame, reply)
         if self.drop_next > 0 or self._random.random() < self.loss:
             self.drop_next = max(0, self.drop_next - 1)
@@ -89,6 +110,10 @@ class Line:
             heapq.heappush(self._held, (t_ns + wait_ns, self._order, reply))
             return None
         return reply
+
+    def _advance(self, t_ns: int) -> None:
+        for inputs in self.all_inputs:
+            inputs.advance(t_ns)
 
     def _aged(self, frame: bytes, reply: bytes) -> bytes:
         """With ``stale``: the answer of 16 frames ago under the present index, until a master starts over."""
@@ -141,6 +166,10 @@ class Line:
         """Working counters one short for the next frames with process data."""
         self.cheat_next = int(order["next"])
 
+    def _do_deaf(self, order: Order, t_ns: int) -> None:
+        """The next answers to the question for a device's station address are lost."""
+        self.deaf = int(order.get("next", 1))
+
     def _do_unplug(self, order: Order, t_ns: int) -> None:
         """Only the first ``slaves`` of the line answer any more (default: the EL1252 is gone)."""
         self._plug(int(order.get("slaves", 1)))
@@ -156,7 +185,7 @@ class Line:
 
     def _do_power(self, order: Order, t_ns: int) -> None:
         """Power-cycle: "terminal" (default), "coupler" or "all"."""
-        self.inputs.advance(t_ns)
+        self._advance(t_ns)
         which = order.get("which", "terminal")
         if which not in ("terminal", "coupler", "all"):
             raise ValueError(f"nothing is called {which}")
@@ -205,21 +234,25 @@ class Line:
         self.terminal.stubborn = ((int(order["address"]), int(order["address"]) + int(order.get("length", 1))),)
 
     def _do_edges(self, order: Order, t_ns: int) -> Order:
-        """Edges to come: [[host ns, channel, level], …], or with ``relative`` ns from now on."""
+        """Edges to come: [[host ns, channel, level], …], or with ``relative`` ns from now on; of the EL1252 number
+        ``terminal``, see ``all_inputs``."""
         base = t_ns if order.get("relative") else 0
         edges = [(base + int(at), int(channel), int(level)) for at, channel, level in order["edges"]]
         if any(channel not in (1, 2) or level not in (0, 1) for _, channel, level in edges):
             raise ValueError("channels are 1 and 2, levels 0 and 1")
-        self.inputs.add(edges)
+        self.all_inputs[int(order.get("terminal", 0))].add(edges)
         return {"t_ns": base}
 
     def _do_log(self, order: Order, t_ns: int) -> Order:
-        """What happened so far: edges with the stamps given, counts, and how many edges are still to come."""
-        self.inputs.advance(t_ns)
-        edges = [[e.t_ns, e.channel, e.level, e.stamp_ns] for e in self.inputs.done]
-        return {"t_ns": t_ns, "edges": edges, "coming": len(self.inputs.coming), "counts": dict(self.counts)}
+        """What happened so far: edges with the stamps given, counts, how many edges are still to come, and the pauses
+        between frames with process data: from, to."""
+        self._advance(t_ns)
+        inputs = self.all_inputs[int(order.get("terminal", 0))]
+        edges = [[e.t_ns, e.channel, e.level, e.stamp_ns] for e in inputs.done]
+        return {"t_ns": t_ns, "edges": edges, "coming": len(inputs.coming), "counts": dict(self.counts),
+                "pauses": self.pauses}  # fmt: skip
 
     def _do_heal(self, order: Order, t_ns: int) -> None:
         """All faults end; slaves keep the state that they are in."""
-        self.loss, self.drop_next, self.late_next, self.cheat_next, self.delay_ns = 0.0, 0, 0, 0, 0
+        self.loss, self.drop_next, self.late_next, self.cheat_next, self.delay_ns, self.deaf = 0.0, 0, 0, 0, 0, 0
         self._plug(len(self.slaves))

@@ -1,0 +1,245 @@
+"""Keeps the bus alive: one child process after the other runs it, and one that does not get on is ended.
+
+SOEM cannot be interrupted, and an answer that comes a little late while it looks for the devices can make it ask
+address 0 for half a minute: it takes the missing station address for a 0 and reads that one's EEPROM byte by byte.
+So each life of the bus is a fork of this process, which keeps the rights, the claim on the interface and the pipe.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from draglag_devices.ethercat_laser import preflight
+from draglag_devices.ethercat_laser.probe import count_slaves
+from draglag_devices.ethercat_laser.refusal import Refusal
+from draglag_devices.ethercat_laser.wire import ReaderGone, Wire
+
+_FIRST_TRIES = 5
+_PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2, 0.5)
+_PROMPT_S = 0.005
+# How long a bring-up may be without progress, by the number of those ended for it: one that works needs 0.1 s, but
+# a line of many devices on a busy computer must get its chance.
+_SILENCE_S = (1.0, 1.0, 2.0, 2.0, 4.0, 8.0, 30.0)
+# A life shorter than this was no real one: the pauses go on growing.
+_LONG_S = 2.0
+_DEAD_GAP_NS = 1_000_000_000
+_LOOK_S = 0.1
+_FAREWELL_S = 1.0
+_PR_SET_PDEATHSIG = 1
+
+Life = Callable[[int, Wire], None]
+
+
+class Crashed(Exception):
+    """The child ended without a word."""
+
+
+@dataclass(frozen=True)
+class End:
+    """How a life of the bus ended. ``ran``: it came up; then ``reason`` says why it was lost, else ``refusal``."""
+
+    ran: bool
+    reason: str = ""
+    refusal: Refusal | None = None
+    hung: bool = False
+
+
+class Keeper:
+    """Life after life until the reader goes.
+
+    Args:
+        life: runs the bus in the child: (number of the epoch, wire) → when it returns, the life is over.
+        first_epoch: above 0 where an earlier process has been running the bus: then it is brought back, not refused.
+    """
+
+    def __init__(self, interface: str, wire: Wire, life: Life, first_epoch: int = 0) -> None:
+        self.interface, self.wire, self._life = interface, wire, life
+        self.number = first_epoch
+        self._first = first_epoch == 0
+        self._level: int | None = None
+        self._dead_from: int | None = None
+        self._lost_at: int | None = None
+
+    def run(self) -> NoReturn:
+        """Raises Refusal when the bus does not come up at the first time of all, ReaderGone, Crashed."""
+        attempt = hung = 0
+        while True:
+            if not self._first:
+                attempt = self._await_answers(attempt)
+            begun_s = time.monotonic()
+            end = self._live(_SILENCE_S[min(hung, len(_SILENCE_S) - 1)])
+            hung += end.hung
+            if end.ran:
+                self._first, hung = False, 0
+                self._tell_loss(end.reason)
+                self.number += 1
+                if time.monotonic() - begun_s > _LONG_S:
+                    attempt = 0
+                    continue  # at once: most losses are short
+            if self._first and end.refusal is not None:
+                if end.refusal.code not in ("unsteady", "state") or attempt == _FIRST_TRIES - 1:
+                    raise end.refusal
+            else:
+                self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])
+            attempt += 1
+
+    def _await_answers(self, attempt: int) -> int:
+        """Until the line answers at once, with growing pauses; returns the attempts made so far. Raises ReaderGone."""
+        while True:
+            self._still_dead()
+            with contextlib.suppress(Refusal, OSError):  # the loss has been told, and the next try comes
+                preflight.check_interface(self.interface)
+                # SOEM takes many seconds to give up on a line that is dead or slow; two frames tell sooner.
+                if all(count_slaves(self.interface, _PROMPT_S, (2 * attempt + k) % 128) for k in (0, 1)):
+                    return attempt
+            self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])
+            attempt += 1
+
+    # --- one life ---------------------------------------------------------------------------------------------
+
+    def _live(self, silence_s: float) -> End:
+        child = _Child(lambda wire: self._life(self.number, wire))
+        ready = False
+        try:
+            heard_s = time.monotonic()
+            while True:
+                if self.wire.wait(child.out, _LOOK_S):
+                    heard_s = time.monotonic()
+                    lines = child.lines()
+                    if lines is None:
+                        raise Crashed
+                    for line in lines:
+                        message = json.loads(line)
+                        ready = ready or message["m"] == "ready"
+                        end = self._take(message, line)
+                        if end is not None:
+                            return end
+                elif not ready and time.monotonic() - heard_s > silence_s:
+                    child.kill()
+                    words = f"the EtherCAT devices on {self.interface} do not get ready: answers come late or get lost"
+                    remedy = "close programs that keep this computer busy, check the cable and the supply"
+                    return End(False, refusal=Refusal("unsteady", words, remedy), hung=True)
+                if not ready and not self._first:
+                    self._still_dead()
+        finally:
+            child.end()
+
+    def _take(self, message: dict[str, Any], line: bytes) -> End | None:
+        """Pass on what the child tells, and take note of it; its end where it tells that."""
+        kind = message["m"]
+        if kind == "over":
+            if message["dead_from"] is not None:
+                self._dead_from, self._level = message["dead_from"], message["level"]
+            return End(True, message["reason"])
+        if kind == "failed":
+            return End(False, refusal=Refusal(message["code"], message["problem"], message["remedy"]))
+        if kind == "up":
+            return None
+        self.wire.pass_on(line)
+        if kind == "ready":
+            self._tell_return(message["since"], message["level"])
+        return None
+
+    # --- words ------------------------------------------------------------------------------------------------
+
+    def _tell_return(self, since: int, level: int) -> None:
+        if self._dead_from is not None:
+            # A level that changed meanwhile proves one lost edge; more may be missing.
+            missed = int(self._level is not None and level != self._level)
+            self.wire.tell("gap", start=self._dead_from, end=since, missed=missed)
+            away_s = (since - (self._lost_at or self._dead_from)) / 1e9
+            self._notice("info", f"The laser sensor is back after {away_s:.2f} s; edges in between may be missing.")
+        self._dead_from = self._lost_at = None
+        self._level = level
+
+    def _still_dead(self) -> None:
+        now = time.monotonic_ns()
+        if self._dead_from is not None and now - self._dead_from > _DEAD_GAP_NS:
+            self.wire.tell("gap", start=self._dead_from, end=now, missed=0)
+            self._dead_from = now
+        self.wire.tell("tick", until=now if self._dead_from is None else self._dead_from, alive=False)
+
+    def _tell_loss(self, reason: str) -> None:
+        if self._dead_from is None:
+            self._dead_from = time.monotonic_ns()
+        if self._lost_at is None:
+            self._lost_at = self._dead_from
+            if not preflight.carrier_now(self.interface):
+                reason = f"the cable on {self.interface} is unplugged or the other end is off"
+            self._notice("error", f"The laser sensor is lost: {reason}. draglag tries to bring it back.")
+
+    def _notice(self, level: str, text: str) -> None:
+        self.wire.tell("notice", t=time.monotonic_ns(), level=level, text=text)
+
+
+class _Child:
+    """A fork of this process that runs the bus. It ends when this process closes its input, or ends."""
+
+    def __init__(self, run: Callable[[Wire], None]) -> None:
+        ours_in, its_out = os.pipe()
+        its_in, ours_out = os.pipe()
+        parent = os.getpid()
+        self._pid = os.fork()
+        if self._pid == 0:
+            os.close(ours_in)
+            os.close(ours_out)
+            _run(run, its_in, its_out, parent)
+        os.close(its_in)
+        os.close(its_out)
+        self.out, self._in, self._rest, self._alive = ours_in, ours_out, b"", True
+
+    def lines(self) -> list[bytes] | None:
+        """Whole lines that have come; None at the end of the pipe."""
+        received = os.read(self.out, 1 << 16)
+        if not received:
+            return None
+        *lines, self._rest = (self._rest + received).split(b"\n")
+        return lines
+
+    def kill(self) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._pid, signal.SIGKILL)
+
+    def end(self) -> None:
+        """Ask it to end, wait a little, make it end. Twice does no harm."""
+        if not self._alive:
+            return
+        self._alive = False
+        os.close(self._in)
+        until = time.monotonic() + _FAREWELL_S
+        while os.waitpid(self._pid, os.WNOHANG)[0] == 0:
+            if time.monotonic() > until:
+                self.kill()
+                os.waitpid(self._pid, 0)
+                break
+            time.sleep(0.001)
+        os.close(self.out)
+
+
+def _run(run: Callable[[Wire], None], inlet: int, out: int, parent: int) -> NoReturn:
+    """The child's whole life."""
+    code = 1
+    try:
+        # However the parent ends: a child that SOEM holds must not keep the interface.
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() == parent:
+            wire = Wire(inlet, out)
+            run(wire)
+            wire.drain()
+        code = 0
+    except ReaderGone:
+        code = 0
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        os._exit(code)
