@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,7 @@ class Recording:
         self.segment = segment
         self.source: Any = open_source(f"ethercat:{segment.iface}{options}", "laser")
         self.info = self.source.open()
+        self.begun_ns = time.monotonic_ns()  # since when cycles are counted on
         self.zero_ns = int(self.info.details["device_zero_ns"])
         self.lasers: list[LaserTrace] = []
         self.clocks: list[ClockBounds] = []
@@ -80,10 +83,58 @@ class Recording:
         return [edge for edge in self.segment.order("log")["edges"] if edge[1] == channel]
 
 
+def lost_edges(rec: Recording, true: list[list[int]]) -> tuple[list[list[int]], list[list[int]]]:
+    """True edges that were not recorded, and those of them that lie in no marked gap."""
+    recorded = set(rec.stamps_ns())
+    lost = [edge for edge in true if edge[3] not in recorded]
+    dark = rec.laser.gaps_s
+    return lost, [e for e in lost if not ((dark[:, 0] <= e[0] * 1e-9) & (e[0] * 1e-9 <= dark[:, 1])).any()]
+
+
+def judge(rec: Recording, true: list[list[int]], light_is_high: bool = True) -> None:
+    """Every edge came with the stamp, level and time it had, or lies in a marked gap; no more time is marked than the
+    line was seen to stand still. So nothing may be marked, and nothing lost, on a machine that kept its cycle.
+    """
+    by_stamp = {edge[3]: edge for edge in true}
+    recorded = rec.stamps_ns()
+    assert len(set(recorded)) == len(recorded)
+    for stamp, light, t_s in zip(recorded, rec.laser.light.tolist(), rec.laser.t_s.tolist(), strict=True):
+        at_ns, _, level, _ = by_stamp[stamp]
+        assert light == (level if light_is_high else 1 - level)
+        # 1 ms is what the design warns at; round trips here are ten times shorter.
+        assert t_s == pytest.approx(at_ns * 1e-9, abs=1e-3)
+    lost, unmarked = lost_edges(rec, true)
+    assert unmarked == []
+    assert rec.laser.missed <= len(lost)
+    assert marked_s(rec) <= stood_still_s(rec)
+
+
+def marked_s(rec: Recording) -> float:
+    """How much time is marked."""
+    gaps_s = rec.laser.gaps_s
+    return float((gaps_s[:, 1] - gaps_s[:, 0]).sum())
+
+
+def stood_still_s(rec: Recording) -> float:
+    """How long the segment, at its end of the cable, got no frames with process data, each time a cycle or two longer;
+    and what a restart takes, where the line stood still for so long that there had to be one.
+    """
+    log = rec.segment.order("log", since=rec.begun_ns)
+    still_s = log["paused_ns"] * 1e-9
+    back = [float(found[1]) for text in rec.texts if (found := re.search(r"back after (\d+\.\d+) s", text))]
+    # Eight cycles without an answer take 8 ms each; a bring-up has 70 cycles that are no measurement yet.
+    return still_s + 3e-3 * log["pauses"] + (sum(back) + 0.2 * len(back) if still_s > 0.05 else 0.0)
+
+
 def blink(count: int, period_ns: int, dark_ns: int, first_ns: int, channel: int = 1) -> list[tuple[int, int, int]]:
     """(ns, channel, level): light that comes for ``dark_ns`` every ``period_ns``."""
     return [(first_ns + k * period_ns + (0 if level else dark_ns), channel, level)
             for k in range(count) for level in (1, 0)]  # fmt: skip
+
+
+def children(process: int) -> list[int]:
+    """Process ids of the children of a process."""
+    return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
 
 
 def segment_name(prefix: str) -> str:

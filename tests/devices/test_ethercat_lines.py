@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from devices.ethercat_rig import MS, Recording, blink, needs_segment
+from devices.ethercat_rig import MS, Recording, blink, judge, needs_segment
 from emulators.ethercat import Segment
 
 pytestmark = needs_segment
@@ -36,24 +36,9 @@ def test_every_edge_comes_with_its_stamp(wired: Segment, name: str) -> None:
         start_ns = wired.edges(blink(8, 110 * MS, 47 * MS, 10 * MS), relative=True)
         rec.read_past(start_ns + 900 * MS)
         true = rec.true_edges()
+        judge(rec, true)
     assert len(true) == 16
-    judge(rec, true)
-
-
-def judge(rec: Recording, true: list[list[int]]) -> None:
-    """Every edge with its stamp, level and time; a machine that stood still for long costs a gap that is marked."""
-    by_stamp = {edge[3]: edge for edge in true}
-    dark = rec.laser.gaps_s
-    recorded = rec.stamps_ns()
-    lost = [edge[0] * 1e-9 for edge in true if edge[3] not in recorded]
-    assert [t_s for t_s in lost if not ((dark[:, 0] <= t_s) & (t_s <= dark[:, 1])).any()] == []
-    assert len(recorded) >= 4
-    for stamp, light, t_s in zip(recorded, rec.laser.light.tolist(), rec.laser.t_s.tolist(), strict=True):
-        at_ns, _, level, _ = by_stamp[stamp]
-        assert light == level
-        assert t_s == pytest.approx(at_ns * 1e-9, abs=1e-3)
-    if not len(dark):
-        assert rec.laser.missed == 0
+    assert len(rec.laser.light) >= 4
 
 
 def test_an_ek1100_line_is_watched_and_brought_back_too(wired: Segment) -> None:
@@ -67,6 +52,5 @@ def test_an_ek1100_line_is_watched_and_brought_back_too(wired: Segment) -> None:
         rec.read_until(lambda: any("is back" in text for text in rec.texts))
         start_ns = wired.edges(blink(3, 110 * MS, 47 * MS, 10 * MS), relative=True)
         rec.read_past(start_ns + 340 * MS)
-        true = rec.true_edges()
+        judge(rec, rec.true_edges())
     assert len(rec.laser.gaps_s) >= 1
-    judge(rec, true)

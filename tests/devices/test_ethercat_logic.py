@@ -13,7 +13,7 @@ from draglag_devices.ethercat_laser import helper
 from draglag_devices.ethercat_laser.bus import Cycle
 from draglag_devices.ethercat_laser.clockwatch import ClockWatch, Pair
 from draglag_devices.ethercat_laser.edges import EdgeFinder, Sample, decode
-from draglag_devices.ethercat_laser.watch import BAD_CYCLES, Epoch
+from draglag_devices.ethercat_laser.watch import BAD_CYCLES, Epoch, Found
 from draglag_devices.source import DeviceError
 
 US, MS, S = 1_000, 1_000_000, 1_000_000_000
@@ -63,7 +63,7 @@ def cycle(host_ns: int, dc_ns: int | None = None, wkc: int = 2, rise_ns: int = 0
 def running() -> Epoch:
     epoch = Epoch(0, 1, 2)
     for k in range(1, 50):
-        assert epoch.take(cycle(k * MS)) == ([], 0)
+        assert epoch.take(cycle(k * MS)) == Found([])
     return epoch
 
 
@@ -143,3 +143,55 @@ def test_without_rights_the_installed_launcher_is_used(monkeypatch: pytest.Monke
     assert helper.command("eth1", "--channel", "2") == [str(launcher), "eth1", "--channel", "2"]
     monkeypatch.setattr(helper, "has_rights", lambda: True)
     assert helper.command("eth1")[0] != str(launcher)
+
+
+def paused(pause_ns: int, rise_ns: int, fall_ns: int) -> Found:
+    """What is found in the cycle ``pause_ns`` after the last; stamps count from that one's DC time (0: as before)."""
+    epoch = Epoch(0, 1, 2)
+    last_dc_ns = 49 * MS + 50 * US + 3 * S
+    for k in range(1, 50):
+        assert epoch.take(cycle(k * MS)) == Found([])
+    stamps = [last_dc_ns + stamp if stamp else 0 for stamp in (rise_ns, fall_ns)]
+    at = cycle(49 * MS + pause_ns)
+    found = epoch.take(Cycle(at.wkc, at.pair, image(int(rise_ns > fall_ns), *stamps)))
+    assert found is not None
+    return found
+
+
+def test_one_new_stamp_is_the_only_edge_however_long_the_pause() -> None:
+    assert paused(40 * MS, 0, 0) == Found([])
+    assert paused(40 * MS, 30 * MS, 0).doubt_ns is None
+    assert paused(40 * MS, 0, 30 * MS).doubt_ns is None
+
+
+def test_before_two_new_stamps_of_a_pause_any_number_of_pairs_may_be_lost() -> None:
+    found = paused(12 * MS, 5 * MS, 9 * MS)
+    assert [level for _, level in found.edges] == [1, 0]
+    assert found.missed == 0
+    assert found.doubt_ns is not None
+    start, end = found.doubt_ns
+    # From the last cycle to the rising edge, which is nothing but 5 ms later by the bus's clock.
+    assert start == 49 * MS
+    assert 54 * MS <= end <= 54 * MS + 200 * US
+
+
+def test_two_edges_right_after_the_last_cycle_leave_no_doubt() -> None:
+    assert paused(12 * MS, 300 * US, 9 * MS).doubt_ns is None
+    # Two falling edges in a row prove a rising one between them.
+    lost = paused(12 * MS, 9 * MS, 300 * US)
+    assert lost.missed == 1
+    assert lost.doubt_ns is not None
+
+
+def test_two_edges_in_a_cycle_that_was_in_time_are_all_there_were() -> None:
+    assert paused(MS, 400 * US, 700 * US).doubt_ns is None
+
+
+def test_nothing_is_sure_after_a_pause_in_which_the_devices_were_not_watched() -> None:
+    assert paused(400 * MS, 0, 0).doubt_ns == (49 * MS, 449 * MS + 100 * US)
+
+
+@pytest.mark.parametrize("position", ["position=0", "position=1", "position=two", "position="])
+def test_a_position_that_makes_no_sense_is_refused(position: str) -> None:
+    with pytest.raises(DeviceError, match="no place on the line"):
+        open_source(f"ethercat:eth9?channel=1&{position}", "laser")

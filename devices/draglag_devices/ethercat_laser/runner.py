@@ -193,9 +193,10 @@ class Runner:
             self.wire.tell("disturbed", **counts)
         if pauses_ns and max(pauses_ns) > _HELD_UP_NS:
             self._notice(
-                "warning", f"The laser was not read for {max(pauses_ns) / 1e6:.0f} ms: this computer was busy or the bus "
-                "did not answer. Where edges may be missing is marked.",
-            )  # fmt: skip
+                "warning",
+                f"The laser was not read for {max(pauses_ns) / 1e6:.0f} ms: this computer was busy or the bus did not "
+                "answer. Where edges may be missing is marked.",
+            )
 
 
 def _count(n: int, noun: str) -> str:

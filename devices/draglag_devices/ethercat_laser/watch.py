@@ -12,8 +12,8 @@ from draglag_devices.ethercat_laser.edges import EdgeFinder, decode
 BAD_CYCLES = 8
 # Stamps come from the terminal's clock, DC times from the coupler's; both follow one time to within microseconds.
 _STAMP_TOLERANCE_NS = 5_000_000
-# Two edges of one direction need an interruption and a light between them; a stylus takes longer for that.
-STALL_NS = 3_000_000
+# Cycles are 1 ms apart, and one stamp for each direction and cycle is what the terminal can do. Longer is a stall.
+STALL_NS = 1_500_000
 # The state of the devices is asked for every 100 ms: over a longer pause nothing is known for sure.
 UNWATCHED_NS = 150_000_000
 
@@ -95,9 +95,7 @@ class Epoch:
         self.last = cycle.pair
         return found
 
-    def _doubt(
-        self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int
-    ) -> tuple[int, int] | None:
+    def _doubt(self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int) -> tuple[int, int] | None:
         """The stretch between two cycles, told by the bus's own clock, in which edges may have been overwritten.
 
         A latch keeps the last edge of its direction. Where at most one of the two has a new stamp, that edge was the

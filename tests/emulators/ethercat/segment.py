@@ -13,7 +13,7 @@ from .terminals import EK1100, EK1101, EL1252, ek1100, ek1101, el1252, other_ter
 
 Order = dict[str, Any]
 # A master at 1 kHz that is later than this was held up.
-PAUSE_NS = 2_000_000
+PAUSE_NS = 1_400_000
 
 
 class Line:
@@ -244,13 +244,14 @@ class Line:
         return {"t_ns": base}
 
     def _do_log(self, order: Order, t_ns: int) -> Order:
-        """What happened so far: edges with the stamps given, counts, how many edges are still to come, and the pauses
-        between frames with process data: from, to."""
+        """What happened so far: edges with the stamps given, counts, how many edges are still to come, and how
+        many pauses there were between frames with process data since the host time ``since``, and their sum."""
         self._advance(t_ns)
         inputs = self.all_inputs[int(order.get("terminal", 0))]
         edges = [[e.t_ns, e.channel, e.level, e.stamp_ns] for e in inputs.done]
+        pauses = [until - begun for begun, until in self.pauses if until > int(order.get("since", 0))]
         return {"t_ns": t_ns, "edges": edges, "coming": len(inputs.coming), "counts": dict(self.counts),
-                "pauses": self.pauses}  # fmt: skip
+                "pauses": len(pauses), "paused_ns": sum(pauses)}  # fmt: skip
 
     def _do_heal(self, order: Order, t_ns: int) -> None:
         """All faults end; slaves keep the state that they are in."""
