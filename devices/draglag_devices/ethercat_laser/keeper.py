@@ -23,7 +23,9 @@ from draglag_devices.ethercat_laser.refusal import Refusal
 from draglag_devices.ethercat_laser.wire import ReaderGone, Wire
 
 _FIRST_TRIES = 5
+# Between bring-ups that fail, and between questions whether the line answers at all, which disturb nobody.
 _PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2, 0.5)
+_PROBE_PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1)
 _PROMPT_S = 0.005
 # How long a bring-up may be without progress, by the number of those ended for it: one that works needs 0.1 s, but
 # a line of many devices on a busy computer must get its chance.
@@ -73,7 +75,7 @@ class Keeper:
         attempt = hung = 0
         while True:
             if not self._first:
-                attempt = self._await_answers(attempt)
+                self._await_answers()
             begun_s = time.monotonic()
             end = self._live(_SILENCE_S[min(hung, len(_SILENCE_S) - 1)])
             hung += end.hung
@@ -91,17 +93,18 @@ class Keeper:
                 self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])
             attempt += 1
 
-    def _await_answers(self, attempt: int) -> int:
-        """Until the line answers at once, with growing pauses; returns the attempts made so far. Raises ReaderGone."""
+    def _await_answers(self) -> None:
+        """Until the line answers at once, asked with growing pauses. Raises ReaderGone."""
+        asked = 0
         while True:
             self._still_dead()
             with contextlib.suppress(Refusal, OSError):  # the loss has been told, and the next try comes
                 preflight.check_interface(self.interface)
                 # SOEM takes many seconds to give up on a line that is dead or slow; two frames tell sooner.
-                if all(count_slaves(self.interface, _PROMPT_S, (2 * attempt + k) % 128) for k in (0, 1)):
-                    return attempt
-            self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])
-            attempt += 1
+                if all(count_slaves(self.interface, _PROMPT_S, (2 * asked + k) % 128) for k in (0, 1)):
+                    return
+            self.wire.check(_PROBE_PAUSES_S[min(asked, len(_PROBE_PAUSES_S) - 1)])
+            asked += 1
 
     # --- one life ---------------------------------------------------------------------------------------------
 
