@@ -79,6 +79,16 @@ def test_only_the_expected_working_counter_is_accepted() -> None:
     assert dict(epoch.counts) == {"lost": 1, "counter": 3}
 
 
+def test_the_reason_is_not_hidden_by_answers_that_a_busy_computer_loses() -> None:
+    epoch = running()
+    for k, wkc in enumerate((1, -1, 1, -1, -1, 1, -1, -1)):
+        assert epoch.take(cycle((60 + k) * MS, wkc=wkc)) is None
+    assert epoch.why == "counter"
+    assert epoch.take(cycle(70 * MS)) is not None
+    assert epoch.take(cycle(71 * MS, wkc=-1)) is None
+    assert epoch.why == "lost"
+
+
 def test_old_frames_with_a_right_counter_are_refused() -> None:
     epoch = running()
     for k in range(50, 50 + BAD_CYCLES):

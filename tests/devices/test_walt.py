@@ -296,6 +296,29 @@ def test_shocks_are_polled_each_once_and_ringing_is_counted():
     assert all(late.until_s >= early.until_s for early, late in pairwise(batches))
 
 
+def test_both_shocks_of_a_quick_tap_are_felt_while_clocks_are_compared():
+    """The WALT keeps one shock until it is asked, and a full comparison takes longer than a tap."""
+    wire = SteppedWire(drift=9e-6)
+    wire.firmware.faults.delay_s = 0.5e-3
+    source = on_wire(wire, "walt")
+    source.open()
+    true_s = []
+
+    def tap(firmware, at_s):
+        for k in range(2):
+            true_s.append(at_s + 0.003 + 0.06 * k)
+            wire.at(true_s[-1], lambda firmware, t: firmware.shock(t))
+
+    for _ in range(3):
+        read_until(source, wire, wire.t_s + 1.0)
+        tap(wire.firmware, wire.t_s)
+        asked = source.synchronise()
+        batches = read_until(source, wire, wire.t_s + 1.0)
+        assert asked.is_set()
+        assert taps_of(batches) == pytest.approx(true_s[-2:], abs=1e-3)
+        assert rejected_of(batches) == []
+
+
 def test_the_clock_is_compared_in_full_again_when_all_is_quiet():
     wire = SteppedWire()
     source = on_wire(wire, "walt")
@@ -368,6 +391,7 @@ def refused(wire, role="walt", address="serial:/dev/ttyACM0"):
 
 
 def test_what_is_no_walt_or_another_firmware_is_refused():
+    assert on_wire(SteppedWire(version="6\r"), "walt").open().details["firmware"] == "6"
     assert "firmware 5" in refused(SteppedWire(version="5"))
     assert "firmware 7" in refused(SteppedWire(version="7"))
     assert on_wire(SteppedWire(version="7"), "walt", "serial:/dev/x?firmware=any").open().details["firmware"] == "7"

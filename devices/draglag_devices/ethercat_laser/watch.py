@@ -57,10 +57,16 @@ class Epoch:
     clock: ClockWatch = field(default_factory=ClockWatch)
     counts: Counter[str] = field(default_factory=Counter)
     bad: int = 0
-    why: str = ""
     edges: EdgeFinder | None = None
     last: Pair | None = None
     pauses_ns: list[int] = field(default_factory=list)
+    _lately: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def why(self) -> str:
+        """Why cycles are refused now. On a busy computer an answer is lost now and then; any other reason tells more."""
+        others = Counter({reason: n for reason, n in self._lately.items() if reason != "lost"})
+        return max(others or self._lately, key=self._lately.__getitem__, default="")
 
     @property
     def good_ns(self) -> int | None:
@@ -77,8 +83,8 @@ class Epoch:
         reason = self._fault(cycle)
         if reason:
             self.bad += 1
-            self.why = reason
             self.counts[reason] += 1
+            self._lately[reason] += 1
             return None
         sample = decode(cycle.image, self.channel)
         if self.edges is None or self.last is None:
@@ -91,6 +97,7 @@ class Epoch:
             if pause_ns > STALL_NS:
                 self.pauses_ns.append(pause_ns)
         self.bad = 0
+        self._lately.clear()
         self.clock.add(cycle.pair)
         self.last = cycle.pair
         return found

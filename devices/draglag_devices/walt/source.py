@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from draglag.clocks import LARGEST_DRIFT
-from draglag.recording import LaserTrace, Taps
+from draglag.recording import LaserTrace, Taps, concatenate
 from draglag_devices.addresses import Address
 from draglag_devices.clockmap import OnlineClockMap
 from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
@@ -101,6 +101,7 @@ class WaltSource:
         self._next_poll_s = 0.0
         self._next_try_s = 0.0
         self._last_shock_s = -np.inf
+        self._felt: list[Taps] = []  # shocks told while clocks were compared
         self._asked: deque[threading.Event] = deque()  # filled by other threads
         self._compared: list[threading.Event] = []
 
@@ -137,7 +138,9 @@ class WaltSource:
                 laser = self._read_laser(device, timeout_s)
                 until_s = self._now() - IN_FLIGHT_S
             else:
-                taps, until_s = self._poll_shock(device, timeout_s)
+                taps, until_s = self._poll_shock(device, 0.0 if self._felt else timeout_s)
+                felt, self._felt = [*self._felt, *([] if taps is None else [taps])], []
+                taps = concatenate(felt) if felt else None
         except (PortGone, NoAnswer) as fault:
             return self._lose(fault)
         self._tell_unread(device)
@@ -248,8 +251,7 @@ class WaltSource:
         quiet = now_s - self._last_event_s >= QUIET_S
         if asked or (quiet and now_s - self._last_full_s >= FULL_EVERY_S):
             self._last_full_s = now_s
-            # A shock that comes meanwhile waits in the WALT for the next poll.
-            device.learn(compare(device.link, device.unwrapped, bound))
+            device.learn(compare(device.link, device.unwrapped, bound, between=lambda: self._feel_meanwhile(device)))
 
     def _time(self, device: _Device) -> Bound | None:
         """A comparison that does not contradict the clock as it is known; None where the answer was spoiled."""
@@ -307,6 +309,17 @@ class WaltSource:
             device.link.listen(wait_s)
         if self._now() < self._next_poll_s:
             return None, self._until_s
+        return self._ask_shock(device)
+
+    def _feel_meanwhile(self, device: _Device) -> None:
+        """The WALT keeps one shock until it is asked, and a quick tap has two within a full comparison."""
+        if self.role == "walt":
+            taps, _ = self._ask_shock(device)
+            if taps is not None:
+                self._felt.append(taps)
+
+    def _ask_shock(self, device: _Device) -> tuple[Taps | None, float]:
+        """The shock since the last question, and until when there was none or it was this one."""
         self._next_poll_s = self._now() + POLL_EVERY_S
         try:
             # Asking re-arms the WALT, which has forgotten the shock then: a late answer counts.

@@ -6,6 +6,7 @@ before the host received it from above; so delays of the operating system widen 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,17 +64,25 @@ def ask_time(link: Link, unwrapped: Unwrapped) -> Bound:
     return Bound(device_s, answer.sent_s - _TICK_S, answer.arrived_s)
 
 
-def compare(link: Link, unwrapped: Unwrapped, known: Bound, repeats: int = REPEATS) -> list[Bound]:
+def compare(
+    link: Link,
+    unwrapped: Unwrapped,
+    known: Bound,
+    repeats: int = REPEATS,
+    between: Callable[[], None] = lambda: None,
+) -> list[Bound]:
     """The full comparison, about 0.15 s: digits to the device and digits from it, ``repeats`` times.
 
     Args:
         known: a bound of the present (from ``zero`` or ``ask_time``) that the others must not contradict.
+        between: called before each repeat, for what cannot wait until all are done.
 
-    Returns one bound a repeat, fewer where noise on the wire spoiled some. Raises PortGone.
+    Returns one bound a repeat, fewer where noise on the wire spoiled some. Raises PortGone, and what ``between`` raises.
     """
     low, high = known.host_min_s - known.device_s, known.host_max_s - known.device_s
     rows: list[Bound] = []
     for _ in range(repeats):
+        between()
         try:
             below = _digits_out(link, unwrapped, high - low)
             above = _digits_in(link, unwrapped)
