@@ -131,7 +131,7 @@ class Bus:
         slaves = self._master.slaves
         found = [(slave.man, slave.id) for slave in slaves]
         places = [place for place, kind in enumerate(found, 1) if kind == (BECKHOFF, EL1252)]
-        if any(product == 0 for _, product in found):
+        if any(vendor == 0 or product == 0 for vendor, product in found):
             raise Refusal(
                 "unsteady",
                 f"the EtherCAT devices on {self.interface} do not tell what they are: answers get lost",

@@ -23,6 +23,8 @@ from draglag_devices.ethercat_laser.refusal import Refusal
 from draglag_devices.ethercat_laser.wire import ReaderGone, Wire
 
 _FIRST_TRIES = 5
+# What answers that got lost or came late on a busy computer may look like.
+_WORTH_A_TRY = ("no_slaves", "unsteady", "state", "set_up")
 # Between bring-ups that fail, and between questions whether the line answers at all, which disturb nobody.
 _PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2, 0.5)
 _PROBE_PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1)
@@ -87,7 +89,7 @@ class Keeper:
                     attempt = 0
                     continue  # at once: most losses are short
             if self._first and end.refusal is not None:
-                if end.refusal.code not in ("unsteady", "state") or attempt == _FIRST_TRIES - 1:
+                if end.refusal.code not in _WORTH_A_TRY or attempt == _FIRST_TRIES - 1:
                     raise end.refusal
             else:
                 self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])

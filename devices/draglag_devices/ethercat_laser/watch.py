@@ -64,7 +64,7 @@ class Epoch:
 
     @property
     def why(self) -> str:
-        """Why cycles are refused now. On a busy computer an answer is lost now and then; any other reason tells more."""
+        """Why cycles are refused now. A busy computer loses an answer now and then: any other reason tells more."""
         others = Counter({reason: n for reason, n in self._lately.items() if reason != "lost"})
         return max(others or self._lately, key=self._lately.__getitem__, default="")
 

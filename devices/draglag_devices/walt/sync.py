@@ -77,7 +77,7 @@ def compare(
         known: a bound of the present (from ``zero`` or ``ask_time``) that the others must not contradict.
         between: called before each repeat, for what cannot wait until all are done.
 
-    Returns one bound a repeat, fewer where noise on the wire spoiled some. Raises PortGone, and what ``between`` raises.
+    Returns one bound a repeat, fewer where noise on the wire spoiled some. Raises PortGone, and what ``between`` does.
     """
     low, high = known.host_min_s - known.device_s, known.host_max_s - known.device_s
     rows: list[Bound] = []
