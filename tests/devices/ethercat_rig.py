@@ -110,9 +110,12 @@ def judge(rec: Recording, true: list[list[int]], light_is_high: bool = True) -> 
 
 
 def marked_s(rec: Recording) -> float:
-    """How much time is marked."""
-    gaps_s = rec.laser.gaps_s
-    return float((gaps_s[:, 1] - gaps_s[:, 0]).sum())
+    """How much time is marked; stretches may overlap."""
+    total_s, reached_s = 0.0, -np.inf
+    for start_s, end_s in sorted(rec.laser.gaps_s.tolist()):
+        total_s += max(0.0, end_s - max(start_s, reached_s))
+        reached_s = max(reached_s, end_s)
+    return total_s
 
 
 def stood_still_s(rec: Recording) -> float:

@@ -47,6 +47,14 @@ class ClockWatch:
         lowest, highest = known.dc_ns - known.high_ns - slack, known.dc_ns - known.low_ns + slack
         return max(0.0, pair.dc_ns - pair.high_ns - highest, lowest - (pair.dc_ns - pair.low_ns))
 
+    def host_ns(self, dc_ns: int) -> tuple[int, int]:
+        """Between which moments of the host's clock the bus's showed ``dc_ns``. Only after a first ``add``."""
+        known = self._reference
+        assert known is not None
+        slack = int(_DRIFT * abs(dc_ns - known.dc_ns))
+        ahead = dc_ns - known.dc_ns
+        return known.low_ns + ahead - slack, known.high_ns + ahead + slack
+
     def add(self, pair: Pair) -> None:
         """Take a pair that fits."""
         if self._best is None or pair.width_ns < self._best.width_ns:

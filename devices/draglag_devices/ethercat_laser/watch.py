@@ -110,16 +110,17 @@ class Epoch:
         missing after the earlier stamp, but any number of pairs between the last cycle and that stamp, and pairs
         leave the level as it was.
         """
+        start_ns = max(last.low_ns, self.clock.host_ns(last.dc_ns)[0])
         if now.dc_ns - last.dc_ns > UNWATCHED_NS:
-            return last.low_ns, now.high_ns
+            return start_ns, min(now.high_ns, self.clock.host_ns(now.dc_ns)[1])
         if len(edges) < 2 or now.dc_ns - last.dc_ns <= STALL_NS:
             return None
         first_dc_ns = edges[0][0]
         if first_dc_ns - last.dc_ns <= STALL_NS and not missed:
             return None
-        # The bus's clock was read before the answer was here, so the stamp is at least that old.
-        first_ns = now.high_ns - max(0, now.dc_ns - first_dc_ns)
-        return last.low_ns, max(first_ns, last.high_ns)
+        # The stamp is the terminal's, and by its drift from the bus's clock (told above 1 ms) it may be ahead.
+        end_ns = min(now.high_ns, self.clock.host_ns(first_dc_ns)[1])
+        return start_ns, max(start_ns, end_ns)
 
     def _fault(self, cycle: Cycle) -> str:
         if cycle.wkc < 0:
