@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from devices.ethercat_rig import MS, Recording, blink, judge, needs_segment
+from devices.ethercat_rig import MS, Recording, blink, children, judge, lost_edges, needs_segment
 from emulators.ethercat import Segment
 
 pytestmark = needs_segment
@@ -143,6 +144,22 @@ def test_the_laser_survives_the_end_of_its_process(segment: Segment) -> None:
     assert len(rec.laser.gaps_s) >= 1
     assert set(rec.laser.epoch) == {0, 1}
     assert set(rec.stamps_ns()) <= stamped
+
+
+def test_a_bus_process_that_hangs_is_replaced(segment: Segment) -> None:
+    with Recording(segment) as rec:
+        segment.edges(blink(400, 41 * MS, 9 * MS, 10 * MS), relative=True)
+        rec.read_until(lambda: len(rec.laser.light) >= 4)
+        (bus,) = children(rec.source._process.pid)
+        os.kill(bus, signal.SIGSTOP)
+        rec.read_until(lambda: any("is back" in text for text in rec.texts))
+        rec.read_past(time.monotonic_ns() + 100 * MS)
+        until_s = rec.until_s
+        lost, unmarked = lost_edges(rec, [edge for edge in rec.true_edges() if edge[0] * 1e-9 < until_s])
+    assert any("stands still" in text for text in rec.texts)
+    assert lost
+    assert unmarked == []
+    assert set(rec.laser.epoch) == {0, 1}
 
 
 def test_endurance_no_edge_is_lost_and_every_bad_cycle_is_accounted_for(segment: Segment) -> None:

@@ -36,6 +36,8 @@ _SILENCE_S = (1.0, 1.0, 2.0, 2.0, 4.0, 8.0, 30.0)
 _LONG_S = 2.0
 _DEAD_GAP_NS = 1_000_000_000
 _LOOK_S = 0.1
+# A bus that runs tells of itself every 10 ms.
+_STUCK_S = 3.0
 _FAREWELL_S = 1.0
 _PR_SET_PDEATHSIG = 1
 
@@ -68,6 +70,7 @@ class Keeper:
         self.interface, self.wire, self._life = interface, wire, life
         self.number = first_epoch
         self._first = first_epoch == 0
+        self._until: int | None = None  # host time up to which all edges have been told
         self._level: int | None = None
         self._dead_from: int | None = None
         self._lost_at: int | None = None
@@ -127,6 +130,10 @@ class Keeper:
                         end = self._take(message, line)
                         if end is not None:
                             return end
+                elif ready and time.monotonic() - heard_s > _STUCK_S:
+                    child.kill()
+                    self._dead_from = self._until
+                    return End(True, "the process that runs the bus stands still")
                 elif not ready and time.monotonic() - heard_s > silence_s:
                     child.kill()
                     words = f"the EtherCAT devices on {self.interface} do not get ready: answers come late or get lost"
@@ -149,7 +156,10 @@ class Keeper:
         if kind == "up":
             return None
         self.wire.pass_on(line)
+        if kind in ("tick", "edges"):
+            self._until, self._level = message["until"], message.get("level", self._level)
         if kind == "ready":
+            self._until = message["since"]
             self._tell_return(message["since"], message["level"])
         return None
 
