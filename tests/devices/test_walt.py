@@ -430,6 +430,22 @@ def test_a_shock_that_is_told_late_is_not_lost():
     assert rejected_of(batches) == []
 
 
+def test_a_shock_that_is_told_very_late_is_not_lost_either():
+    """Even the ping that follows the question is not answered within its second."""
+    wire = SteppedWire()
+    source = on_wire(wire, "walt")
+    source.open()
+    start_s = wire.t_s
+    true_s = start_s + np.array([1.0, 4.0])
+    for at_s in true_s:
+        wire.at(at_s, lambda firmware, t: firmware.shock(t))
+    wire.at(true_s[0] - 1e-3, lambda firmware, t: setattr(firmware.faults, "delay_s", 0.8))
+    wire.at(true_s[0] + 0.1, lambda firmware, t: setattr(firmware.faults, "delay_s", 0.0))
+    batches = read_until(source, wire, start_s + 6)
+    assert taps_of(batches) == pytest.approx(true_s, abs=2e-4)
+    assert rejected_of(batches) == []
+
+
 @pytest.mark.parametrize(
     ("fault", "problem", "remedy"),
     [

@@ -17,7 +17,7 @@ from draglag_devices.clockmap import OnlineClockMap
 from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
 from draglag_devices.walt.connect import greet
 from draglag_devices.walt.edges import EdgeCounter
-from draglag_devices.walt.link import Link, NoAnswer
+from draglag_devices.walt.link import Answer, Link, NoAnswer
 from draglag_devices.walt.port import Port, PortGone, SerialPort, port_of, usb_identity
 from draglag_devices.walt.protocol import LASER_LAST, LASER_ON, RESET, SHOCK, Unwrapped, parse_shock
 from draglag_devices.walt.sync import Bound, as_bounds, ask_time, compare, zero
@@ -320,13 +320,17 @@ class WaltSource:
 
     def _ask_shock(self, device: _Device) -> tuple[Taps | None, float]:
         """The shock since the last question, and until when there was none or it was this one."""
-        self._next_poll_s = self._now() + POLL_EVERY_S
+        asked_s = self._now()
+        self._next_poll_s = asked_s + POLL_EVERY_S
         try:
             # Asking re-arms the WALT, which has forgotten the shock then: a late answer counts.
             answer = device.link.ask(SHOCK, parse_shock, late=True)
         except NoAnswer:
-            device.link.settle()
-            return _rejected("unreadable"), self._until_s
+            # It may still come when even the ping after it was not answered in time.
+            found = device.link.settle(parse_shock)
+            if found is None:
+                return _rejected("unreadable"), self._until_s
+            answer = Answer(found[0], asked_s, found[1])
         if answer.value == 0:
             return None, answer.sent_s
         host_s = device.host_s(device.unwrapped(answer.value))

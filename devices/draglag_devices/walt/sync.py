@@ -75,7 +75,7 @@ def compare(
 
     Args:
         known: a bound of the present (from ``zero`` or ``ask_time``) that the others must not contradict.
-        between: called before each repeat, for what cannot wait until all are done.
+        between: called before each half of a repeat, for what cannot wait until all are done.
 
     Returns one bound a repeat, fewer where noise on the wire spoiled some. Raises PortGone, and what ``between`` does.
     """
@@ -85,6 +85,7 @@ def compare(
         between()
         try:
             below = _digits_out(link, unwrapped, high - low)
+            between()
             above = _digits_in(link, unwrapped)
         except NoAnswer:
             continue

@@ -66,6 +66,7 @@ class Firmware:
         self._digits = [0] * 9
         self._read = 0
         self.levels = {"G": 480, "PD_screen": 3, "PD_laser": 910}
+        self.unfelt: list[float] = []  # shocks while another was kept and nobody had asked for it
         self.commands = ""  # everything received, for conversations to be compared with
 
     # --- its clock --------------------------------------------------------------------------------------------
@@ -106,6 +107,8 @@ class Firmware:
         """The accelerometer goes over its threshold."""
         if self._armed:
             self._armed, self._shock_us = False, self.us(host_s)
+        else:
+            self.unfelt.append(host_s)
 
     # --- the wire ---------------------------------------------------------------------------------------------
 
