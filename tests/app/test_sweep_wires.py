@@ -23,7 +23,7 @@ import emulators
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.clocks import fit_clocks
 from draglag.protocols import expand, load_protocol
-from draglag.recording import Run, Session
+from draglag.recording import Run, Session, Taps
 from draglag.store import read_session
 from draglag.taps import summarise_taps
 from draglag.targets import Tap
@@ -74,10 +74,14 @@ OF_INTERVAL = 0.3
 
 @dataclass(frozen=True)
 class Sweep:
-    """The session over the wires, the world that moved them, and the session of the same seed in process."""
+    """The session over the wires, the world that moved them, and the session of the same seed in process.
+
+    ``unfelt``: shocks that the WALT could not keep, because nobody had asked for the one before.
+    """
 
     wires: Session
     world: World
+    unfelt: int
     sim: Session
     found: Analysis
     expected: Analysis
@@ -87,17 +91,18 @@ class Sweep:
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
     folder: Path = tmp_path_factory.mktemp("sweep")
     (folder / "sweep.toml").write_text(PROTOCOL)
-    world = over_wires(folder)
+    world, unfelt = over_wires(folder)
     rig = make_rig(dict.fromkeys(("touch", "laser", "walt"), "sim:"), "screen-1", SEED, fast=True)
     options = session_options(rig, "screen-1", None)
     run_session(load_protocol(folder / "sweep.toml"), rig, OffscreenDisplay(), folder / "sim.h5", options)
     wires, sim = read_session(folder / "sweep.h5"), read_session(folder / "sim.h5")
     as_eq_5 = AnalysisOptions(form="double_exponential")
-    return Sweep(wires, world, sim, analyze(wires, as_eq_5), analyze(sim, as_eq_5))
+    return Sweep(wires, world, unfelt, sim, analyze(wires, as_eq_5), analyze(sim, as_eq_5))
 
 
-def over_wires(folder: Path) -> World:
-    """Record the protocol in ``folder`` into ``sweep.h5`` there. Returns the world that moved the instruments."""
+def over_wires(folder: Path) -> tuple[World, int]:
+    """Record the protocol in ``folder`` into ``sweep.h5`` there. Returns the world that moved the instruments, and how
+    many shocks the WALT could not keep."""
     world = World(seed=SEED, start_s=time.monotonic())
     screen = world.rig.screen
     coming = list(expand(load_protocol(folder / "sweep.toml"), screen, beam=world.rig.beam))
@@ -132,7 +137,7 @@ def over_wires(folder: Path) -> World:
         complaints.seek(0)
         assert process.returncode == 0, complaints.read()
         assert panel.do("state")["trouble"] == ""
-    return world
+    return world, len(pen.firmware.unfelt)
 
 
 def half_ms(interval_ms: tuple[float, float]) -> float:
@@ -214,7 +219,11 @@ def test_the_curve_is_the_curve_of_the_simulator(sweep: Sweep) -> None:
 
 def test_taps_have_the_latency_of_the_same_taps_in_process(sweep: Sweep) -> None:
     assert sweep.wires.taps is not None
-    assert sweep.wires.taps.rejected == {}, sweep.wires.notes
+    # A machine that stands still for longer than a tap does not ask for its first shock in time: what the WALT then
+    # could not keep is counted, and nothing else.
+    lost = sweep.wires.taps.rejected
+    assert sum(lost.values()) == sweep.unfelt, (lost, [note.text for note in sweep.wires.notes])
+    assert set(lost) <= {"touch", "release"}
     found, expected = summarise_taps(sweep.wires.taps), summarise_taps(sweep.sim.taps)
     # The pty's clock is known to about a tenth of a millisecond, and less well on a busy machine.
     walt = [part for part in sweep.wires.clocks if part.stream == "walt"]
@@ -223,8 +232,18 @@ def test_taps_have_the_latency_of_the_same_taps_in_process(sweep: Sweep) -> None
     for kind in ("touch", "release"):
         print(f"{kind:9}{found[kind].n:3}{1e3 * found[kind].median_s:10.3f}{1e3 * expected[kind].median_s:9.3f}")
     for kind in ("touch", "release"):
-        assert found[kind].n == expected[kind].n == TAPS
-        assert found[kind].median_s == pytest.approx(expected[kind].median_s, abs=max(10 * width_s, 2e-3))
+        assert expected[kind].n == TAPS
+        assert found[kind].n == TAPS - lost.get(kind, 0)
+        within_s = max(10 * width_s, 2e-3)
+        own, others = (tap_latencies_s(taps, kind) for taps in (sweep.wires.taps, sweep.sim.taps))
+        assert (np.abs(own[:, None] - others).min(axis=1) <= within_s).all()
+        if not lost.get(kind):
+            assert found[kind].median_s == pytest.approx(expected[kind].median_s, abs=within_s)
+
+
+def tap_latencies_s(taps: Taps, kind: str) -> np.ndarray:
+    """Of the touches or the releases."""
+    return (taps.registered_s - taps.physical_s)[taps.down == int(kind == "touch")]
 
 
 def test_clocks_were_compared_around_each_block(sweep: Sweep) -> None:
