@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.clocks import remapped, remapped_within
-from draglag.compensation import Law, stylus_path
 from draglag.errors import DataError
 from draglag.gap.realised import FittedShape, made
 from draglag.gap.streams import inspect
+from draglag.inversion import Law, stylus_path
 from draglag.latency.on_clock import nearby
 from draglag.model_file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
 from draglag.motion import sample_interval_s, usable

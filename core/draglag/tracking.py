@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.compensation import Law
+from draglag.inversion import Law
 from draglag.recording import FloatArray
 from draglag.targets import MULTISINE_AMPLITUDE, MULTISINE_INDEX, MULTISINE_PERIOD_S, MultiSine
 

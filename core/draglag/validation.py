@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.beam import Lines, fit_lines, sides
-from draglag.compensation import Law, StylusPath, stylus_path
 from draglag.errors import EstimateError
+from draglag.inversion import Law, StylusPath, own_times_s, stylus_path
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
@@ -49,8 +49,7 @@ class Validation:
         }
 
 
-# Half width (s) and rounds of the reconstruction. Short windows for step movements, wide ones where the law is steep.
-SMOOTHINGS = ((0.07, 2), (0.1, 2), (0.1, 4), (0.15, 4), (0.15, 10), (0.2, 4), (0.25, 4))
+HALVES_S = (0.03, 0.05, 0.07, 0.1, 0.15, 0.2)  # of the movement's smoothing: short windows for step movements
 
 
 def validate_run(
@@ -66,11 +65,9 @@ def validate_run(
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again")
     losses_s = contact_losses(touch.t_s)
-    placed = [
-        one
-        for half_s, rounds in SMOOTHINGS
-        if (one := _placed(ready, stylus_path(touch.t_s, ready.xy_mm, law, half_s, rounds), losses_s)) is not None
-    ]
+    own_s = own_times_s(touch.t_s, ready.xy_mm, law)
+    paths = [stylus_path(touch.t_s, ready.xy_mm, law, half_s, own_s) for half_s in HALVES_S]
+    placed = [one for path in paths if (one := _placed(ready, path, losses_s)) is not None]
     if not placed:
         raise EstimateError(
             f"{ready.run.id}: too few edges on both sides of the beam lie within the touch trace", "Record it again"

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from draglag.compensation import stylus_speed, stylus_time_s
 from draglag.errors import EstimateError
 from draglag.gap.steep import wide_enough
 from draglag.gap.unwarped import Shown, Unwarped, shown_speed
+from draglag.inversion import stylus_speed, stylus_time_s
 from draglag.latency.estimate import RunEstimate, estimate_run, prepare
 from draglag.motion import (
     LocalFit,

@@ -25,7 +25,7 @@ from draglag.latency.tremor import Tremor, tremor_of
 from draglag.motion import contact_losses, in_contact
 from draglag.recording import FloatArray
 
-SPEED_SLOPE_SD_S = 0.08  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
+SPEED_SLOPE_SD_S = 0.16  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
 SCATTER_LASTS_S = 0.03
 SCATTER_MM = np.concatenate([[0.0], 0.01 * 1.6 ** np.arange(15)])

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import t as student
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
-from draglag.compensation import Law
 from draglag.curve import CurveFit
 from draglag.errors import EstimateError
+from draglag.inversion import Law
 from draglag.latency.estimate import prepare
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
