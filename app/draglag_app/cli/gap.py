@@ -129,6 +129,8 @@ def _tell(result: GapReport, report: Path | None) -> None:
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
         f"noise floor {result.noise_floor_mm:.3f} mm."
     )
+    for left in result.passed_over:
+        click.echo(f"Beyond chance (p {left.p_value:.1g}) but left: {left.what}, {left.text}.")
     for step in result.steps:
         if step.extra_run:
             click.echo(f"To be sure of {step.effect}: {step.extra_run}.")

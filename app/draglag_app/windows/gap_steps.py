@@ -82,6 +82,9 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
     for step in report["steps"]:
         if step["effect"] in added:
             lines.append(f"{step['effect']}: {step['evidence'].get('text', '')}")
+    for left in report.get("passed_over", ()):
+        words = say("Beyond chance (p {p}) but left: {what}, {why}")
+        lines.append(words.format(p=f"{left['p_value']:.1g}", what=left["what"], why=left["text"]))
     unseen = [f"{effect}: {why}" for effect, why in report.get("not_seen", {}).items()]
     if unseen:
         lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))

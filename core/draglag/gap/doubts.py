@@ -8,15 +8,21 @@ import numpy as np
 
 from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit
-from draglag.gap.heldout import shrinks_with
+from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.model import base_prior
 from draglag.gap.naming import MODE, PLATEAU, UNNAMED_MARGIN, Name, gained, name, refit
-from draglag.gap.results import COVARIATE, TERM_OF, Step
+from draglag.gap.noise import UNEVEN
+from draglag.gap.parameters import parameters_of
+from draglag.gap.results import COVARIATE, TERM_OF, PassedOver, Step
 from draglag.gap.separate import clock_offset
-from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.gap.signatures import SIGNATURES, unnamed_columns
+from draglag.gap.state import Term
 from draglag.recording import Session
 
 ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
+LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
+STRETCHED = 2.0
+BEYOND_DOUBT = 1e-3
 CERTAIN = 80.0  # a structure this strong is there, whatever the held-out runs make of it
 
 
@@ -45,7 +51,7 @@ def path_closes(session: Session, start: Name, allowed: frozenset[str], plateau:
     plateau = plateau or start.effect == PLATEAU
     for _ in range(min(most, 2)):
         finding = find(fit, without=left_out(allowed) | used)
-        if not finding.significant:
+        if not finding.significant or (len(used) > 1 and still_there(fit, finding) is None):
             return True
         names, unnamed = name(session, fit, finding, allowed, plateau)
         if unnamed is not None or not names:
@@ -53,7 +59,7 @@ def path_closes(session: Session, start: Name, allowed: frozenset[str], plateau:
         fit = names[0].fit
         used.add(names[0].effect)
         plateau = plateau or names[0].effect == PLATEAU
-    return not find(fit, without=left_out(allowed) | used).significant
+    return still_there(fit, find(fit, without=left_out(allowed) | used)) is None
 
 
 def without_proxies(session: Session, fit: Fit, steps: list[Step]) -> tuple[Fit, list[Step]]:
@@ -90,15 +96,64 @@ def contradicted_by_taps(session: Session, fit: Fit) -> Fit | None:
 
 def still_there(fit: Fit, finding: Finding) -> Candidate | None:
     """The strongest structure left that held-out runs confirm and that is worth more than its price."""
-    smooth = shape_free(fit.view)
     for candidate in finding.significant:
         if candidate.score <= UNNAMED_MARGIN:
             return None
         if candidate.effect is None and candidate.score > CERTAIN and candidate.covariate not in ESTIMATED:
             return candidate
-        if candidate.effect is None and shrinks_with(fit, smooth[candidate.covariate, candidate.role]):
+        if candidate.effect is not None:
+            continue
+        columns = unnamed_columns(fit.view, candidate.covariate, candidate.role, candidate.theta)
+        if shrinks_with(fit, columns):
             return candidate
     return None
+
+
+def passed_over(session: Session, fit: Fit, finding: Finding, allowed: frozenset[str]) -> tuple[PassedOver, ...]:
+    """What is significant in the last finding and yet has no name: the strongest two, with their size if they have one.
+
+    A gap far below the noise of one edge can be beyond chance in thousands of edges; it is told, not named.
+    """
+    out = []
+    for candidate in finding.significant[:2]:
+        what = candidate.effect or candidate.covariate
+        why = "it is worth less than the terms it takes or does not shrink the gap on held-out runs"
+        if candidate.effect in SIGNATURES and candidate.effect in allowed:
+            terms = [*fit.terms, Term(candidate.effect, candidate.theta)]
+            after = refit(session, fit, terms, fit.law.plateau_mm_s > 0)
+            if after is not None:
+                sizes = parameters_of(candidate.effect, after)
+                numbers = ", ".join(f"{key} {value:.3g} ({a:.3g} to {b:.3g})" for key, (value, (a, b)) in sizes.items())
+                gaps = f"gap on held-out runs {gap_mm(fit):.3f} → {gap_mm(after):.3f} mm"
+                why = f"{numbers}; {gaps}: too little for a name"
+        out.append(PassedOver(what, candidate.p_value, why))
+    return tuple(out)
+
+
+def without_parts(
+    steps: list[Step], fit: Fit, first: Fit, unexplained: Candidate, finding: Finding
+) -> tuple[list[Step], Fit]:
+    """Steps and fit before the first name that was only a part of what is left.
+
+    A structure without a name that is large beside what a name explained had that name as its part. A step of the law
+    that leaves much in the speed itself was a law bent otherwise.
+    """
+    left = max([unexplained.score, *(c.score for c in finding.significant if c.effect is None)])
+    for k, step in enumerate(steps):
+        share = LEFT_IN_SPEED if step.effect == MODE and unexplained.covariate == "speed" else LEFT
+        if step.fit is not None and left > share * step.gain:
+            return steps[:k], next((s.fit for s in reversed(steps[:k]) if s.fit is not None), first)
+    return steps, fit
+
+
+def strained(fit: Fit, finding: Finding) -> Candidate | None:
+    """The strongest structure beyond chance where noise had to be stretched to hold what is left; else None.
+
+    No sound session needs a law that its runs follow so unevenly, and none leaves a gap of twice its noise.
+    """
+    stretched = fit.whiteners[fit.best].components.uneven >= max(UNEVEN) or gap_mm(fit) > STRETCHED * floor_mm(fit)
+    found = [c for c in finding.significant if c.p_value <= BEYOND_DOUBT] if stretched else []
+    return next((c for c in found if c.effect is None), next(iter(found), None))
 
 
 def covariate_of(candidate: Candidate) -> str:

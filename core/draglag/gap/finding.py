@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from draglag.gap.fit import Fit
 from draglag.gap.noise import Whitener
-from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.gap.signatures import SIGNATURES, jumps, shape_free
 from draglag.recording import FloatArray
 from draglag.simulation.residual import LineGains, Signature
 
@@ -64,6 +64,7 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
             items.append((effect, "", "", signature, signature.columns(fit.view)))
     for (covariate, role), columns in shape_free(fit.view).items():
         items.append((None, covariate, role, None, columns))
+    items += [(None, "x", role, made, made.columns(fit.view)) for role, made in jumps(fit.view)]
     gains, null = _gains(fit, [columns for *_, columns in items])
     ranks = np.array([columns.shape[1] for *_, columns in items])
     logs = np.array([chi2.logsf(np.maximum(g, 1e-9), k) for g, k in zip(gains, ranks, strict=True)])

@@ -13,7 +13,7 @@ from draglag.gap.fit import Fit, fit_session, latency_of_terms, log_likelihood_o
 from draglag.gap.heldout import gap_mm, improves, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
-from draglag.gap.signatures import SIGNATURES, shape_free
+from draglag.gap.signatures import SIGNATURES, unnamed_columns
 from draglag.gap.state import Term
 from draglag.gap.stepped import find_step
 from draglag.recording import Session
@@ -72,7 +72,7 @@ def gained(before: Fit, after: Fit) -> float:
     return 2 * (after.log_likelihood - before.log_likelihood)
 
 
-def _possible(effect: str, fit: Fit) -> bool:
+def possible(effect: str, fit: Fit) -> bool:
     """Whether the size can matter and lies within the bounds of the effect's class: a low-pass cannot swell."""
     numbers = parameters_of(effect, fit)
     if effect == "smoothing_shrink" and next(t.sizes[0] for t in fit.terms if t.effect == effect) <= 0:
@@ -125,7 +125,7 @@ def name(
             fit = refit(session, before, [*before.terms, Term(effect, theta)], plateau)
         if fit is None:
             continue
-        if not _possible(effect, fit):
+        if not possible(effect, fit):
             continue
         gain = gained(before, fit) - 6 * n_columns - 2 * np.log(n_grid)
         names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), improves(before, fit)))
@@ -136,10 +136,9 @@ def name(
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
     names = [n for n in names if n.gain > least and n.improves]
-    smooth = shape_free(before.view)
+    nameless = [c for c in finding.significant if c.effect is None]
     unnamed = next(
-        (c for c in finding.significant if c.effect is None and shrinks_with(before, smooth[c.covariate, c.role])),
-        None,
+        (c for c in nameless if shrinks_with(before, unnamed_columns(before.view, c.covariate, c.role, c.theta))), None
     )
     best = names[0].gain if names else 0.0
     if unnamed is not None and unnamed.score > best + UNNAMED_MARGIN:  # nothing at all has a gain of 0

@@ -20,7 +20,8 @@ from draglag.recording import FloatArray
 EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)
 SPEED = (0.0, 0.01, 0.02, 0.04)
 UNEVEN = (0.1, 0.3)
-RUN_S = (0.0, 0.0005, 0.001)  # panels differ by about 0.7 ms from run to run; more is not noise but something missing
+# Panels differ by about 0.7 ms from run to run; more is not noise but something missing.
+RUN_S = (0.0, 0.00025, 0.0005, 0.001)
 RUN_MM = (0.0, 0.05)
 SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
 UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 from draglag.gap.finding import Finding
 from draglag.gap.fit import Fit
@@ -53,6 +53,15 @@ class Step:
 
 
 @dataclass(frozen=True)
+class PassedOver:
+    """A structure beyond chance that was given no name: ``what`` it looks like, and in words why it was left."""
+
+    what: str
+    p_value: float
+    text: str
+
+
+@dataclass(frozen=True)
 class GapReport:
     """The workflow's result. verdict: explained | no_gap | unexplained, or None with ``missing`` for a poor session."""
 
@@ -66,6 +75,7 @@ class GapReport:
     p_value: float | None = None
     missing: tuple[str, ...] = ()
     not_seen: dict[str, str] = field(default_factory=dict)
+    passed_over: tuple[PassedOver, ...] = ()
     first: Fit | None = field(default=None, repr=False)
     last: Fit | None = field(default=None, repr=False)
     finding: Finding | None = field(default=None, repr=False)
@@ -83,4 +93,5 @@ class GapReport:
             "p_value": self.p_value,
             "missing": list(self.missing),
             "not_seen": dict(self.not_seen),
+            "passed_over": [asdict(item) for item in self.passed_over],
         }

@@ -9,7 +9,7 @@ from draglag.gap.edges import Placed, sparse_rows
 from draglag.gap.model import Geometry, LawParameters, side_of
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, Effect
-from draglag.simulation.residual import Averaged, View
+from draglag.simulation.residual import Averaged, Signature, View, column
 
 SIGNATURES = {
     name: effect.signatures
@@ -17,6 +17,8 @@ SIGNATURES = {
     if effect.signatures.__func__ is not Effect.signatures.__func__  # type: ignore[attr-defined]
 }
 """Effects that residuals show."""
+
+JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
 
 
 def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: float) -> View:
@@ -103,3 +105,30 @@ def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
     harmonics = np.column_stack([f(k * v.angle) for k in (1, 2) for f in (np.sin, np.cos)])
     out["direction_angle", "latency"] = -lever[:, None] * harmonics
     return out
+
+
+def jumps(v: View) -> list[tuple[str, Signature]]:
+    """(role, signature): a jump at a vertical line on the panel, of the position or of the latency.
+
+    A smooth term follows a jump badly, and a smooth effect follows it as well as any smooth term.
+    """
+    at = np.quantile(v.x_mm, JUMPS)
+    shifted = v.averaged.rows @ (v.averaged.x_mm[:, None] > at).astype(float)
+    out = []
+    for k, line in enumerate(at):
+        where, n_grid = (float(line),), 2 * at.size
+        out.append(("jump", Signature(offset=column(shifted[:, k]), theta=where, n_grid=n_grid)))
+        late = column((v.x_mm > line).astype(float))
+        out.append(("latency jump", Signature(latency=late, theta=where, n_grid=n_grid)))
+    return out
+
+
+def unnamed_columns(v: View, covariate: str, role: str, theta: tuple[float, ...]) -> FloatArray:
+    """Residual columns of what ``shape_free`` and ``jumps`` offer. Raises KeyError where neither does."""
+    if theta:
+        found = (made.columns(v) for name, made in jumps(v) if (name, made.theta) == (role, theta))
+        columns = next(found, None)
+        if columns is None:
+            raise KeyError(f"no {role} in {covariate} at {theta}")
+        return columns
+    return shape_free(v)[covariate, role]

@@ -302,8 +302,9 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
         starts = np.append(True, ~near)
         size = np.bincount(np.cumsum(starts) - 1)
         begin = np.flatnonzero(starts)
-        spans += [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 1]
-        extra += int(np.sum(size > 1))
+        # A chattering edge ends in its new state, after three transitions or more; two are a pass that grazes the beam.
+        spans += [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 2]
+        extra += int(np.sum(size > 2))
         edges += int(size.size)
     if edges == 0 or extra < max(5, 0.02 * edges):
         return None

@@ -13,8 +13,11 @@ from draglag.gap.doubts import (
     contradicted_by_taps,
     covariate_of,
     left_out,
+    passed_over,
     path_closes,
     still_there,
+    strained,
+    without_parts,
     without_proxies,
 )
 from draglag.gap.edges import gather
@@ -25,18 +28,18 @@ from draglag.gap.naming import MODE, PLATEAU, TOO_CLOSE, Name, gained, name, ref
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
-from draglag.gap.soundness import excess_scatter
+from draglag.gap.soundness import excess_scatter, follows_another_speed
 from draglag.gap.stalls import stalls
 from draglag.gap.streams import StreamEffect, inspect
+from draglag.gap.together import name_two
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
 UNEVEN_AGES = {"sample_hold", "timestamp_quantisation", "frame_batching", "loss_of_contact"}  # they scatter edges
+FOLLOW_ACCELERATION = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
-STRUCTURE_LEFT = 0.03  # of what a name explains: its own shape may be that wrong
-SMOOTH_IN_X = {"spatial_warp", "scan_skew"}
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 Progress = Callable[[float, str], None]
 
@@ -70,6 +73,7 @@ def close_gap(
         return GapReport(session.name, None, missing=missing)
     tell(0.05, "streams")
     seen, repaired = inspect(session)
+    strange = tuple(s for s in seen if s.effect not in allowed)
     seen = tuple(s for s in seen if s.effect in allowed)
     if not seen:
         repaired = session
@@ -83,7 +87,7 @@ def close_gap(
     first_mm = steps[0].gap_before_mm if steps else gap_mm(fit)
     first = fit
     plateau = False
-    ages = bool({s.effect for s in seen} & UNEVEN_AGES)
+    ages = bool({s.effect for s in (*seen, *strange)} & UNEVEN_AGES)
     finding = find(fit, without=left_out(allowed) | beside((), ages))
     unexplained: Candidate | None = None
     grace: _Grace | None = None
@@ -108,29 +112,31 @@ def close_gap(
         if unnamed is not None:
             nearly = bool(names) and names[0].gain > NEARLY_ALL * unnamed.score
             if not nearly and not (names and path_closes(repaired, names[0], allowed, plateau, max_effects)):
-                unexplained = unnamed
+                names = []
+            else:
+                grace = grace or _Grace(unnamed.covariate, tuple(steps), fit)
+        if names:
+            added = [names]
+        else:
+            unexplained = unnamed or still_there(fit, finding)
+            if unexplained is None or len(steps) + 2 > max_effects:
                 break
-            grace = grace or _Grace(unnamed.covariate, tuple(steps), fit)
-        if not names:
-            unexplained = still_there(fit, finding)
-            break
-        step = step_of(session, names, finding, allowed)
-        plateau = plateau or names[0].effect == PLATEAU
-        fit = names[0].fit
-        steps.append(step)
+            two = name_two(repaired, fit, finding, allowed, plateau, unexplained.score)
+            if two is None or (ages and not shrinks(fit, two[1].fit)):
+                break
+            added, unexplained = [[two[0]], [two[1]]], None
+        for found in added:
+            steps.append(step_of(session, found, finding, allowed))
+            plateau = plateau or found[0].effect == PLATEAU
+            fit = found[0].fit
         fit, steps = without_proxies(repaired, fit, steps)
         finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
     if unexplained is None and finding.significant:
         unexplained = still_there(fit, finding)
     if grace is not None and unexplained is not None and unexplained.covariate == grace.covariate:
         steps, fit = list(grace.steps), grace.fit
-    if unexplained is not None and unexplained.covariate == "x":
-        # What is smooth along the whole panel leaves nothing along it: then it was something else that looked like it.
-        much = unexplained.score / STRUCTURE_LEFT
-        at = next((k for k, s in enumerate(steps) if s.effect in SMOOTH_IN_X and s.gain < much), len(steps))
-        if at < len(steps):
-            fit = next((s.fit for s in reversed(steps[:at]) if s.fit is not None), first)
-            steps = steps[:at]
+    if unexplained is not None:
+        steps, fit = without_parts(steps, fit, first, unexplained, finding)
     without = contradicted_by_taps(session, fit) if unexplained is None else None
     if without is not None:
         fit, steps = without, [s for s in steps if s.effect != MODE]
@@ -138,9 +144,16 @@ def close_gap(
         unexplained = next((c for c in finding.significant if c.effect is None and c.covariate == "speed"), None)
     steps = [_settled(step, fit) for step in steps]
     if unexplained is None and not ages:
-        unexplained = excess_scatter(fit)
+        unexplained = excess_scatter(fit) or (None if steps else strained(fit, finding))
+        if unexplained is not None and unexplained.score > max((s.gain for s in steps), default=0.0):
+            steps, fit = without_parts(steps, fit, first, unexplained, finding)
+    if unexplained is None and not ages and not {s.effect for s in steps} & FOLLOW_ACCELERATION:
+        unexplained = follows_another_speed(fit)
     if unexplained is None and all(s.effect != "frame_batching" for s in seen):
         unexplained = stalls(session)
+    if unexplained is None and strange:
+        # Seen in the streams, and there is no name for it to be given.
+        unexplained = Candidate(None, COVARIATE[strange[0].effect], "latency", 0.0, 1, 1, 0.0)
     if unexplained is None:
         steps += _offset_step(session, fit, steps, allowed)
     last_mm = gap_mm(fit)
@@ -157,6 +170,7 @@ def close_gap(
         finding.p_value,
         (),
         not_seen(session, fit),
+        () if unexplained else passed_over(repaired, fit, finding, allowed),
         first,
         fit,
         finding,

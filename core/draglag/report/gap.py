@@ -73,6 +73,9 @@ def write_gap_report(
         f"{len(report.last.runs)} runs.</p>"
     )
     body.append(_table(report))
+    for left in report.passed_over:
+        told = f"<b>{escape(left.what)}</b>, {escape(left.text)}"
+        body.append(f"<p>Beyond chance (p {_p(left.p_value)}) but left: {told}.</p>")
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
     for figure, caption in figures:
         body.append(f"<figure>{_svg(figure)}<figcaption>{escape(caption)}</figcaption></figure>")

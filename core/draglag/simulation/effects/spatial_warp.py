@@ -12,6 +12,8 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View
 
+CYCLES = np.arange(0.5, 2.01, 0.125)  # of a sine over the panel's width
+
 
 @dataclass(frozen=True)
 class SpatialWarp(Effect):
@@ -40,6 +42,10 @@ class SpatialWarp(Effect):
         x = view.panel_x
         polynomial = np.column_stack([x**2 - x.mean(), x**3, x**4])
         return [Signature(offset=polynomial)] + [
-            Signature(offset=np.column_stack([np.sin(k * np.pi * x), np.cos(k * np.pi * x)]), theta=(k,), n_grid=4)
-            for k in (0.75, 1.0, 1.5, 2.0)
+            Signature(
+                offset=np.column_stack([np.sin(k * np.pi * x), np.cos(k * np.pi * x)]),
+                theta=(float(k),),
+                n_grid=CYCLES.size,
+            )
+            for k in CYCLES
         ]

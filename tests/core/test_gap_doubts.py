@@ -1,0 +1,78 @@
+"""What the workflow makes of effects that it may not name, that hide each other, or that are too small to matter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from draglag.exchange import read_exchange
+from draglag.gap import close_gap
+from draglag.protocols import load_protocol
+from draglag.recording import Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import EFFECTS, parse_effect
+
+SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+
+
+def simulated(*effects: str, seed: int = 5) -> Session:
+    return simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect(e) for e in effects], seed=seed)
+
+
+def without(*names: str) -> list[str]:
+    return [effect for effect in EFFECTS if effect not in names]
+
+
+@pytest.mark.parametrize(
+    ("effect", "removed", "follows"),
+    [
+        ("beam_width=-0.8", ("beam_width", "scale_error"), "speed"),
+        ("lagging_law=0.08", ("lagging_law", "acceleration_lag"), "acceleration"),
+        ("sample_hold=80", ("sample_hold",), "host_tick"),
+        ("pitch_ripple=0.5", ("pitch_ripple",), "scatter"),
+    ],
+)
+def test_an_effect_without_a_name_is_owned_up_to_and_not_misnamed(
+    effect: str, removed: tuple[str, ...], follows: str
+) -> None:
+    report = close_gap(simulated(effect), candidates=without(*removed))
+    assert report.verdict == "unexplained", [s.effect for s in report.steps]
+    assert report.unexplained_by == follows
+    assert report.steps == ()
+
+
+def test_a_jump_along_the_panel_is_no_smooth_warp() -> None:
+    sound = read_exchange(SAMPLES / "none-A")
+    middle = float(np.median(np.concatenate([run.touch.x_mm for run in sound.runs])))
+
+    def jumped(x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
+        return y_mm + 0.6 * (x_mm > middle)
+
+    runs = tuple(
+        replace(run, touch=replace(run.touch, y_mm=jumped(run.touch.x_mm, run.touch.y_mm))) for run in sound.runs
+    )
+    report = close_gap(replace(sound, runs=runs))
+    assert (report.verdict, report.unexplained_by, report.steps) == ("unexplained", "x", ())
+
+
+def test_two_effects_that_hide_each_other_are_both_named_and_sized() -> None:
+    # A narrower shadow and a late return of the light cancel at one speed: neither alone shrinks the gap.
+    report = close_gap(simulated("laser_hysteresis=0.0018", "beam_width=-0.8"))
+    assert {s.effect for s in report.steps} == {"laser_hysteresis", "beam_width"}
+    sizes = {s.effect: next(iter(s.parameters.values()))[0] for s in report.steps}
+    assert sizes["laser_hysteresis"] == pytest.approx(0.0018, abs=1e-4)
+    assert sizes["beam_width"] == pytest.approx(-0.8, abs=0.05)
+
+
+def test_what_is_beyond_chance_but_too_small_for_a_name_is_told() -> None:
+    # A ripple of a thirtieth of a millimetre: thousands of edges show it, and nobody needs it.
+    report = close_gap(simulated("pitch_ripple=0.045"))
+    assert report.verdict == "no_gap"
+    told = {left.what: left for left in report.passed_over}
+    assert "pitch_ripple" in told
+    assert told["pitch_ripple"].p_value < 0.01
+    assert "amplitude_mm 0.0" in told["pitch_ripple"].text
+    assert [left["what"] for left in report.to_dict()["passed_over"]] == list(told)  # type: ignore[attr-defined]
