@@ -89,7 +89,7 @@ class CostPlot(Plot):
         def work(progress: Progress) -> Scan:
             ready = estimate.prepare(run, stylus_mm)
             edges = Edges(ready.edges.t_s, ready.edges.falling, ready.edges.n_rejected)
-            return scan(ready.touch, edges, WINDOW_S, _SCAN_HALF_S, 0.001)
+            return scan(ready.touch, edges, WINDOW_S, half_width_s=_SCAN_HALF_S, step_s=0.001)
 
         def done(result: Scan) -> None:
             if self._shown != run.id:

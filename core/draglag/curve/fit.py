@@ -18,6 +18,7 @@ from draglag.errors import EstimateError
 from draglag.recording import FloatArray
 
 DAMPING = np.array([1e-9, 1e-2, 0.1, 1.0, 10.0])
+NEAR = 5e-4  # a step this small of a logarithm leaves an error of its square
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
 
 
@@ -290,7 +291,7 @@ def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
             break
         moved = float(np.abs(tried[best] - log_theta).max())
         log_theta = tried[best]
-        if cost[0] - costs[best] < 1e-7 * cost[0] or moved < 1e-6:
+        if cost[0] - costs[best] < 1e-7 * cost[0] or moved < NEAR:
             break
     return np.asarray(np.exp(log_theta))
 

@@ -12,24 +12,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg.lapack import dpbtrf, dtbtrs
 from scipy.special import stdtrit
 
 from draglag.beam import Lines, sides, stylus_diameter_mm
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
-from draglag.latency.path import APART_S, Path, corner_of, events_of, median, smooth_path, spectrum_of
+from draglag.latency.path import APART_S, Path, corner_of, events_of, smooth_path, spectrum_of
 from draglag.latency.scan import Scan, scan
 from draglag.latency.tremor import Tremor, tremor_of
+from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
 from draglag.motion import contact_losses, in_contact
 from draglag.recording import FloatArray
 
-SPEED_SLOPE_SD_S = 0.16  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
 SCATTER_LASTS_S = 0.03
-SCATTER_MM = np.concatenate([[0.0], 0.01 * 1.6 ** np.arange(15)])
-SCATTER_LOG_PRIOR = np.log(np.append(15.0, np.ones(15)))  # as likely none as any, and then of any size
+NEAR_S = 3e-5  # a step from here ends closer than any interval tells
 SURELY_CALM = 0.2  # nothing calls for another explanation of the edges
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
 UNSURE = 3.0  # a place this many times less sure than the median is none
@@ -59,10 +57,14 @@ class Track:
         return np.append(self.losses_s.ravel(), self.span_s)
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        xy_mm = self.path.at(t_s)
+        return self.with_velocity(t_s)[0]
+
+    def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position, with tremor if it counts, and velocity of the path, (m, 2) each."""
+        xy_mm, v_mm_s = self.path.with_velocity(t_s)
         if self.tremor is not None and self.with_tremor:
             xy_mm = xy_mm + self.tremor.at(t_s)
-        return xy_mm
+        return xy_mm, v_mm_s
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ class Solution:
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """The latency of a run by joint maximum likelihood, with its interval and verdict."""
     track = _track(ready)
-    coarse = scan(ready.touch, ready.edges, window_s, stylus_diameter_mm=ready.stylus_diameter_mm, path=track.path)
+    coarse = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, track.path, track.losses_s)
     minima = coarse.minima()
     if not minima:
         return replace(blank, flags=("unidentifiable",))
@@ -159,40 +161,40 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
     edges = _placed(ready, latency_s, track)
     n_lost = total - edges.t_s.size
     start_s, slope = latency_s, 0.0
-    known: _Known | None = None
-    fit: _Fit | None = None
+    known: Known | None = None
+    residual: FloatArray | None = None
     for step in range(10):
         if edges.t_s.size < FEWEST_EDGES:
             return None
         at_s = edges.t_s + latency_s
-        xy_mm, v_mm_s = track.at(at_s), track.path.at(at_s, 1)
+        xy_mm, v_mm_s = track.with_velocity(at_s)
         across = v_mm_s[:, 1] - slope * v_mm_s[:, 0]
         speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
         keep = np.abs(across) > GRAZING * speed
         if not keep.all():
             # An edge that cannot be placed is dropped; one that no stylus made is rejected further down.
             n_lost += int(np.count_nonzero(~keep))
-            edges, known, fit = Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected), None, None
+            edges, known, residual = Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected), None, None
             continue
         if known is None:
             known = _known(edges.t_s, at_s, track)
         side = sides(edges.falling, across)
         design = _design(track, at_s, slope, side, xy_mm, v_mm_s)
-        fit = _weighted_fit(design, xy_mm[:, 1], known, SCATTER_MM[:1])
-        slope = float(fit.estimate[1])
-        latency_s += float(np.clip(fit.estimate[0], -0.03, 0.03))
+        change, residual = known_fit(design, xy_mm[:, 1], known)
+        slope, seen_s = float(change[1]), latency_s
+        latency_s += float(np.clip(change[0], -0.03, 0.03))
         if abs(latency_s - start_s) > 0.06:
             return None
-        outlier = _outliers(fit.residual, known.variance)
+        outlier = outliers(residual, known.variance)
         if step >= 1 and outlier.any() and edges.t_s.size - np.count_nonzero(outlier) >= FEWEST_EDGES:
-            edges, known, fit = edges.take(~outlier), None, None
+            edges, known, residual = edges.take(~outlier), None, None
             continue
-        if abs(fit.estimate[0]) < 2e-6 and step >= 1:
+        if abs(change[0]) < NEAR_S and step >= 1:
             break
-    if fit is None or known is None:
+    if residual is None or known is None:
         return None
-    fit = _weighted_fit(design, xy_mm[:, 1], known, _likely_scatter_mm(fit.residual))
-    latency_s += float(np.clip(fit.estimate[0], -0.03, 0.03))
+    fit = weighted_fit(design, xy_mm[:, 1], known, likely_scatter_mm(residual))
+    latency_s = seen_s + float(np.clip(fit.estimate[0], -0.03, 0.03))
     parameters = fit.estimate.copy()
     parameters[0] = latency_s
     return Solution(
@@ -218,8 +220,8 @@ def _on_track(solution: Solution, track: Track) -> Solution:
     xy_mm = track.at(at_s)
     design = _design(track, at_s, float(solution.parameters[1]), solution.side, xy_mm, solution.v_mm_s)
     known = _known(solution.edges.t_s, at_s, track)
-    fit = _weighted_fit(design, xy_mm[:, 1], known, SCATTER_MM[:1])
-    fit = _weighted_fit(design, xy_mm[:, 1], known, _likely_scatter_mm(fit.residual))
+    _, residual = known_fit(design, xy_mm[:, 1], known)
+    fit = weighted_fit(design, xy_mm[:, 1], known, likely_scatter_mm(residual))
     latency_s = solution.latency_s + float(np.clip(fit.estimate[0], -0.03, 0.03))
     parameters = fit.estimate.copy()
     parameters[0] = latency_s
@@ -258,19 +260,7 @@ def _design(
     return np.column_stack([-across, xy_mm[:, 0], np.ones_like(across), side, -uneven])
 
 
-@dataclass(frozen=True)
-class _Known:
-    """Covariances of the edges as bands below the diagonal, (b, m): what is known, and the form of what is not."""
-
-    bands: FloatArray
-    extra: FloatArray
-
-    @property
-    def variance(self) -> FloatArray:
-        return np.asarray(self.bands[0])
-
-
-def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> _Known:
+def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
     """What scatters edges beyond what is known lasts tens of milliseconds: two edges of a fast crossing share it."""
     m = edge_t_s.size
     reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + APART_S) - np.arange(m)))
@@ -285,77 +275,7 @@ def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> _Known:
     bands[0] += 1e-3 * bands[0].mean() + 1e-9
     extra = np.exp(-0.5 * (lag_s / SCATTER_LASTS_S) ** 2)
     extra[0] += 0.02
-    return _Known(np.asfortranarray(bands), np.asfortranarray(extra))  # as LAPACK wants them
-
-
-@dataclass(frozen=True)
-class _Fit:
-    estimate: FloatArray
-    spread: FloatArray
-    residual: FloatArray
-    tau_mm: float
-    calm: float
-    log_likelihood: float
-
-
-def _weighted_fit(design: FloatArray, response: FloatArray, known: _Known, scatter_mm: FloatArray = SCATTER_MM) -> _Fit:
-    """Generalised least squares, averaged over the extra scatters τ by their restricted likelihood."""
-    scale = np.sqrt((design**2).mean(0)) + 1e-12
-    prior = np.zeros((5, 5))
-    prior[4, 4] = (scale[4] ** -2) / SPEED_SLOPE_SD_S**2
-    both = np.asfortranarray(np.column_stack([design / scale, response]))
-    grams, log_dets = np.empty((scatter_mm.size, 6, 6)), np.empty(scatter_mm.size)
-    for k, tau in enumerate(scatter_mm):
-        factor, bad = dpbtrf(known.bands + tau**2 * known.extra, lower=1, overwrite_ab=1)
-        if bad:
-            raise np.linalg.LinAlgError("the edges' covariance is not positive definite")
-        white = dtbtrs(factor, both, uplo="L")[0]
-        grams[k] = white.T @ white
-        log_dets[k] = np.log(factor[0]).sum()
-    normal, moment = grams[:, :5, :5] + prior, grams[:, :5, 5]
-    spreads = np.linalg.inv(normal)
-    estimates = np.einsum("tpq,tq->tp", spreads, moment)
-    chi2 = grams[:, 5, 5] - (moment * estimates).sum(1)
-    value = SCATTER_LOG_PRIOR[: scatter_mm.size] - 0.5 * chi2 - log_dets - 0.5 * np.linalg.slogdet(normal)[1]
-    # The mean over τ, by its probability: the best τ alone is often 0, and its interval then too short.
-    share = np.exp(value - value.max())
-    total = float(share.sum())
-    share /= total
-    mean = share @ estimates
-    apart = estimates - mean
-    together = np.einsum("t,tpq->pq", share, spreads) + (apart * share[:, None]).T @ apart
-    best = mean / scale
-    return _Fit(
-        best,
-        together / np.outer(scale, scale),
-        response - design @ best,
-        float(np.sqrt(share @ scatter_mm**2)),
-        float(share[0]),
-        float(value.max()) + float(np.log(total)),
-    )
-
-
-def _likely_scatter_mm(residual: FloatArray) -> FloatArray:
-    """The scatters τ that can have weight beside residuals (m,).
-
-    From three times their size on the likelihood falls with τ^(m/2 − 5) or faster (edges in pairs, five parameters);
-    what is 10¹¹ times less likely than there is left out.
-    """
-    beyond = 25.0 / (np.log(1.6) * max(0.5 * residual.size - 5, 1.0))
-    size = int(np.searchsorted(SCATTER_MM, 3 * np.sqrt(np.mean(residual**2))))
-    return SCATTER_MM[: size + 1 + int(np.ceil(beyond))]
-
-
-def _outliers(residual: FloatArray, variance: FloatArray) -> np.ndarray:
-    """Edges that no stylus made: beyond 5 robust standard deviations of the rest, at most a fifth at a time."""
-    scale = 1.4826 * median(np.abs(residual - median(residual)))
-    limit = 5 * np.maximum(np.sqrt(variance), scale)
-    out = np.abs(residual) > limit
-    if np.count_nonzero(out) > 0.2 * residual.size:
-        worst = np.argsort(-np.abs(residual / limit))[: int(0.2 * residual.size)]
-        out = np.zeros_like(out)
-        out[worst] = True
-    return out
+    return Known(np.asfortranarray(bands), np.asfortranarray(extra))  # as LAPACK wants them
 
 
 def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimate:

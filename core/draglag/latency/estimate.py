@@ -144,7 +144,9 @@ def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = 
     step = max(1, round(0.02 / dt_s))  # speed over about 20 ms: coarse, only for telling bounces from edges
     if touch.t_s.size > step:
         moved = np.hypot(touch.x_mm[step:] - touch.x_mm[:-step], touch.y_mm[step:] - touch.y_mm[:-step])
-        fastest = float(np.percentile(moved / (touch.t_s[step:] - touch.t_s[:-step]), 95))
+        coarse = moved / (touch.t_s[step:] - touch.t_s[:-step])
+        high = int(0.95 * (coarse.size - 1))
+        fastest = float(np.partition(coarse, high)[high])
     else:
         fastest = 1000.0
     edges = clean_edges(run.laser, stylus_diameter_mm, fastest)

@@ -18,7 +18,7 @@ STEPS_S = (1e-3, 1e-4, 1e-5)  # the search is narrowed to 10 µs, far below any 
 
 def estimate_paper(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """Minimise Eq. 2 over the window; the interval comes from the curvature of J at its minimum."""
-    first = scan(ready.touch, ready.edges, window_s, 5 * ready.dt_s, stylus_diameter_mm=ready.stylus_diameter_mm)
+    first = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, half_width_s=5 * ready.dt_s)
     low = first.minima()
     if not low:
         return replace(blank, flags=("unidentifiable",))

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import get_window
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array
 
-from draglag.motion import sample_interval_s
+from draglag.motion import median, sample_interval_s
 from draglag.recording import FloatArray, IntArray
 
 SEGMENT_S = 8.0
@@ -167,24 +167,24 @@ def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
     f, power = f[seen], power[seen]
     white = float(power[f > QUIET_FROM_HZ].mean())
     level = np.where(f < NOISE_UP_TO_HZ, max(noise, white), white)
-    costs, below = [], []
-    inside_hz = np.linspace(0, corner_hz, 20)
-    for filter_hz in FILTERS_HZ:
-        slow = 1 / (1 + (f / filter_hz) ** 2)
-        # The mean of a spectrum is known to a fixed share of itself.
-        a, b = np.stack([np.ones_like(f), slow]) / level
-        y = power / level
-        det = (a @ a) * (b @ b) - (a @ b) ** 2
-        rise = max(((a @ a) * (b @ y) - (a @ b) * (a @ y)) / det, 0.0)
-        flat = (a @ y - rise * (a @ b)) / (a @ a)
-        model = flat + rise * slow
-        if (model > 0).all():
-            costs.append(float(np.sum(power / model + np.log(model))))
-            below.append(float(np.mean(flat + rise / (1 + (inside_hz / filter_hz) ** 2))))
-    if not costs:
+    # The mean of a spectrum is known to a fixed share of itself: weighted least squares, every filter at once.
+    filters_hz = np.array(FILTERS_HZ)[:, None]
+    slow = 1 / (1 + (f / filters_hz) ** 2)
+    share, y = slow / level, power / level
+    aa, ab, bb = float(np.sum(level**-2.0)), share @ (1 / level), (share**2).sum(1)
+    ay, by = float(np.sum(y / level)), share @ y
+    rise = np.maximum((aa * by - ab * ay) / (aa * bb - ab**2), 0.0)
+    flat = (ay - rise * ab) / aa
+    model = flat[:, None] + rise[:, None] * slow
+    good = (model > 0).all(1)
+    if not good.any():
         return noise
-    likely = np.exp(min(costs) - np.array(costs))
-    return float(likely @ np.array(below) / likely.sum())
+    costs = np.where(good, (power / np.where(good[:, None], model, 1.0)).sum(1), np.inf)
+    costs[good] += np.log(model[good]).sum(1)
+    inside_hz = np.linspace(0, corner_hz, 20)
+    below = flat + rise * (1 / (1 + (inside_hz / filters_hz) ** 2)).mean(1)
+    likely = np.exp(np.min(costs) - costs)
+    return float(likely @ below / likely.sum())
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ class Path:
         start_s, step_s: the knots. coefficients: (k, 2). factor: banded Cholesky factor of the normal equations.
         noise_mm: standard deviation of an event, had it all over its band the noise it has below the corner.
         noise_dof: degrees of freedom that this is known with.
-        dt_s: mean interval of the events. basis: (n, k) the splines at the events.
+        dt_s: mean interval of the events. gather: (k, n) the splines at the events.
     """
 
     start_s: float
@@ -207,7 +207,7 @@ class Path:
     corner_hz: float
     noise_dof: float
     dt_s: float
-    basis: csr_array = field(repr=False)
+    gather: csc_array = field(repr=False)
 
     def at(self, t_s: FloatArray, order: int = 0) -> FloatArray:
         """Position (0), velocity (1) or acceleration (2) at times of any shape, (..., 2)."""
@@ -223,6 +223,19 @@ class Path:
             out = (6 * d.take(first) * u + 2 * c.take(first)) / self.step_s**2
         return np.asarray(out.view(np.float64).reshape(*t_s.shape, 2))
 
+    def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity at times of any shape, (..., 2) each: ``at`` for both at once."""
+        position = (t_s - self.start_s) / self.step_s
+        first = np.clip(position.astype(np.int64), 0, self.coefficients.shape[0] - 4)
+        u = position - first
+        a, b, c, d = (power.take(first) for power in self._powers)
+        du = d * u
+        cdu = c + du
+        place = (cdu * u + b) * u + a
+        velocity = ((cdu + cdu + du) * u + b) / self.step_s
+        shape = (*t_s.shape, 2)
+        return place.view(np.float64).reshape(shape), velocity.view(np.float64).reshape(shape)
+
     @cached_property
     def _powers(self) -> tuple[NDArray[np.complex128], ...]:
         """Coefficients x + iy of the cubic of each interval, (k − 3,) for each power of the share of it."""
@@ -232,7 +245,7 @@ class Path:
 
     def like(self, values: FloatArray) -> Path:
         """The same smoother put on other values of the same events, (n, 2)."""
-        solved = cho_solve_banded((self.factor, True), self.basis.T @ values, check_finite=False)
+        solved = cho_solve_banded((self.factor, True), self.gather @ values, check_finite=False)
         return replace(self, coefficients=solved)
 
     def by_lag(self, lag_s: FloatArray) -> FloatArray:
@@ -271,15 +284,6 @@ class Path:
         """Variance of the error of one component of the velocity, (mm/s)²."""
         f_hz, kept = self._kept
         return float(self.noise_mm**2 * 2 * self.dt_s * f_hz[1] * np.sum((2 * np.pi * f_hz) ** 2 * kept))
-
-
-def median(values: FloatArray) -> float:
-    """``np.median`` of (n,) finite values, n > 0, without its overhead: runs are many and short."""
-    half = values.size // 2
-    if values.size % 2:
-        return float(np.partition(values, half)[half])
-    pair = np.partition(values, (half - 1, half))[half - 1 : half + 1]
-    return float(0.5 * (pair[0] + pair[1]))
 
 
 def looked_up(table: FloatArray, position: FloatArray) -> FloatArray:
@@ -349,10 +353,10 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
     factor = cholesky_banded(bands, lower=True, check_finite=False)
     column = first[:, None] + np.arange(4)
     row_starts = np.arange(0, 4 * t_s.size + 1, 4)
-    basis = csr_array((np.stack(weights, axis=1).ravel(), column.ravel(), row_starts), shape=(t_s.size, n))
-    coefficients = cho_solve_banded((factor, True), basis.T @ events.xy_mm, check_finite=False)
+    gather = csc_array((np.stack(weights, axis=1).ravel(), column.ravel(), row_starts), shape=(n, t_s.size))
+    coefficients = cho_solve_banded((factor, True), gather @ events.xy_mm, check_finite=False)
     noise_mm = float(np.sqrt(noise_power / (2 * events.dt_s)))
     # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.
     noise_dof = 0.5 * max(NOISE_UP_TO_HZ - corner_hz, 1.0) * float(t_s[-1] - t_s[0])
     noise_dof = max(noise_dof, 3.0)
-    return Path(start_s, step_s, coefficients, factor, noise_mm, rhythm_hz, corner_hz, noise_dof, events.dt_s, basis)
+    return Path(start_s, step_s, coefficients, factor, noise_mm, rhythm_hz, corner_hz, noise_dof, events.dt_s, gather)

@@ -35,10 +35,11 @@ def scan(
     touch: TouchTrace,
     edges: Edges,
     window_s: tuple[float, float],
-    half_width_s: float = 0.0,
-    step_s: float = 0.004,
     stylus_diameter_mm: float | None = None,
     path: Path | None = None,
+    losses_s: FloatArray | None = None,
+    half_width_s: float = 0.0,
+    step_s: float = 0.004,
 ) -> Scan:
     """Cost of Eq. 2 with one slope for both lines and sides from the direction of travel at t + L, over a grid.
 
@@ -50,11 +51,11 @@ def scan(
     # An odd stride keeps both kinds of edges; to tell minima apart some sixty are plenty.
     some = slice(None, None, 2 * (edges.t_s.size // (2 * MANY_EDGES)) + 1)
     at_s = edges.t_s[None, some] + latency_s[:, None]
-    placed = in_contact(touch.t_s, at_s, contact_losses(touch.t_s))
+    placed = in_contact(touch.t_s, at_s, contact_losses(touch.t_s) if losses_s is None else losses_s)
     if path is not None:
         inside_s = np.clip(at_s, touch.t_s[0], touch.t_s[-1])
-        x, y = np.moveaxis(path.at(inside_s), -1, 0)
-        v = path.at(inside_s, 1)[..., 1]
+        xy_mm, v_mm_s = path.with_velocity(inside_s)
+        x, y, v = xy_mm[..., 0], xy_mm[..., 1], v_mm_s[..., 1]
     else:
         x, y, v = _moved(touch, at_s, half_width_s)
     side = sides(edges.falling[None, some], v)

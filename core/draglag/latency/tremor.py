@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from draglag.latency.path import Events, Path, looked_up, tapered
+from draglag.latency.path import APART_S, Events, Path, looked_up, tapered
 from draglag.recording import FloatArray
 
 BAND_HZ = (7.0, 14.0)
 BESIDE_HZ = ((4.5, 7.0), (14.0, 20.0))
 SMOOTH_HZ = 1.2
-FINER = 2  # points for each event: straight lines between them are true to 1 % at 10 Hz
-LAG_POINTS = 2048
+FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4 % at 10 Hz
 
 
 @dataclass(frozen=True)
@@ -57,13 +56,18 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
     """
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
-    left = np.zeros((2, size))
-    left[:, events.slot] = (events.xy_mm - path.at(events.t_s)).T
-    f_hz = np.fft.rfftfreq(size, events.dt_s)
+    f_hz = np.arange(size // 2 + 1) / (size * events.dt_s)
     if f_hz[-1] < BESIDE_HZ[1][1] + 2 or n * events.dt_s < 2.0:
         return None
-    transform = rfft(left)
-    power = (transform.real**2 + transform.imag**2).sum(0) / 2 * 2 * events.dt_s / events.slot.size
+    left = events.xy_mm - path.at(events.t_s)
+    speed = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
+    even = np.zeros((3, size))  # what is left of x, of y, and of both across the motion
+    even[:2, events.slot] = left.T
+    even[2, events.slot] = (left[:, 0] * v_mm_s[:, 1] - left[:, 1] * v_mm_s[:, 0]) / speed
+    f_hz = f_hz[: np.searchsorted(f_hz, BESIDE_HZ[1][1] + 2)]
+    transform = rfft(even)[:, : f_hz.size]
+    squared = (transform.real**2 + transform.imag**2) * (2 * events.dt_s / events.slot.size)
+    power = squared[:2].mean(0)
     width = max(1, round(SMOOTH_HZ / f_hz[1]))
     total = np.cumsum(np.pad(power, (width // 2 + 1, width - width // 2), mode="edge"))
     smooth = (total[width:] - total[:-width])[: power.size] / width
@@ -73,21 +77,17 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
     inside = (f_hz >= BAND_HZ[0]) & (f_hz <= BAND_HZ[1])
     excess = np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)
     gain = excess / np.maximum(excess + floor, 1e-12)
-    across = (left[0, events.slot] * v_mm_s[:, 1] - left[1, events.slot] * v_mm_s[:, 0]) / np.maximum(
-        np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6
-    )
-    square = np.zeros(size)
-    square[events.slot] = across
-    square = np.abs(rfft(square)) ** 2 * 2 * events.dt_s / events.slot.size
-    level = [float(square[(f_hz >= low) & (f_hz < high)].mean()) for low, high in BESIDE_HZ]
-    own = square[inside] - np.interp(f_hz[inside], centres, level)
+    level = [float(squared[2, (f_hz >= low) & (f_hz < high)].mean()) for low, high in BESIDE_HZ]
+    own = squared[2, inside] - np.interp(f_hz[inside], centres, level)
     speed2 = max(float(((2 * np.pi * f_hz[inside]) ** 2 * own).sum()) * float(f_hz[1]), 0.0)
-    fine = irfft(transform * gain, size * FINER).T * FINER
-    step_s = events.dt_s / FINER
-    lag_hz = np.fft.rfftfreq(LAG_POINTS, step_s)
-    to_lag = 0.5 * lag_hz[1] * LAG_POINTS
+    finer = int(np.ceil(events.dt_s / FINEST_S))
+    fine = irfft(transform[:2] * gain, size * finer).T * finer
+    step_s = events.dt_s / finer
+    points = 2 ** int(np.ceil(np.log2(2 * APART_S / step_s)))
+    lag_hz = np.arange(points // 2 + 1) / (points * step_s)
+    to_lag = 0.5 * lag_hz[1] * points
     unseen, whole = (
-        tapered(irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), LAG_POINTS)[: LAG_POINTS // 2], step_s)
+        tapered(irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), points)[: points // 2], step_s)
         for one in (gain * floor, excess)
     )
-    return Tremor(float(events.t_s[0]), step_s, fine[: n * FINER], unseen, whole, speed2)
+    return Tremor(float(events.t_s[0]), step_s, fine[: n * finer], unseen, whole, speed2)
