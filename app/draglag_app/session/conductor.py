@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from draglag.errors import DraglagError
+from draglag.orientation import WORDS, wrong_way_round
 from draglag.protocols import PlannedRun, Protocol
 from draglag.recording import AxisInfo, Run, empty_laser, empty_touch
 from draglag.targets import Tap
@@ -28,7 +29,12 @@ from draglag_devices.rig import Rig
 TAIL_S = 0.5
 # By then a screen of ordinary latency has shown all but the last few edges: enough for a first estimate.
 PREVIEW_S = 0.2
+# By then the stylus is on the target, and it is early enough to stop a run that is worth nothing.
+LOOK_AFTER_S = 4.0
 
+_TURNED = (
+    "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and begin anew."
+)
 RUN_ROLES = ("touch", "laser")
 TAP_ROLES = ("touch", "walt")
 
@@ -158,6 +164,9 @@ class Conductor:
         if signal is None:
             go(Signal.TARGET_MOVES, planned.duration_s)
             self._tell(events.RunStarted(run_id, planned, start_s))
+            signal = self._watch.pass_time(min(start_s + LOOK_AFTER_S, end_s), RUN_ROLES, frames=True)
+        if signal is None:
+            self._look_which_way(planned, start_s)
             signal = self._watch.pass_time(end_s, RUN_ROLES, frames=True)
         if signal is not None:
             # The target is gone: what the hand would have done next never happens.
@@ -196,6 +205,13 @@ class Conductor:
             return Signal.FAILURE
         self._stage.begin_run(planned, start_s, run_id)
         return None
+
+    def _look_which_way(self, planned: PlannedRun, start_s: float) -> None:
+        """Tell of touches that are mirrored against the target: the panel was turned after its calibration."""
+        run = self._saver.call(self._saver.so_far)
+        wrong = None if run is None else wrong_way_round(run.touch, planned.target, start_s, self._options.screen)
+        if wrong is not None:
+            self._watch.log("error", "touch", f"The touches are {WORDS[wrong]} against the target: {_TURNED}")
 
     def _preview(self, end_s: float) -> None:
         """Tell what the run holds, without waiting for the longest latency that may yet come."""

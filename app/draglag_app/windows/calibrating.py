@@ -12,6 +12,7 @@ from draglag.calibration import target_places
 from draglag.errors import DataError, DraglagError
 from draglag.recording import Screen
 from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.participant import ParticipantWindow
 from draglag_app.windows.screen_display import numbered_screen
 from draglag_app.windows.settings import CalibrationSettings, Settings
@@ -142,7 +143,7 @@ class Calibrating(QObject):
                 if batch.touch is not None or batch.contacts is not None or not batch.alive:
                     self._arrived.emit(reader, batch)
         except DraglagError as error:
-            self._failed.emit(reader, str(error))
+            self._failed.emit(reader, in_words(str(error)))
         except Exception as error:  # a fault of a driver is told, the window stays
             self._failed.emit(reader, f"{source.address}: {error or type(error).__name__}")
         finally:

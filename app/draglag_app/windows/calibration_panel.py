@@ -12,6 +12,7 @@ from draglag.calibration import AffineFit, target_places
 from draglag.errors import DraglagError
 from draglag.recording import Screen
 from draglag_app.calibrating import TARGETS, size_doubt
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.settings import CalibrationSettings
 from draglag_app.windows.theme import theme
@@ -68,7 +69,7 @@ class CalibrationPanel(Panel):
         try:
             self._space.calibrating.start(self._space.settings)
         except DraglagError as error:
-            self._refused(str(error))
+            self._refused(in_words(str(error)))
 
     def refresh(self) -> None:
         """Show what is going on, or what is in use."""
@@ -95,7 +96,7 @@ class CalibrationPanel(Panel):
             screen = self._space.settings.touched_screen()
             self._show(known, known.fit(screen), screen)
         except DraglagError as error:
-            self._say(str(error), "bad")
+            self._say(in_words(str(error)), "bad")
 
     def _show(self, known: CalibrationSettings, fit: AffineFit, screen: Screen) -> None:
         off_mm = np.hypot(*fit.residual_mm.T)
@@ -149,7 +150,7 @@ class CalibrationPanel(Panel):
         try:
             save_calibration(known.fit(screen), Path(name), known.device, known.recorded(screen))
         except DraglagError as error:
-            self._refused(str(error))
+            self._refused(in_words(str(error)))
 
     def _refused(self, text: str) -> None:
         self.refresh()

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QWidget
 
 from draglag_app.session import events
 from draglag_app.windows import words
+from draglag_app.windows.library_words import fault_words, source_name
 from draglag_app.windows.widgets import Light, label, restyle
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
@@ -66,13 +67,13 @@ class Header(QFrame):
         """Show a device's state: "off", "ready", "live", "warning" or "fault"."""
         self.lights[role].set_state(state)
         self.lights[role].setToolTip(tip)
-        self.lights[role].setAccessibleName(f"{role}: {state}")
+        self.lights[role].setAccessibleName(f"{source_name(role)}: {state}")
 
     def faults(self) -> list[str]:
         """What a check or a session found wrong with instruments that are chosen."""
         rig = self._space.settings.rig
         lights = ((role, self.lights[role]) for role in ROLES if getattr(rig, role))
-        return [f"{role}: {light.toolTip()}" for role, light in lights if light.state == "fault"]
+        return [f"{source_name(role)}: {light.toolTip()}" for role, light in lights if light.state == "fault"]
 
     def show_rig(self) -> None:
         """Lights of the rig as chosen: nothing is known of it until it is checked or used."""
@@ -90,7 +91,7 @@ class Header(QFrame):
                 self.set_light(role, "warning", self.tr("{address}: not checked yet").format(address=address))
 
     def _fault(self, event: events.DeviceFault) -> None:
-        self.set_light(event.role, "fault", f"{event.problem} {event.remedy}")
+        self.set_light(event.role, "fault", fault_words(event.problem, event.remedy))
 
     def _show_name(self) -> None:
         recording = self._space.recording

@@ -1,4 +1,4 @@
-"""Sentences of the library in the operator's language: the library says them in English, with numbers in them."""
+"""Sentences of library and instruments in the operator's language: they say them in English, with numbers in them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,19 @@ from functools import cache
 
 from PySide6.QtCore import QCoreApplication
 
+from draglag.errors import DraglagError
+from draglag_app.windows.device_words import NOTICES, PROBLEMS, REASONS, REMEDIES
 from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
+
+_SOURCES = {
+    "touch": QT_TRANSLATE_NOOP("Source", "touchscreen"),
+    "laser": QT_TRANSLATE_NOOP("Source", "laser sensor"),
+    "walt": QT_TRANSLATE_NOOP("Source", "WALT"),
+    "file": QT_TRANSLATE_NOOP("Source", "file"),
+    "disk": QT_TRANSLATE_NOOP("Source", "disk"),
+    "protocol": QT_TRANSLATE_NOOP("Source", "protocol"),
+    "operator": QT_TRANSLATE_NOOP("Source", "operator"),
+}
 
 # What ``analyze`` may say about a session's clocks, runs and curve, and what the session itself says while it records.
 SENTENCES = (
@@ -44,20 +56,83 @@ SENTENCES = (
     QT_TRANSLATE_NOOP("Library", "Comparing clocks: leave the screen alone"),
     QT_TRANSLATE_NOOP("Library", "taps were left out: there is no {roles} source"),
     QT_TRANSLATE_NOOP("Library", "{role} did not report up to the end of the run"),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The touches are {how} against the target: screen or touchscreen was turned after the calibration. Stop, "
+        "calibrate the touchscreen again, and begin anew.",
+    ),
     QT_TRANSLATE_NOOP("Library", "only {free} MB are free in {folder}: make room"),
 )
 
 
+# Where the next of several faults begins, told together.
+_NEXT = re.compile(r"(?<=\. )(?=(?:evdev|ethercat|serial|sim|replay|csv):\S*: )")
+_ADDRESS = r"(?:(?P<_source>.+?): )?"
+_REMEDY = r"(?:(?P<_joint>; |\. |\.)(?P<_remedy>.+)?)?"
+
+
 def in_words(sentence: str) -> str:
-    """The sentence in the operator's language, with its own numbers; one that is not known stays as it is."""
-    for template in SENTENCES:
-        found = _pattern(template).fullmatch(sentence)
+    """The sentence in the operator's language, with its own numbers; one that is not known stays as it is.
+
+    Those of instruments are "address: problem. remedy." (see ``DraglagError``), and may be several.
+    """
+    known = _known(sentence, "Library", SENTENCES)
+    if known is not None:
+        return known
+    return "".join(_device_words(part) for part in _NEXT.split(sentence))
+
+
+def fault_words(problem: str, remedy: str) -> str:
+    """What is wrong and what to do about it, in the operator's language."""
+    return in_words(str(DraglagError(problem, remedy)))
+
+
+def source_name(source: str) -> str:
+    """Who says something, in the operator's language; an address stays as it is."""
+    return QCoreApplication.translate("Source", _SOURCES[source]) if source in _SOURCES else source
+
+
+def _device_words(sentence: str) -> str:
+    prefix = re.match(r"(?P<_source>\S+): ", sentence)
+    source = prefix["_source"] if prefix else None
+    rest = sentence[prefix.end() :] if prefix else sentence
+    for whole, text in (("", sentence), (f"{source}: ", rest)):
+        known = _known(text, "Device", NOTICES)
+        if known is not None:
+            return whole + known
+    for template in PROBLEMS:
+        found = _pattern(template, _ADDRESS, _REMEDY).fullmatch(sentence.rstrip())
+        if found is None:
+            continue
+        places = found.groupdict()
+        source, joint, remedy = places.pop("_source"), places.pop("_joint"), places.pop("_remedy")
+        told = f"{source}: " if source else ""
+        told += _filled("Device", template, places) + (joint or "")
+        if remedy:
+            end = "." if remedy.endswith(".") else ""
+            told += (_known(remedy.removesuffix("."), "Device", REMEDIES) or remedy.removesuffix(".")) + end
+        return told + sentence[len(sentence.rstrip()) :]
+    return _known(sentence.removesuffix("."), "Device", REMEDIES) or sentence
+
+
+def _known(text: str, context: str, templates: tuple[str, ...]) -> str | None:
+    for template in templates:
+        found = _pattern(template).fullmatch(text)
         if found is not None:
-            return QCoreApplication.translate("Library", template).format(**found.groupdict())
-    return sentence
+            return _filled(context, template, found.groupdict())
+    return None
+
+
+def _filled(context: str, template: str, places: dict[str, str]) -> str:
+    words = {
+        name: source_name(value) if name == "role" else _known(value, "Device", REASONS) or value
+        for name, value in places.items()
+    }
+    return QCoreApplication.translate(context, template).format(**words)
 
 
 @cache
-def _pattern(template: str) -> re.Pattern[str]:
+def _pattern(template: str, before: str = "", after: str = "") -> re.Pattern[str]:
     parts = re.split(r"{(\w+)}", template)
-    return re.compile("".join(f"(?P<{part}>.+?)" if k % 2 else re.escape(part) for k, part in enumerate(parts)))
+    inner = "".join(f"(?P<{part}>.+?)" if k % 2 else re.escape(part) for k, part in enumerate(parts))
+    return re.compile(before + inner + after, re.DOTALL)

@@ -27,7 +27,7 @@ from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
 from draglag_app.windows.header import Header
 from draglag_app.windows.icons import icon
-from draglag_app.windows.library_words import in_words
+from draglag_app.windows.library_words import fault_words, in_words, source_name
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
@@ -70,7 +70,7 @@ class OperatorWindow(QMainWindow):
         recording.began.connect(lambda order: self._recording_changed(True))
         recording.ended.connect(self._ended)
         bridge.notice_raised.connect(self._notice)
-        bridge.device_fault.connect(lambda fault: self.tell("error", f"{fault.problem} {fault.remedy}"))
+        bridge.device_fault.connect(lambda fault: self.tell("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.tell)
         self._paint_icons()
         self._recording_changed(False)
@@ -229,7 +229,7 @@ class OperatorWindow(QMainWindow):
 
     def _notice(self, event: events.NoticeRaised) -> None:
         if event.level in ("warning", "error"):
-            self.tell(event.level, f"{event.source}: {in_words(event.text)}")
+            self.tell(event.level, f"{source_name(event.source)}: {in_words(event.text)}")
 
     def _checked(self, results: list[Checked]) -> None:
         for result in results:

@@ -17,16 +17,24 @@ from draglag.gap.replay import Replay, replays
 from draglag.gap.results import GapReport
 from draglag.recording import FloatArray, Session
 from draglag.report import replayed
-from draglag.report.style import BLUE, GREEN, GREY, ORANGE, VERMILION, house_style, new_figure
+from draglag.report.style import (
+    BLUE,
+    FIGURE_CSS,
+    GREEN,
+    GREY,
+    ORANGE,
+    VERMILION,
+    house_style,
+    new_figure,
+    plain_log_ticks,
+)
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
 :root{{color-scheme:light dark}}
 body{{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}}
 table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35rem .6rem;border-bottom:1px solid #8886}}
 .verdict{{font-size:1.3rem;font-weight:600}}
-figure{{margin:1.5rem 0;background:#fff;color:#222;padding:.6rem;border-radius:6px}}
-figcaption{{font-size:.9rem}}svg{{display:block;margin:0 auto;max-width:100%;height:auto}}
-</style></head><body>{body}</body></html>"""
+{css}</style></head><body>{body}</body></html>"""
 
 _WORDS = {
     "no_gap": "No gap: what is left is noise.",
@@ -84,7 +92,7 @@ def write_gap_report(
         body.append(f"<h2>What this session could not have shown</h2><ul>{items}</ul>")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(_PAGE.format(title="draglag gap report", body="".join(body)), encoding="utf-8")
+        path.write_text(_PAGE.format(title="draglag gap report", css=FIGURE_CSS, body="".join(body)), encoding="utf-8")
     except OSError as problem:
         raise DataError(
             f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
@@ -238,6 +246,7 @@ def _residuals(first: Fit, last: Fit) -> Any:
         axes.set_xlabel(title)
         axes.set_ylabel("residual (ms)")
     grid[0, 0].set_xscale("log")
+    plain_log_ticks(grid[0, 0].xaxis)
     grid[0, 0].legend(loc="best")
     return figure
 

@@ -10,7 +10,7 @@ import numpy as np
 from draglag.gap.replay import Overlay, Replay
 from draglag.gap.results import COVARIATE, GapReport
 from draglag.recording import FloatArray
-from draglag.report.style import BLACK, BLUE, GREY, ORANGE, new_figure
+from draglag.report.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
 
 BINS = 12
 # Covariate of the gap report → how a view has it, and how people call it.
@@ -82,6 +82,7 @@ def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str
     axes.set_ylabel("residual (ms)")
     if covariate == "speed":
         axes.set_xscale("log")
+        plain_log_ticks(axes.xaxis)
     if covariate == "kind_of_edge":
         axes.set_xticks([0, 1], ["goes dark", "returns"])
     if covariate == "direction":
@@ -223,6 +224,7 @@ def latencies_figure(before: Replay, after: Replay) -> Any:
     under.set_ylabel("simulated −\nmeasured (ms)")
     axes.set_ylabel("latency (ms)")
     axes.set_xscale("log")
+    plain_log_ticks(axes.xaxis)
     axes.legend()
     return figure
 

@@ -15,6 +15,15 @@ BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
 
+# For pages: figures are drawn for paper; where the reader's theme is dark, light and dark are turned round and hues
+# kept, so that they stand on dark ground like the text around them.
+FIGURE_CSS = """
+figure{margin:1.5rem 0}figcaption{font-size:.9rem}
+figure svg,figure img{display:block;margin:0 auto;max-width:100%;height:auto;background:#fff;border-radius:6px}
+@media (prefers-color-scheme:dark){figure svg,figure img{filter:invert(.9) hue-rotate(180deg)}}
+@media print{figure svg,figure img{filter:none}}
+"""
+
 _SETTINGS: dict[str, Any] = {
     "font.size": 9.5,
     "axes.titlesize": 10.5,
@@ -42,6 +51,17 @@ def house_style() -> Iterator[None]:
 
     with mpl.rc_context(_SETTINGS):
         yield
+
+
+def plain_log_ticks(axis: Any) -> None:
+    """Label a logarithmic axis, once all is drawn, with plain numbers: 20, 50, 100, 200, 500 …"""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    # Within less than one decade, 1, 2 and 5 may leave no more than one label.
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if high > 5 * low else MaxNLocator(5))
+    axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def new_figure(width_in: float = 7.2, height_in: float = 4.2) -> Any:

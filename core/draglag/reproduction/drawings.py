@@ -80,6 +80,7 @@ def tracking_figure(responses: Mapping[str, TrackingResponse]) -> Any:
     for (name, response), (colour, marker) in zip(responses.items(), LOOKS, strict=False):
         upper.semilogx(response.frequency_rad_s, response.gain, marker + "-", color=colour, label=name)
         lower.semilogx(response.frequency_rad_s, response.phase_deg, marker + "-", color=colour, label=name)
+    style.plain_log_ticks(lower.xaxis)
     upper.set(ylabel="gain", ylim=(0, 1.25))
     lower.set(xlabel="frequency, rad/s", ylabel="phase, °")
     lower.legend()
@@ -137,7 +138,7 @@ def comparison_page(curves: Sequence[tuple[str, CurveFit]]) -> str:
             assert apart is not None
             values = (apart.speed_mm_s[k], *(1e3 * v[k] for v in (apart.difference_s, apart.low_s, apart.high_s)))
             rows.append([name, "{:.0f}".format(*values), f"{values[1]:.2f}", f"{values[2]:.2f} to {values[3]:.2f}"])
-    body = f'<img src="{picture}" alt="Curves and their differences">'
+    body = f'<figure><img src="{picture}" alt="Curves and their differences"></figure>'
     body += table_html(["session", "mm/s", "difference, ms", "95 % band, ms"], rows)
     return page("Comparison of latency curves", body)
 
@@ -155,7 +156,7 @@ def page(title: str, body: str) -> str:
         ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;"
         "padding:0 1rem}table{border-collapse:collapse;font-variant-numeric:tabular-nums}th,td{padding:.3rem .7rem;"
         "border-bottom:1px solid #8884;text-align:right}th:first-child,td:first-child{text-align:left}"
-        "img{max-width:100%;background:#fff;margin:1rem 0}.wide{overflow-x:auto}"
+        ".wide{overflow-x:auto}" + style.FIGURE_CSS
     )
     return (
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'

@@ -41,7 +41,7 @@ def write_reproduction(result: Reproduction, out: Path) -> Path:
         with style.house_style():
             for name, caption, figure in _figures(result):
                 style.save(figure, out / "figures", name)
-                body += f'<h2>{caption}</h2><img src="{embed(figure)}" alt="{caption}">'
+                body += f'<h2>{caption}</h2><figure><img src="{embed(figure)}" alt="{caption}"></figure>'
         path.write_text(page("Reproduction of the drag-latency paper", body), "utf-8")
     except OSError as error:
         raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error

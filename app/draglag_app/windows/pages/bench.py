@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.session_thread import display_choices
 from draglag_app.windows.settings import PanelSettings
 from draglag_app.windows.tasks import Progress
@@ -216,13 +217,13 @@ class BenchPage(QWidget):
         for role, box in self.boxes.items():
             text = box.currentText()
             box.clear()
-            box.addItems([f"{f.address}  {f.description}" for f in found if role in f.roles])
+            box.addItems([f"{f.address}  {in_words(f.description)}" for f in found if role in f.roles])
             box.setEditText(text)
         rows = []
         for device in found:
             state = "✓" if device.usable else "✕"
-            line = f"<b>{state} {device.address}</b> &nbsp; {device.description}"
-            rows.append(line + (f"<br>&nbsp;&nbsp;&nbsp;→ {device.remedy}" if device.remedy else ""))
+            line = f"<b>{state} {device.address}</b> &nbsp; {in_words(device.description)}"
+            rows.append(line + (f"<br>&nbsp;&nbsp;&nbsp;→ {in_words(device.remedy)}" if device.remedy else ""))
         self.list.setHtml("<br>".join(rows))
 
     def check(self) -> None:
@@ -242,6 +243,8 @@ class BenchPage(QWidget):
 
     def _devices_checked(self, results: list[Checked]) -> None:
         self.check_button.setEnabled(True)
+        # Parts that the device says of itself, and the notices that came meanwhile.
+        results = [replace(r, text=" · ".join(map(in_words, r.text.split(" · ")))) for r in results]
         for result in results:
             self.lights[result.role].set_state(result.state)
             self.words[result.role].setText(result.text)

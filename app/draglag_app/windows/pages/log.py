@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 
 from draglag_app.session import events
 from draglag_app.windows import words
+from draglag_app.windows.library_words import fault_words, in_words, source_name
 from draglag_app.windows.theme import theme
 from draglag_app.windows.widgets import button, label, table
 from draglag_app.windows.workspace import Workspace
@@ -61,12 +62,16 @@ class LogPage(QWidget):
             self.table.horizontalHeader().resizeSection(column, width)
         outer.addWidget(self.table, 1)
         bridge = workspace.bridge
-        bridge.notice_raised.connect(lambda event: self.add(event.level, event.source, event.text))
+        bridge.notice_raised.connect(lambda event: self.add(event.level, event.source, in_words(event.text)))
         bridge.device_opened.connect(lambda event: self.add("info", event.role, f"{event.address} {event.description}"))
-        bridge.device_fault.connect(lambda event: self.add("error", event.role, f"{event.problem} {event.remedy}"))
+        bridge.device_fault.connect(
+            lambda event: self.add("error", event.role, fault_words(event.problem, event.remedy))
+        )
         bridge.run_finished.connect(self._run_finished)
-        bridge.session_finished.connect(lambda event: self.add("info", "file", f"{event.path} {event.problem}"))
-        workspace.noticed.connect(lambda level, text: self.add(level, "draglag", text))
+        bridge.session_finished.connect(
+            lambda event: self.add("info", "file", f"{event.path} {in_words(event.problem)}")
+        )
+        workspace.noticed.connect(lambda level, text: self.add(level, "draglag", in_words(text)))
         workspace.session_changed.connect(self._session_changed)
 
     def add(self, level: str, source: str, text: str) -> None:
@@ -77,7 +82,7 @@ class LogPage(QWidget):
         self.table.insertRow(row)
         colours = {"warning": theme().warning, "error": theme().bad}
         now = datetime.now().strftime("%H:%M:%S")
-        for column, cell in enumerate((now, f"{_MARKS.get(level, '·')} {level}", source, text)):
+        for column, cell in enumerate((now, f"{_MARKS.get(level, '·')} {level}", source_name(source), text)):
             item = QTableWidgetItem(cell)
             item.setData(Qt.ItemDataRole.UserRole, level)
             if level in colours and column == 1:
@@ -99,10 +104,10 @@ class LogPage(QWidget):
             return
         self.add("info", "file", session.name)
         for entry in session.notes:
-            self.add(entry.level, entry.source, entry.text)
+            self.add(entry.level, entry.source, in_words(entry.text))
         for run in session.runs:
             for entry in run.log:
-                self.add(entry.level, f"{run.id} {entry.source}", entry.text)
+                self.add(entry.level, f"{run.id} {source_name(entry.source)}", in_words(entry.text))
 
     def _filter(self) -> None:
         for row in range(self.table.rowCount()):

@@ -1,0 +1,61 @@
+"""Is the touchscreen the same way round as the picture on it? Turned after its calibration, it mirrors every trace."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from draglag.recording import FloatArray, Screen, TouchTrace
+from draglag.targets import Target
+
+Orientation = Literal["turned", "left_right", "top_bottom"]
+
+WORDS: dict[Orientation, str] = {
+    "turned": "turned by half a turn",
+    "left_right": "mirrored left to right",
+    "top_bottom": "mirrored top to bottom",
+}
+FEWEST_TOUCHES = 30
+# A hand on the target stays within this of it, a panel's lag allowed for; a trace off by less is no matter of mirrors.
+_NEAR_MM = 25.0
+_OFF_MM = 50.0
+# By how much touches may trail the target: hand and panel together.
+_LAGS_S = np.linspace(0.0, 0.4, 21)
+
+
+def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: Screen) -> Orientation | None:
+    """How the touches of a run are mirrored against its target; None where they are not, or where it cannot be told.
+
+    Told only where the touches are far from the target at any plausible lag and close to one mirror image of it: a
+    target that is its own image (through the middle of the screen) and a hand elsewhere tell nothing.
+
+    Args:
+        touch: events of the run, any number; those before ``start_s`` are left out.
+        target: what was shown; it began to move at ``start_s`` on the same clock.
+    """
+    t_s = touch.t_s - start_s
+    held = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
+    if np.count_nonzero(held) < FEWEST_TOUCHES:
+        return None
+    t_s, x, y = t_s[held], touch.x_mm[held], touch.y_mm[held]
+    if _apart_mm(t_s, x, y, target) < _OFF_MM:
+        return None
+    other_x, other_y = screen.width_mm - x, screen.height_mm - y
+    images: tuple[tuple[Orientation, FloatArray, FloatArray], ...] = (
+        ("turned", other_x, other_y),
+        ("left_right", other_x, y),
+        ("top_bottom", x, other_y),
+    )
+    apart: dict[Orientation, float] = {name: _apart_mm(t_s, a, b, target) for name, a, b in images}
+    best = min(apart, key=lambda name: apart[name])
+    return best if apart[best] < _NEAR_MM else None
+
+
+def _apart_mm(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, target: Target) -> float:
+    """Median distance from the target at the lag that fits best."""
+    apart = []
+    for lag_s in _LAGS_S:
+        there_x, there_y = target.position_mm(np.clip(t_s - lag_s, 0.0, target.duration_s))
+        apart.append(float(np.median(np.hypot(x_mm - there_x, y_mm - there_y))))
+    return float(np.nanmin(apart)) if np.isfinite(apart).any() else 0.0

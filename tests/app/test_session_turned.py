@@ -1,0 +1,59 @@
+"""A touchscreen that was turned after its calibration is told while the run goes on, and kept in the file."""
+
+from dataclasses import replace
+
+import pytest
+
+from app.session_rigs import Recording, Wrapped, fast_rig, of_role, protocol, replaced
+from draglag.presets import load_screen
+from draglag.store import read_session
+from draglag_app.session import events
+
+PANEL = load_screen("screen-1")
+
+
+class Turned(Wrapped):
+    """A touchscreen that reports every touch at its mirror image."""
+
+    def __init__(self, inner, left_right, top_bottom):
+        super().__init__(inner)
+        self.left_right, self.top_bottom = left_right, top_bottom
+
+    def read(self, timeout_s):
+        batch = super().read(timeout_s)
+        touch = batch.touch
+        if touch is None:
+            return batch
+        x_mm = PANEL.width_mm - touch.x_mm if self.left_right else touch.x_mm
+        y_mm = PANEL.height_mm - touch.y_mm if self.top_bottom else touch.y_mm
+        return replace(batch, touch=replace(touch, x_mm=x_mm, y_mm=y_mm))
+
+
+def told(recording):
+    return [event for event in recording.of(events.NoticeRaised) if "against the target" in event.text]
+
+
+@pytest.mark.parametrize(
+    ("left_right", "top_bottom", "words"),
+    [(True, True, "turned by half a turn"), (True, False, "left to right"), (False, True, "top to bottom")],
+)
+def test_a_mirrored_touchscreen_is_told_with_the_remedy_before_the_run_ends(tmp_path, left_right, top_bottom, words):
+    rig = fast_rig()
+    source = Turned(of_role(rig, "touch"), left_right, top_bottom)
+    recording = Recording(protocol(180, duration_s=12.0), replaced(rig, source), tmp_path / "s.h5")
+    assert recording.error is None
+    (notice,) = told(recording)
+    assert words in notice.text
+    assert "calibrate the touchscreen again" in notice.text
+    assert (notice.level, notice.source) == ("error", "touch")
+    ends = recording.of(events.RunFinished)
+    assert recording.events.index(notice) < recording.events.index(ends[0])
+    (run,) = read_session(recording.path).runs
+    assert notice.text in [entry.text for entry in run.log]
+    assert notice.t_s < run.start_s + 6.0
+
+
+def test_the_right_way_round_nothing_is_said(tmp_path):
+    recording = Recording(protocol(60, 180, 900, duration_s=8.0), fast_rig(), tmp_path / "s.h5")
+    assert recording.error is None
+    assert told(recording) == []
