@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -70,6 +71,24 @@ def test_the_page_shows_every_estimate_and_is_whole_in_one_file(
     # latency, width, taps, speeds, three runs, one chirp
     assert len(page.sources) == 8
     assert all(source.startswith("data:image/") for source in page.sources)
+
+
+def test_drawings_bring_colours_for_a_dark_page_and_stay_whole(
+    tmp_path: Path, measured: tuple[Session, Analysis]
+) -> None:
+    page = write_report(*measured, tmp_path).read_text("utf-8")
+    drawings = [base64.b64decode(text).decode() for text in re.findall(r"data:image/svg\+xml;base64,([\w+/=]+)", page)]
+    assert len(drawings) >= 3
+    for drawing in drawings:
+        assert ET.fromstring(drawing).tag.endswith("svg")
+        # Nothing is left that is drawn for white paper only, and every colour that is named is given.
+        used = set(re.findall(r"var\((--figure-\w+)\)", drawing))
+        light, dark = drawing.split("prefers-color-scheme:dark")[:2]
+        assert used <= set(re.findall(r"(--figure-\w+):#", light)) & set(re.findall(r"(--figure-\w+):#", dark))
+        body = drawing[drawing.index("</style>") :]
+        assert not re.search(r"#(?:ffffff|222222|000000|dddddd)", body)
+    # Beside the page they are ordinary drawings, for papers.
+    assert "var(" not in (tmp_path / "figures" / "latency.svg").read_text("utf-8")
 
 
 def test_every_figure_stands_beside_the_page_as_svg_and_png(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:

@@ -27,6 +27,7 @@ from draglag.report.style import (
     house_style,
     new_figure,
     plain_log_ticks,
+    themed,
 )
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -132,7 +133,7 @@ def _svg(figure: Any) -> str:
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg")
     text = buffer.getvalue()
-    return text[text.index("<svg") :]
+    return themed(text[text.index("<svg") :])
 
 
 def _simulated(
@@ -163,7 +164,7 @@ def _overlays(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, s
         (
             replayed.residuals_figure(first, last),
             "Residuals as the present model sees them, mean of each bin with its 95 % band: where the simulation holds "
-            "the cause, it shows the measured structure (blue on black).",
+            "the cause, it shows the measured structure (dots on squares).",
         ),
         (replayed.spread_figure(first, last), "Distribution of these residuals, measured and simulated with noise."),
     ]
@@ -208,8 +209,9 @@ def waterfall(report: GapReport) -> Any:
     axes.bar(places, values, width=0.55, color=[ORANGE] + [BLUE] * len(report.steps))
     for place, value in zip(places, values, strict=True):
         axes.annotate(
-            f"{value:.3f}", (place, value), ha="center", va="bottom", xytext=(0, 2), textcoords="offset points"
-        )
+            f"{value:.3f}", (place, value), ha="center", va="bottom", xytext=(0, 2), textcoords="offset points",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1}, zorder=5,  # the noise floor may pass behind it
+        )  # fmt: skip
     axes.axhline(report.noise_floor_mm or 0.0, color=GREEN, linestyle="--", label="noise floor")
     axes.set_xticks(places, names)
     axes.set_xlim(-0.6, max(len(names), 2) - 0.4)

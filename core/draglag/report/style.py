@@ -15,14 +15,25 @@ BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
 
-# For pages: figures are drawn for paper; where the reader's theme is dark, light and dark are turned round and hues
-# kept, so that they stand on dark ground like the text around them.
+# For pages whose reader may like them dark. Drawings (``themed``) bring colours of their own for that; of pictures
+# made of points, light and dark are turned round and hues kept.
 FIGURE_CSS = """
 figure{margin:1.5rem 0}figcaption{font-size:.9rem}
-figure svg,figure img{display:block;margin:0 auto;max-width:100%;height:auto;background:#fff;border-radius:6px}
-@media (prefers-color-scheme:dark){figure svg,figure img{filter:invert(.9) hue-rotate(180deg)}}
-@media print{figure svg,figure img{filter:none}}
+figure svg,figure img{display:block;margin:0 auto;max-width:100%;height:auto;border-radius:6px}
+@media (prefers-color-scheme:dark){figure img[src^="data:image/png"]{filter:invert(.9) hue-rotate(180deg)}}
+@media print{figure img[src^="data:image/png"]{filter:none}}
 """
+# Colour on paper → its name and what it is on a dark ground.
+_DARK = {
+    BLACK: ("ink", "#e6e9ec"),
+    "#000000": ("text", "#e6e9ec"),
+    "#ffffff": ("paper", "#20252a"),
+    "#dddddd": ("grid", "#3a424a"),
+    GREY: ("grey", "#a2abb3"),
+    GREEN: ("green", "#2fc49b"),
+    BLUE: ("blue", "#56a9e8"),
+    VERMILION: ("vermilion", "#ee7a3b"),
+}
 
 _SETTINGS: dict[str, Any] = {
     "font.size": 9.5,
@@ -72,6 +83,23 @@ def new_figure(width_in: float = 7.2, height_in: float = 4.2) -> Any:
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def themed(svg: str) -> str:
+    """A drawing for a page, inline or as an image: on a dark page it is drawn light on dark, on paper as it is."""
+    start = svg.index("<svg")
+    drawing = svg[start:]
+    for paper, (name, _) in _DARK.items():
+        drawing = drawing.replace(paper.lower(), f"var(--figure-{name})")
+    light = ";".join(f"--figure-{name}:{paper.lower()}" for paper, (name, _) in _DARK.items())
+    dark = ";".join(f"--figure-{name}:{colour}" for name, colour in _DARK.values())
+    # Text has no colour of its own in what matplotlib writes: it is black by default.
+    look = (
+        f"<style>svg{{{light};fill:var(--figure-text)}}"
+        f"@media screen and (prefers-color-scheme:dark){{svg{{{dark}}}}}</style>"
+    )
+    inside = drawing.index(">") + 1
+    return svg[:start] + drawing[:inside] + look + drawing[inside:]
 
 
 def save(figure: Any, folder: Any, name: str) -> str:

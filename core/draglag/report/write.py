@@ -101,7 +101,7 @@ def _keep(drawn: Any, folder: Path, name: str, caption: str, png: bool = False) 
     if png:
         image = "data:image/png;base64," + base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
     else:
-        image = "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+        image = "data:image/svg+xml;base64," + base64.b64encode(style.themed(svg).encode()).decode()
     return Figure(name, caption, image, re.sub(r"\s+", " ", caption))
 
 
