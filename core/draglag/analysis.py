@@ -10,7 +10,7 @@ import numpy as np
 from draglag.clocks import remapped
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
-from draglag.latency import RunEstimate, estimate_on_clock
+from draglag.latency import RunEstimate, estimate_on_clock, with_sensor
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
@@ -99,13 +99,15 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     for k, run in enumerate(steady):
         tell(k / max(len(session.runs), 1), run.id)
         estimates.append(
-            estimate_on_clock(
-                run,
-                session.clocks,
-                session.stylus.diameter_mm,
-                options.estimator,
-                options.update_rate_hz,
-                options.window_s,
+            with_sensor(
+                estimate_on_clock(
+                    run,
+                    session.clocks,
+                    session.stylus.diameter_mm,
+                    options.estimator,
+                    options.update_rate_hz,
+                    options.window_s,
+                )
             )
         )
     problems = [f"{e.id}: no latency ({', '.join(e.flags)})" for e in estimates if e.latency_s is None]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from draglag.beam import sides
 from draglag.latency.bound import HandSpectrum, TouchNoise, latency_bound_s
 from draglag.protocols import PlannedRun
 from draglag.recording import Run
@@ -68,10 +69,11 @@ def bound_of(run: Run, truth: RunTruth, target: Circle, rig: Rig, human: Human |
     _, y = target.position_mm(t_s - human.lag_s)
     _, v = target.velocity_mm_s(t_s - human.lag_s)
     edge_s = truth.edge_s - run.start_s
-    x_e, y_e = target.position_mm(edge_s - human.lag_s)
+    x_e, _ = target.position_mm(edge_s - human.lag_s)
     _, v_e = target.velocity_mm_s(edge_s - human.lag_s)
     beam_y = rig.beam.slope * x_e + rig.beam.intercept_mm
-    side = np.where(y_e > beam_y, 1.0, -1.0)
+    # By kind and direction: a fast hand is further from its target than the stylus is wide. The first edge is dark.
+    side = sides(np.arange(edge_s.size) % 2 == 0, v_e)
     seen = (edge_s > t_s[0] + 0.1) & (edge_s < t_s[-1] - 0.1)
     return latency_bound_s(
         edge_s[seen], x_e[seen], v_e[seen], side[seen], t_s, v, y - target.centre_y_mm, noise_of(rig),

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bench.rigs import bound_of, circle_run, rig_with_latency
-from draglag.latency import RunEstimate, estimate_run
+from draglag.latency import RunEstimate, estimate_run, with_sensor
 from draglag.latency.flags import MEANING
 from draglag.recording import Beam, LaserTrace, Run, TouchTrace
 from draglag.simulation import Human, LatencyLaw, rig_for_screen
@@ -302,3 +302,12 @@ def test_the_bound_falls_with_edges_and_rises_with_noise() -> None:
     base = bound_of(one, truth, target, rig, human)
     assert longer == pytest.approx(base / 2, rel=0.1)
     assert 1.2 * base < louder < 2 * base
+
+
+def test_intervals_hold_what_the_response_of_the_sensor_shifts() -> None:
+    """Fast runs of a quiet screen are surer of their latency than the 55 µs by which every edge comes late."""
+    rig = rig_with_latency(0.03, sensor_response_s=55e-6, noise_mm=0.05)
+    found = [measured(circle_run(1000.0, seed, rig)[0]) for seed in range(20)]
+    assert max(one.latency_ci95_s[1] - one.latency_s for one in found) < 55e-6  # type: ignore[operator, index]
+    ends_s = [with_sensor(one).latency_ci95_s for one in found]
+    assert sum(low <= 0.03 <= high for low, high in ends_s) >= 17  # type: ignore[misc]

@@ -249,9 +249,10 @@ def _verification(found: dict[str, Any]) -> list[str]:
         low, high = width["mean_ci95_mm"]
         lines.append(f"stylus {width['mean_mm']:.2f} mm ({low:.2f} to {high:.2f}), known {width['known_mm']:g} mm")
     for drift in found["clocks"]:
+        se_ms = 60e-3 * drift["drift_se_ppm"]
         lines.append(
-            f"{drift['stream']} clock against host: {drift['drift_ppm']:.2f} ppm, "
-            f"{drift['ms_per_minute']:.3f} ms a minute (the paper's limit: 1)"
+            f"{drift['stream']} clock against host: {drift['drift_ppm']:.2f} ± {drift['drift_se_ppm']:.2f} ppm, "
+            f"{drift['ms_per_minute']:.3f} ± {se_ms:.3f} ms a minute (standard error; the paper's limit: 1)"
         )
     return lines
 

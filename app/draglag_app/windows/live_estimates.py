@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Signal
 from draglag.analysis import AnalysisOptions, curve_points, has_constant_speed
 from draglag.curve import CurveFit, fit_best
 from draglag.errors import EstimateError
-from draglag.latency import RunEstimate, estimate_on_clock
+from draglag.latency import RunEstimate, estimate_on_clock, with_sensor
 from draglag_app.session import events
 from draglag_app.windows.tasks import Progress
 
@@ -76,8 +76,10 @@ class LiveEstimates(QObject):
             self.preliminary.add(run.id)
 
         def work(progress: Progress) -> RunEstimate:
-            return estimate_on_clock(
-                run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
+            return with_sensor(
+                estimate_on_clock(
+                    run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
+                )
             )
 
         def done(estimate: RunEstimate) -> None:

@@ -1,61 +1,20 @@
-"""Separable weighted least squares for L(v): a grid over the shapes, non-negative amplitudes, then a polish.
-
-A general optimiser from one start is wrong in about one case in twelve and does not say so; on the grid every start
-is tried, and the amplitudes at each are exact.
-"""
+"""L(v) fitted to the runs of a session: every form, its uncertainty, and the choice among them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.stats import t as student
 
 from draglag.curve.forms import FORMS, Form
+from draglag.curve.points import CurvePoints
+from draglag.curve.separable import evaluated_ms, jacobian_ms, shown_s, slope_s_per_mm_s, solved
 from draglag.errors import EstimateError
 from draglag.recording import FloatArray
 
-DAMPING = np.array([1e-9, 1e-2, 0.1, 1.0, 10.0])
-NEAR = 5e-4  # a step this small of a logarithm leaves an error of its square
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
-
-
-@dataclass(frozen=True)
-class CurvePoints:
-    """Latency of each run: speed_mm_s (n,), latency_s (n,), se_s (n,) standard error.
-
-    ``speed_se_mm_s`` (n,) is the standard error of the speed, None where it is not known: on a steep curve it moves
-    a run off the curve as much as an error of its latency does. ``speed_sd_mm_s`` (n,) is how much the speed varied
-    from edge to edge, None for not at all: where the curve bends, a run's latency is the mean of L over its speeds,
-    which is not L of the mean speed.
-    """
-
-    speed_mm_s: FloatArray
-    latency_s: FloatArray
-    se_s: FloatArray
-    speed_se_mm_s: FloatArray | None = None
-    speed_sd_mm_s: FloatArray | None = None
-
-    def take(self, keep: np.ndarray) -> CurvePoints:
-        speed_se = None if self.speed_se_mm_s is None else self.speed_se_mm_s[keep]
-        speed_sd = None if self.speed_sd_mm_s is None else self.speed_sd_mm_s[keep]
-        return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep], speed_se, speed_sd)
-
-    def with_speed_error(self, slope_s_per_mm_s: FloatArray) -> CurvePoints:
-        """The same points with the error of their speeds, times the curve's slope, added to ``se_s``."""
-        if self.speed_se_mm_s is None:
-            return self
-        return replace(self, se_s=np.hypot(self.se_s, slope_s_per_mm_s * self.speed_se_mm_s))
-
-    @property
-    def speeds_mm_s(self) -> tuple[FloatArray, ...]:
-        """Speeds (n,) whose mean latency a run shows: one standard deviation to either side, exact to third order."""
-        if self.speed_sd_mm_s is None:
-            return (self.speed_mm_s,)
-        reach = np.minimum(self.speed_sd_mm_s, 0.5 * self.speed_mm_s)
-        return self.speed_mm_s - reach, self.speed_mm_s + reach
 
 
 @dataclass(frozen=True)
@@ -102,7 +61,7 @@ class CurveFit:
     def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
         """L(v), s, at any speeds. Outside ``speed_range_mm_s`` this extrapolates: see ``inside``."""
         speed = np.asarray(speed_mm_s, float)
-        return 1e-3 * _evaluate(FORMS[self.form], self.values, speed.ravel()).reshape(speed.shape)
+        return 1e-3 * evaluated_ms(FORMS[self.form], self.values, speed.ravel()).reshape(speed.shape)
 
     def inside(self, speed_mm_s: FloatArray) -> np.ndarray:
         """Which speeds lie within the measured range."""
@@ -113,10 +72,10 @@ class CurveFit:
         """Pointwise confidence band of the curve (delta method), (low, high) in s."""
         speed = np.atleast_1d(np.asarray(speed_mm_s, float))
         form = FORMS[self.form]
-        jacobian = _jacobian(form, self.values, speed)
+        jacobian = jacobian_ms(form, self.values, speed)
         se = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, self.covariance, jacobian), 0))
         reach = student.ppf(0.5 + level / 2, max(self.n_points - form.n_parameters, 1)) * se
-        middle = _evaluate(form, self.values, speed)
+        middle = evaluated_ms(form, self.values, speed)
         return 1e-3 * (middle - reach), 1e-3 * (middle + reach)
 
     def to_dict(self) -> dict[str, object]:
@@ -159,9 +118,9 @@ def fit_form(
     between_s, values, measured = 5e-4, np.empty(0), points
     for _ in range(4):
         weight = 1 / np.sqrt(points.se_s**2 + between_s**2)
-        values = _solve(form, points, weight, tied_asymptote_s, values if values.size else None)
-        points = measured.with_speed_error(_slope(form, values, measured.speed_mm_s))
-        updated = _between_runs(points, _shown_s(form, values, points), free)
+        values = solved(form, points, weight, tied_asymptote_s, values if values.size else None)
+        points = measured.with_speed_error(slope_s_per_mm_s(form, values, measured.speed_mm_s))
+        updated = _between_runs(points, shown_s(form, values, points), free)
         settled = abs(updated - between_s) < 0.1 * max(updated, 1e-6)
         between_s = updated
         if settled:
@@ -206,139 +165,6 @@ def fit_best(
     return replace(chosen, rivals=rivals, points=points)
 
 
-def _columns(form: Form, theta: FloatArray, points: CurvePoints) -> FloatArray:
-    """(g, n, p) columns of what the runs show, for shapes theta (g, k)."""
-    parts = [form.columns(theta, speed) for speed in points.speeds_mm_s]
-    return np.asarray(parts[0] if len(parts) == 1 else 0.5 * (parts[0] + parts[1]))
-
-
-def _evaluate(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
-    k = len(form.shape_names)
-    return np.asarray(form.columns(values[None, :k], speed)[0] @ values[k:])
-
-
-def _shown_s(form: Form, values: FloatArray, points: CurvePoints) -> FloatArray:
-    """Latency the curve gives each run, s."""
-    return np.asarray(1e-3 * np.mean([_evaluate(form, values, speed) for speed in points.speeds_mm_s], axis=0))
-
-
-def _slope(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
-    """dL/dv at each speed, s per mm/s."""
-    step = np.maximum(0.01 * speed, 0.1)
-    return np.asarray(
-        1e-3 * (_evaluate(form, values, speed + step) - _evaluate(form, values, speed - step)) / (2 * step)
-    )
-
-
-def _jacobian(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
-    k = len(form.shape_names)
-    out = np.empty((speed.size, values.size))
-    out[:, k:] = form.columns(values[None, :k], speed)[0]
-    for j in range(k):
-        step = 1e-4 * max(abs(values[j]), 1e-6)
-        up, down = values.copy(), values.copy()
-        up[j] += step
-        down[j] -= step
-        out[:, j] = (_evaluate(form, up, speed) - _evaluate(form, down, speed)) / (2 * step)
-    return out
-
-
-def _solve(
-    form: Form, points: CurvePoints, weight: FloatArray, tied_s: float | None, start: FloatArray | None
-) -> FloatArray:
-    """Best values over the grid (or from a start), polished."""
-    latency_ms, weight = 1e3 * points.latency_s, 1e-3 * weight
-    target = latency_ms * weight
-    k = len(form.shape_names)
-
-    def at(theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        columns = _columns(form, theta, points) * weight[:, None]
-        cost, amplitude = _non_negative(columns, target, tied_s)
-        return cost, amplitude, (columns @ amplitude[:, :, None])[:, :, 0] - target
-
-    if start is None:
-        cost, amplitude, _ = at(form.grid)
-        best = int(np.argmin(cost))
-        start = np.concatenate([form.grid[best], amplitude[best]])
-    # Amplitudes are eliminated (variable projection): the polish moves the shapes only.
-    theta = start[:k]
-    if k:
-        theta = _polished(np.log(np.clip(theta, form.lower, form.upper)), form, lambda log_theta: at(np.exp(log_theta)))
-    if k >= 2 and theta[0] > theta[1]:
-        theta[:2] = theta[1::-1]
-    return np.concatenate([theta, at(theta[None])[1][0]])
-
-
-Tried = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-
-
-def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
-    """Levenberg–Marquardt on the logarithms of the shapes; all trial points of a step are evaluated together."""
-    k = log_theta.size
-    low, high = np.log(form.lower), np.log(form.upper)
-    h = 1e-4
-    around = h * np.concatenate([np.zeros((1, k)), np.eye(k), -np.eye(k)])
-    for _ in range(12):
-        cost, _, residual = at(log_theta + around)
-        jacobian = (residual[1 : k + 1] - residual[k + 1 :]).T / (2 * h)
-        normal, moment = jacobian.T @ jacobian, jacobian.T @ residual[0]
-        damped = normal + DAMPING[:, None, None] * (np.diag(normal) + 1e-12)[:, None] * np.eye(k)
-        step = -np.linalg.solve(damped, np.broadcast_to(moment[:, None], (DAMPING.size, k, 1)))[:, :, 0]
-        tried = np.clip(log_theta + np.clip(step, -0.7, 0.7), low, high)
-        costs = at(tried)[0]
-        best = int(np.argmin(costs))
-        if not costs[best] < cost[0]:
-            break
-        moved = float(np.abs(tried[best] - log_theta).max())
-        log_theta = tried[best]
-        if cost[0] - costs[best] < 1e-7 * cost[0] or moved < NEAR:
-            break
-    return np.asarray(np.exp(log_theta))
-
-
-def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None) -> tuple[FloatArray, FloatArray]:
-    """Non-negative least squares for many designs at once: (g, n, p) → cost (g,), amplitudes (g, p).
-
-    With at most three columns every active set is tried, which is exact. A tied asymptote is the last column's value.
-    """
-    g, _, p = columns.shape
-    fixed = 0.0
-    free = p
-    if tied_s is not None:
-        fixed = 1e3 * tied_s
-        free = p - 1
-        target = target[None, :] - fixed * columns[:, :, -1]
-    else:
-        target = np.broadcast_to(target, (g, target.size))
-    gram = np.swapaxes(columns[:, :, :free], 1, 2) @ columns[:, :, :free]
-    moment = np.einsum("gnp,gn->gp", columns[:, :, :free], target)
-    total = np.einsum("gn,gn->g", target, target)
-    ridge = 1e-12 * np.einsum("gpp->g", gram)[:, None, None]
-    best = np.linalg.solve(gram + ridge * np.eye(free), moment[:, :, None])[:, :, 0]
-    best_cost = total - (best * moment).sum(1)
-    # Where nothing is negative with all columns, that is the best there is.
-    todo = np.flatnonzero((best < 0).any(1))
-    best_cost[todo] = total[todo]
-    best[todo] = 0.0
-    for size in range(free - 1, 0, -1) if todo.size else ():
-        for active in combinations(range(free), size):
-            pick = np.array(active)
-            sub = gram[todo[:, None, None], pick[:, None], pick]
-            sub = sub + 1e-12 * np.trace(sub, axis1=1, axis2=2)[:, None, None] * np.eye(size)
-            wanted = moment[todo[:, None], pick]
-            amplitude = np.linalg.solve(sub, wanted[:, :, None])[:, :, 0]
-            cost = total[todo] - (amplitude * wanted).sum(1)
-            allowed = (amplitude >= 0).all(1)
-            better = allowed & (cost < best_cost[todo])
-            rows = todo[better]
-            best_cost[rows] = cost[better]
-            best[rows] = 0.0
-            best[rows[:, None], pick] = amplitude[better]
-    if tied_s is not None:
-        best = np.column_stack([best, np.full(g, fixed)])
-    return best_cost, best
-
-
 def _between_runs(points: CurvePoints, predicted_s: FloatArray, n_free: int) -> float:
     """Extra scatter that makes the weighted squared residuals equal their degrees of freedom (Paule–Mandel)."""
     squared = (points.latency_s - predicted_s) ** 2
@@ -366,9 +192,9 @@ def _finish(
     tied_se_s: float,
 ) -> CurveFit:
     speed = points.speed_mm_s
-    error_s = points.latency_s - _shown_s(form, values, points)
+    error_s = points.latency_s - shown_s(form, values, points)
     n, k = speed.size, form.n_parameters - (tied_s is not None)
-    jacobian = 1e-3 * _jacobian(form, values, speed)
+    jacobian = 1e-3 * jacobian_ms(form, values, speed)
     free = np.ones(values.size, bool)
     free[len(form.shape_names) :] = values[len(form.shape_names) :] > 0
     if tied_s is not None:
@@ -410,10 +236,10 @@ def _held_out_rms_s(points: CurvePoints, fit: CurveFit) -> float:
     n = points.speed_mm_s.size
     if n <= form.n_parameters:
         return float("inf")
-    se_s = points.with_speed_error(_slope(form, fit.values, points.speed_mm_s)).se_s
+    se_s = points.with_speed_error(slope_s_per_mm_s(form, fit.values, points.speed_mm_s)).se_s
     # Leaving one run out of a (locally) linear fit multiplies its residual by 1 / (1 − leverage).
     variance = se_s**2 + fit.between_runs_s**2
-    jacobian = 1e-3 * _jacobian(form, fit.values, points.speed_mm_s)
+    jacobian = 1e-3 * jacobian_ms(form, fit.values, points.speed_mm_s)
     leverage = np.einsum("ni,ij,nj->n", jacobian, fit.covariance, jacobian) / variance
-    error_s = points.latency_s - _shown_s(form, fit.values, points)
+    error_s = points.latency_s - shown_s(form, fit.values, points)
     return float(np.sqrt(np.mean((error_s / np.maximum(1 - leverage, 0.02)) ** 2)))

@@ -1,6 +1,6 @@
 """Latency of one run: Eq. 1–2 as the paper has them, and the efficient estimator (joint maximum likelihood)."""
 
 from draglag.latency.estimate import RunEstimate, estimate_run
-from draglag.latency.on_clock import estimate_on_clock
+from draglag.latency.on_clock import estimate_on_clock, with_sensor
 
-__all__ = ["RunEstimate", "estimate_on_clock", "estimate_run"]
+__all__ = ["RunEstimate", "estimate_on_clock", "estimate_run", "with_sensor"]

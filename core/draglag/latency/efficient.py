@@ -18,11 +18,11 @@ from draglag.beam import Lines, sides, stylus_diameter_mm
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
-from draglag.latency.path import APART_S, Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import APART_S
 from draglag.latency.scan import Scan, scan
-from draglag.latency.tremor import Tremor, tremor_of
+from draglag.latency.track import Track, track_of
 from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
-from draglag.motion import contact_losses, in_contact
+from draglag.motion import in_contact
 from draglag.recording import FloatArray
 
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
@@ -31,40 +31,6 @@ NEAR_S = 3e-5  # a step from here ends closer than any interval tells
 SURELY_CALM = 0.2  # nothing calls for another explanation of the edges
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
 UNSURE = 3.0  # a place this many times less sure than the median is none
-
-
-@dataclass(frozen=True)
-class Track:
-    """The run's movement as the touch trace shows it.
-
-    Attributes:
-        tremor: None where it cannot be seen. with_tremor: whether it counts as movement.
-        uneven: by how much the trace is ahead for each unit of dL/dln v (mm/s): velocity times the logarithm of the
-            speed relative to ``usual_mm_s``, smoothed as the path is. Uneven speed puts harmonics of the rhythm on the
-            trace, which the smoother takes off again in part; unaccounted, that shifts all edges together.
-    """
-
-    path: Path
-    tremor: Tremor | None
-    with_tremor: bool
-    uneven: Path
-    usual_mm_s: float
-    losses_s: FloatArray
-    span_s: tuple[float, float]
-
-    @property
-    def edges_of_trace_s(self) -> FloatArray:
-        return np.append(self.losses_s.ravel(), self.span_s)
-
-    def at(self, t_s: FloatArray) -> FloatArray:
-        return self.with_velocity(t_s)[0]
-
-    def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position, with tremor if it counts, and velocity of the path, (m, 2) each."""
-        xy_mm, v_mm_s = self.path.with_velocity(t_s)
-        if self.tremor is not None and self.with_tremor:
-            xy_mm = xy_mm + self.tremor.at(t_s)
-        return xy_mm, v_mm_s
 
 
 @dataclass(frozen=True)
@@ -103,7 +69,7 @@ class Solution:
 
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """The latency of a run by joint maximum likelihood, with its interval and verdict."""
-    track = _track(ready)
+    track = track_of(ready)
     coarse = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, track.path, track.losses_s)
     minima = coarse.minima()
     if not minima:
@@ -134,19 +100,6 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     if best.tau_mm > 3 * track.path.noise_mm:
         extra.append("excess_scatter")
     return common_flags(_describe(ready, blank, best), ready, best.edges, window_s, tuple(extra))
-
-
-def _track(ready: Prepared) -> Track:
-    events = events_of(ready.touch.t_s, ready.xy_mm)
-    path = smooth_path(events, *corner_of(spectrum_of(events)))
-    t_s = events.t_s
-    v_mm_s = path.at(t_s, 1)
-    speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
-    usual = float(np.exp(np.mean(np.log(np.maximum(speed, 1e-3)))))
-    relative = np.clip(np.log(np.maximum(speed, 1e-3) / usual), -1, 1)
-    uneven = path.like(v_mm_s * relative[:, None])
-    tremor = tremor_of(events, path, v_mm_s)
-    return Track(path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:

@@ -1,4 +1,4 @@
-"""The clock's share of a latency: edges mapped with hindsight, the interval widened by what the clock leaves open."""
+"""The shares of clock and sensor in a latency: edges mapped with hindsight, intervals that hold what both leave."""
 
 from __future__ import annotations
 
@@ -49,8 +49,7 @@ def estimate_on_clock(
     update_rate_hz: float | None = None,
     window_s: tuple[float, float] = WINDOW_S,
 ) -> RunEstimate:
-    """``estimate_run`` on edges mapped with all comparisons around the run; the interval holds what they and the
-    sensor's response leave open.
+    """``estimate_run`` on edges mapped with all comparisons around the run; the interval holds what they leave open.
 
     Args:
         clocks: comparisons of the session that are not in the run itself.
@@ -62,7 +61,7 @@ def estimate_on_clock(
         run, bound_s = remapped_within(run, around)
     except DataError:  # comparisons that cannot be read as such tell nothing
         bound_s = None
-    return with_clock(with_sensor(estimate_run(run, stylus_diameter_mm, estimator, update_rate_hz, window_s)), bound_s)
+    return with_clock(estimate_run(run, stylus_diameter_mm, estimator, update_rate_hz, window_s), bound_s)
 
 
 def with_sensor(estimate: RunEstimate) -> RunEstimate:

@@ -1,0 +1,45 @@
+"""What a curve is fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.recording import FloatArray
+
+
+@dataclass(frozen=True)
+class CurvePoints:
+    """Latency of each run: speed_mm_s (n,), latency_s (n,), se_s (n,) standard error.
+
+    ``speed_se_mm_s`` (n,) is the standard error of the speed, None where it is not known: on a steep curve it moves
+    a run off the curve as much as an error of its latency does. ``speed_sd_mm_s`` (n,) is how much the speed varied
+    from edge to edge, None for not at all: where the curve bends, a run's latency is the mean of L over its speeds,
+    which is not L of the mean speed.
+    """
+
+    speed_mm_s: FloatArray
+    latency_s: FloatArray
+    se_s: FloatArray
+    speed_se_mm_s: FloatArray | None = None
+    speed_sd_mm_s: FloatArray | None = None
+
+    def take(self, keep: np.ndarray) -> CurvePoints:
+        speed_se = None if self.speed_se_mm_s is None else self.speed_se_mm_s[keep]
+        speed_sd = None if self.speed_sd_mm_s is None else self.speed_sd_mm_s[keep]
+        return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep], speed_se, speed_sd)
+
+    def with_speed_error(self, slope_s_per_mm_s: FloatArray) -> CurvePoints:
+        """The same points with the error of their speeds, times the curve's slope, added to ``se_s``."""
+        if self.speed_se_mm_s is None:
+            return self
+        return replace(self, se_s=np.hypot(self.se_s, slope_s_per_mm_s * self.speed_se_mm_s))
+
+    @property
+    def speeds_mm_s(self) -> tuple[FloatArray, ...]:
+        """Speeds (n,) whose mean latency a run shows: one standard deviation to either side, exact to third order."""
+        if self.speed_sd_mm_s is None:
+            return (self.speed_mm_s,)
+        reach = np.minimum(self.speed_sd_mm_s, 0.5 * self.speed_mm_s)
+        return self.speed_mm_s - reach, self.speed_mm_s + reach

@@ -1,0 +1,61 @@
+"""A run's movement as its touch trace shows it: a smooth path, tremor on it, and what uneven speed does to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.latency.estimate import Prepared
+from draglag.latency.path import Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.tremor import Tremor, tremor_of
+from draglag.motion import contact_losses
+from draglag.recording import FloatArray
+
+
+@dataclass(frozen=True)
+class Track:
+    """The run's movement as the touch trace shows it.
+
+    Attributes:
+        tremor: None where it cannot be seen. with_tremor: whether it counts as movement.
+        uneven: by how much the trace is ahead for each unit of dL/dln v (mm/s): velocity times the logarithm of the
+            speed relative to ``usual_mm_s``, smoothed as the path is. Uneven speed puts harmonics of the rhythm on the
+            trace, which the smoother takes off again in part; unaccounted, that shifts all edges together.
+    """
+
+    path: Path
+    tremor: Tremor | None
+    with_tremor: bool
+    uneven: Path
+    usual_mm_s: float
+    losses_s: FloatArray
+    span_s: tuple[float, float]
+
+    @property
+    def edges_of_trace_s(self) -> FloatArray:
+        return np.append(self.losses_s.ravel(), self.span_s)
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        return self.with_velocity(t_s)[0]
+
+    def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position, with tremor if it counts, and velocity of the path, (m, 2) each."""
+        xy_mm, v_mm_s = self.path.with_velocity(t_s)
+        if self.tremor is not None and self.with_tremor:
+            xy_mm = xy_mm + self.tremor.at(t_s)
+        return xy_mm, v_mm_s
+
+
+def track_of(ready: Prepared) -> Track:
+    """The track of a run's touch events."""
+    events = events_of(ready.touch.t_s, ready.xy_mm)
+    path = smooth_path(events, *corner_of(spectrum_of(events)))
+    t_s = events.t_s
+    v_mm_s = path.at(t_s, 1)
+    speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
+    usual = float(np.exp(np.mean(np.log(np.maximum(speed, 1e-3)))))
+    relative = np.clip(np.log(np.maximum(speed, 1e-3) / usual), -1, 1)
+    uneven = path.like(v_mm_s * relative[:, None])
+    tremor = tremor_of(events, path, v_mm_s)
+    return Track(path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
