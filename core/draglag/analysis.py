@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
 from draglag.latency import RunEstimate, estimate_on_clock, with_sensor
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
-from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
+from draglag.latency.on_clock import SENSOR_RESPONSE_S, nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
@@ -178,12 +178,21 @@ def _curve(
     points = curve_points(estimates, options)
     try:
         if options.form == "best":
-            return fit_best(points, tied_s, tied_se_s=tied_se_s), problems
-        return fit_form(points, options.form, tied_s, tied_se_s), problems
+            curve = fit_best(points, tied_s, tied_se_s=tied_se_s)
+        else:
+            curve = fit_form(points, options.form, tied_s, tied_se_s)
+        return (curve if options.tie_asymptote else _with_common_shift(curve)), problems
     except KeyError:
         raise EstimateError(f"unknown curve form {options.form!r}", "See draglag analyze --help") from None
     except EstimateError as error:
         return None, [*problems, str(error)]
+
+
+def _with_common_shift(curve: CurveFit) -> CurveFit:
+    """A curve whose asymptote, the last of its values, may be off by what the sensor's response shifts all runs by."""
+    covariance = curve.covariance.copy()
+    covariance[-1, -1] += (1e3 * SENSOR_RESPONSE_S) ** 2 / 3
+    return replace(curve, covariance=covariance)
 
 
 def _with_hindsight(run: Run, session: Session) -> Run:

@@ -179,7 +179,8 @@ def _row(screen: str, seed: int) -> Row2:
 def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient, ...]:
     """Our coefficients under the paper's names: its a4 is the larger amplitude in every row.
 
-    Where an amplitude's interval reaches zero, nothing is known of its rate.
+    Where an amplitude's interval reaches zero, nothing is known of its rate, nor then of the amplitude: that is the
+    size at rest, and a faster decay to the slowest run has a larger one.
     """
     values, errors = curve.parameters, curve.standard_errors
     names = {name: name for name in values}
@@ -194,8 +195,8 @@ def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient
         if name == "rms_ms":
             continue
         ours = names[name]
-        partner = {"a2_s_per_mm": "a1_ms", "a5_s_per_mm": "a4_ms"}.get(ours)
-        gone = partner is not None and not sure[partner]
+        amplitude = {"a2_s_per_mm": "a1_ms", "a5_s_per_mm": "a4_ms"}.get(ours, ours)
+        gone = not sure.get(amplitude, True)
         error = errors[ours]
         known = not gone and np.isfinite(error) and error > 0
         interval = (values[ours] - reach * error, values[ours] + reach * error) if known else None
