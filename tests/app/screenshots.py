@@ -15,9 +15,12 @@ from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QApplication, QWidget
 
+from app.screenshot_dialogs import questions, troubles, under_way
 from draglag.protocols import load_protocol
 from draglag.recording import Screen
 from draglag.targets import Circle, Tap
@@ -194,11 +197,14 @@ def participant(out: Path) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path(__file__).parents[2] / "docs" / "pictures")
+    parser.add_argument("--language", default="en", help="of the windows, for looking at: en or nl")
     parser.add_argument("--all", action="store_true", help="both sizes and every state, for looking at")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        settings = Settings(first_start=False, folder=str(folder / "sessions"), protocol="demo", rig=SIMULATED)
+        settings = Settings(
+            first_start=False, folder=str(folder / "sessions"), protocol="demo", rig=SIMULATED, language=chosen.language
+        )
         application = make_application(sys.argv[:1], settings)
         window = OperatorWindow(settings, folder / "settings.toml")
         window.show()
@@ -215,8 +221,14 @@ def main() -> int:
         pages(application, window, chosen.out, list(SIZES) if chosen.all else ["small"])
         if chosen.all:
             results_in_full(application, window, chosen.out)
+            for theme in ("dark", "light"):
+                window.use_theme(theme)
+                questions(window, theme, chosen.out, shoot)
+                troubles(window, theme, chosen.out, shoot)
         window.close()
         if chosen.all:
+            for theme in ("dark", "light"):
+                under_way(application, folder / "under-way", theme, chosen.language, chosen.out, shoot, wait)
             first_start(application, folder, chosen.out)
             participant_states(chosen.out)
         during_a_run(application, folder / "live", chosen.out)

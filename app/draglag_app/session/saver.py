@@ -8,16 +8,17 @@ import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from draglag.errors import DataError, DraglagError
-from draglag.recording import ClockBounds, DisplayTrace, LaserTrace, LogEntry, Run, TouchTrace, concatenate
+from draglag.recording import ClockBounds, DisplayTrace, LogEntry, Run
 from draglag.store.write import SessionWriter
 from draglag_app.session import events
 from draglag_app.session.digest import digest, within
+from draglag_app.session.open_run import OpenRun
 from draglag_app.session.readers import Lost, Reported
 from draglag_app.session.taps import TapPairer
 from draglag_devices.source import Batch, DeviceError
@@ -25,30 +26,6 @@ from draglag_devices.source import Batch, DeviceError
 # A crash may cost at most 0.5 s of data; live plots follow the flushes.
 FLUSH_S = 0.2
 _T = TypeVar("_T")
-
-
-@dataclass
-class _OpenRun:
-    run: Run
-    to_s: float
-    touch: list[TouchTrace] = field(default_factory=list)
-    laser: list[LaserTrace] = field(default_factory=list)
-    display: list[DisplayTrace] = field(default_factory=list)
-    sync: dict[str, list[ClockBounds]] = field(default_factory=dict)
-    log: list[LogEntry] = field(default_factory=list)
-
-    def assembled(self, outcome: str, duration_s: float) -> Run:
-        empty = self.run
-        return replace(
-            empty,
-            outcome=outcome,
-            duration_s=duration_s,
-            touch=replace(concatenate(self.touch), axes=empty.touch.axes) if self.touch else empty.touch,
-            laser=concatenate(self.laser) if self.laser else empty.laser,
-            display=concatenate(self.display) if self.display else empty.display,
-            sync=tuple(concatenate(parts) for parts in self.sync.values()),
-            log=tuple(self.log),
-        )
 
 
 class Saver:
@@ -71,7 +48,7 @@ class Saver:
         self._marks = dict.fromkeys(roles, -np.inf)
         self.lost: dict[str, DeviceError] = {}
         self.failure: DraglagError | None = None
-        self._run: _OpenRun | None = None
+        self._run: OpenRun | None = None
         self._pairer: TapPairer | None = None
         self._taps = {"down": 0, "release": 0, "rejected": 0}
         self._losses: dict[str, int] = {}
@@ -121,7 +98,7 @@ class Saver:
     def begin_run(self, run: Run, to_s: float) -> None:
         """Save samples stamped from ``run.start_s`` to ``to_s`` in a new run. Raises DraglagError."""
         self._save(lambda: self._writer.begin_run(run))
-        self._run = _OpenRun(run, to_s)
+        self._run = OpenRun(run, to_s)
 
     def cut_run(self, to_s: float) -> None:
         """The run ends earlier than planned."""
@@ -248,7 +225,7 @@ class Saver:
         if seen is not None:
             self._untold.append(seen)
 
-    def _take_clock(self, bounds: ClockBounds, opened: _OpenRun | None) -> None:
+    def _take_clock(self, bounds: ClockBounds, opened: OpenRun | None) -> None:
         run_id = None if opened is None else opened.run.id
         self._save(lambda: self._writer.append_clock(bounds, run_id))
         if opened is not None:
@@ -278,7 +255,10 @@ class Saver:
             self._fail(error)
             raise
         except OSError as error:
-            failure = DataError(f"{self._writer.partial}: cannot be written ({error.strerror or error})")
+            failure = DataError(
+                f"{self._writer.partial}: cannot be written ({error.strerror or error})",
+                "Make room on the disk, then `draglag verify` that file to save what it holds",
+            )
             self._fail(failure)
             raise failure from error
 

@@ -135,6 +135,7 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "flash firmware {version}, or try it as it is with ?firmware=any"),
     QT_TRANSLATE_NOOP("Device", "plug it into the computer itself, without a hub, and close other programs"),
     QT_TRANSLATE_NOOP("Device", "Check the folder and free space"),
+    QT_TRANSLATE_NOOP("Device", "Make room on the disk, then `draglag verify` that file to save what it holds"),
     QT_TRANSLATE_NOOP("Device", "Choose another name"),
     QT_TRANSLATE_NOOP("Device", "calibrate"),
     QT_TRANSLATE_NOOP("Device", "add ?width_mm=W&height_mm=H, or calibrate"),

@@ -7,10 +7,11 @@ from datetime import datetime
 from pathlib import Path
 
 from PySide6.QtCore import QTimer
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from draglag_app.session import events
 from draglag_app.windows import words
+from draglag_app.windows.full_texts import ElidedLabel
 from draglag_app.windows.library_words import fault_words, source_name
 from draglag_app.windows.widgets import Light, label, restyle
 from draglag_app.windows.workspace import Workspace
@@ -30,8 +31,7 @@ class Header(QFrame):
         row = QHBoxLayout(self)
         row.setContentsMargins(16, 0, 16, 0)
         row.setSpacing(8)
-        self.session = label("", "sessionName")
-        self.session.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.session = ElidedLabel("sessionName")
         row.addWidget(self.session, 1)
         self.lights: dict[str, Light] = {}
         names = {"touch": self.tr("touch"), "laser": self.tr("laser"), "walt": self.tr("WALT")}

@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag_app.windows.full_texts import WholeTexts
 from draglag_app.windows.theme import theme
 
 # Rows are chosen by finger too.
@@ -160,6 +161,7 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
     made.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     if single:
         made.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    made.setItemDelegate(WholeTexts(made))
     header = made.horizontalHeader()
     header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
     header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)

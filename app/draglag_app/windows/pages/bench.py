@@ -9,6 +9,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
+from draglag_app.windows.full_texts import whole_text, widen_list
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.session_thread import display_choices
 from draglag_app.windows.settings import PanelSettings
@@ -114,6 +115,7 @@ class BenchPage(QWidget):
             box.setAccessibleName(names[role])
             box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
             box.activated.connect(lambda index, role=role: self._address_chosen(role))
+            whole_text(box)
             edit = box.lineEdit()
             if edit is not None:
                 edit.setPlaceholderText(self.tr("not used"))
@@ -134,9 +136,10 @@ class BenchPage(QWidget):
         self.display = QComboBox()
         self.display.setAccessibleName(self.tr("Participant sees the target"))
         self.display.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.display.setMinimumContentsLength(12)
+        self.display.setMinimumContentsLength(22)
         for value, text in display_choices():
             self.display.addItem(text, value)
+        whole_text(self.display)
         self.display.activated.connect(self._display_chosen)
         row.addWidget(self.display)
         self.fast = QCheckBox(self.tr("Simulated time, as fast as possible"))
@@ -219,6 +222,7 @@ class BenchPage(QWidget):
             box.clear()
             box.addItems([f"{f.address}  {in_words(f.description)}" for f in found if role in f.roles])
             box.setEditText(text)
+            widen_list(box)
         rows = []
         for device in found:
             state = "✓" if device.usable else "✕"

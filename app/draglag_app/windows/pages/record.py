@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLineEdit,
     QProgressBar,
-    QSizePolicy,
     QSplitter,
     QVBoxLayout,
     QWidget,
@@ -22,6 +21,7 @@ from draglag_app.session.machine import Phase
 from draglag_app.windows import words
 from draglag_app.windows.bridge import Prompted
 from draglag_app.windows.curve_plot import CurvePlot
+from draglag_app.windows.full_texts import ElidedLabel
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.live_plots import SpeedPlot, TracePlot
 from draglag_app.windows.run_table import RunTable
@@ -87,11 +87,8 @@ class RecordPage(QWidget):
         row.setSpacing(8)
         words_box = QVBoxLayout()
         words_box.setSpacing(0)
-        self.big = label("", "big")
-        self.small = label("", "medium")
-        for words_label in (self.big, self.small):
-            # Long words are cut off rather than making the window wider.
-            words_label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.big = ElidedLabel("big")
+        self.small = ElidedLabel("medium")
         words_box.addWidget(self.big)
         words_box.addWidget(self.small)
         row.addLayout(words_box, 1)

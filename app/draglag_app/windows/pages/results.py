@@ -21,6 +21,7 @@ from draglag.curve import FORMS, CurveFit, fit_form
 from draglag.errors import EstimateError
 from draglag_app.windows import words
 from draglag_app.windows.curve_plot import CurvePlot
+from draglag_app.windows.full_texts import whole_text
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
 from draglag_app.windows.run_table import RunTable
@@ -95,7 +96,7 @@ class ResultsPage(QWidget):
             (self.rate, self.tr("Which touch events: as stamped, or as a loop of that rate sees them")),
             (self.form, self.tr("Shape of the curve")),
         ):
-            box.setToolTip(tip)
+            whole_text(box, tip)
             box.setAccessibleName(tip)
             box.activated.connect(self._options_chosen)
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)

@@ -1,0 +1,91 @@
+"""Texts that may find no room: cut off with dots, and whole in the tooltip."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtGui import QHelpEvent, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QComboBox,
+    QLabel,
+    QSizePolicy,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QToolTip,
+)
+
+
+class ElidedLabel(QLabel):
+    """One line that takes the width there is instead of making the window wider. ``text()`` is the whole text."""
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+
+    def setText(self, text: str) -> None:
+        super().setText(text)
+        self._tell_whole()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._tell_whole()
+
+    def shown(self) -> str:
+        """What there is room for."""
+        room = self.contentsRect().width()
+        return self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, room)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        place, align = self.contentsRect(), int(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.style().drawItemText(
+            QPainter(self), place, align, self.palette(), self.isEnabled(), self.shown(), self.foregroundRole()
+        )
+
+    def _tell_whole(self) -> None:
+        tip = self.text() if self.shown() != self.text() else ""
+        if tip != self.toolTip():
+            self.setToolTip(tip)
+
+
+class WholeTexts(QStyledItemDelegate):
+    """Cells whose text is cut off tell it in a tooltip; those with a tooltip of their own keep it."""
+
+    def helpEvent(
+        self,
+        event: QHelpEvent,
+        view: QAbstractItemView,
+        option: QStyleOptionViewItem,
+        index: QModelIndex | QPersistentModelIndex,
+    ) -> bool:
+        own = index.data(Qt.ItemDataRole.ToolTipRole)
+        if not own and self.is_cut_off(view, option, index):
+            QToolTip.showText(event.globalPos(), str(index.data() or ""), view)
+            return True
+        return super().helpEvent(event, view, option, index)
+
+    def is_cut_off(
+        self, view: QAbstractItemView, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex
+    ) -> bool:
+        """Whether the cell is narrower than its text."""
+        model: QAbstractItemModel | None = view.model()
+        return model is not None and self.sizeHint(option, index).width() > option.rect.width()
+
+
+def whole_text(box: QComboBox, tip: str = "") -> None:
+    """What is chosen may be wider than the box: its tooltip tells the whole, and its list is as wide as it needs."""
+
+    def tell(text: str) -> None:
+        box.setToolTip(": ".join(part for part in (tip, text) if part))
+
+    box.currentTextChanged.connect(tell)
+    tell(box.currentText())
+    widen_list(box)
+
+
+def widen_list(box: QComboBox) -> None:
+    """The list that drops down shows its longest entry; called again when entries have come."""
+    view = box.view()
+    view.setMinimumWidth(
+        view.sizeHintForColumn(0) + 2 * view.frameWidth() + view.verticalScrollBar().sizeHint().width()
+    )
