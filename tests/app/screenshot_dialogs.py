@@ -12,6 +12,7 @@ from draglag.errors import DataError
 from draglag.protocols import load_protocol
 from draglag_app.session import events
 from draglag_app.windows import files
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.source import DeviceError
@@ -41,7 +42,7 @@ def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> No
     """A rig without a WALT and with a broken touchscreen, a run to leave out, what a crash left, the way out."""
     whole = window.space.settings.rig
     window.space.change_settings(rig=whole.model_copy(update={"walt": ""}))
-    window.header.set_light("touch", "fault", str(TOUCH))
+    window.header.set_light("touch", "fault", in_words(str(TOUCH)))
     _asked(window.start, out / f"ask-start-{theme}.png", shoot)
     window.space.change_settings(rig=whole)
     results = window.pages["results"][1]

@@ -9,6 +9,7 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.theme import theme
 from draglag_app.windows.widgets import set_up_table
@@ -78,14 +79,14 @@ class StepPlot(Plot):
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
     """What would tell twins apart, how effects added by hand are judged, what the session cannot show."""
-    lines = [f"{step['effect']}: {step['extra_run']}" for step in report["steps"] if step.get("extra_run")]
+    lines = [f"{step['effect']}: {in_words(step['extra_run'])}" for step in report["steps"] if step.get("extra_run")]
     for step in report["steps"]:
         if step["effect"] in added:
             lines.append(f"{step['effect']}: {step['evidence'].get('text', '')}")
     for left in report.get("passed_over", ()):
         words = say("Beyond chance (p {p}) but left: {what}, {why}")
-        lines.append(words.format(p=f"{left['p_value']:.1g}", what=left["what"], why=left["text"]))
-    unseen = [f"{effect}: {why}" for effect, why in report.get("not_seen", {}).items()]
+        lines.append(words.format(p=f"{left['p_value']:.1g}", what=left["what"], why=in_words(left["text"])))
+    unseen = [f"{effect}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
     if unseen:
         lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
     if without:

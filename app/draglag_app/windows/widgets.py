@@ -192,6 +192,38 @@ class Scrolled(QScrollArea):
         return self._inside.sizeHint()
 
 
+class Shallow(QScrollArea):
+    """A label as high as its text, up to a height beyond which it scrolls."""
+
+    def __init__(self, inside: QLabel, most_px: int) -> None:
+        super().__init__()
+        self._most_px = most_px
+        self.setWidget(inside)
+        self.setWidgetResizable(True)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self._fit()
+
+    def show_text(self, text: str) -> None:
+        """Another text."""
+        inside = self.widget()
+        if isinstance(inside, QLabel):
+            inside.setText(text)
+        self._fit()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        inside = self.widget()
+        if isinstance(inside, QLabel):
+            text = inside.heightForWidth(self.viewport().width()) if inside.text() else 0
+            self.setFixedHeight(min(text, self._most_px))
+            # A keyboard scrolls it too, where there is something to scroll.
+            self.setFocusPolicy(Qt.FocusPolicy.TabFocus if text > self._most_px else Qt.FocusPolicy.NoFocus)
+
+
 def restyle(widget: QWidget, name: str, value: str) -> None:
     """Change a property that the style sheet looks at."""
     widget.setProperty(name, value)

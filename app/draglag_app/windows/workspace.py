@@ -16,6 +16,7 @@ from draglag.errors import DraglagError
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
+from draglag.store.write import PARTIAL
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.calibrating import Calibrating
 from draglag_app.windows.live_estimates import LiveEstimates
@@ -179,6 +180,8 @@ class Workspace(QObject):
 
     def _ended(self, path: Path | None, problem: str) -> None:
         if problem:
-            self.noticed.emit("warning" if path else "error", problem)
+            # A file that could not be closed keeps the ending it had while it was written.
+            whole = path is not None and path.suffix != PARTIAL
+            self.noticed.emit("warning" if whole else "error", problem)
         if path is not None:
             self.open(path)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
@@ -24,8 +25,9 @@ from draglag.model_file import LatencyModel, save_model
 from draglag_app.apart import close_gap_of, run_apart
 from draglag_app.windows.gap_picture import GapPicture
 from draglag_app.windows.gap_steps import StepPlot, StepTable, remarks
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.tasks import Progress, Task
-from draglag_app.windows.widgets import button, label, restyle
+from draglag_app.windows.widgets import Shallow, button, label, restyle
 from draglag_app.windows.workspace import Edit, Workspace
 
 
@@ -38,6 +40,8 @@ def gap_workflow() -> Callable[..., Any] | None:
     return found if callable(found) else None
 
 
+# Remarks may be many: beyond some lines they scroll rather than take the pictures' room.
+_REMARKS_PX = 84
 State = tuple[frozenset[str], tuple[str, ...]]
 """Effects left out, and effects added by hand."""
 
@@ -92,7 +96,10 @@ class GapPage(QWidget):
         outer.addWidget(self.table, 2)
         self.table.itemSelectionChanged.connect(self._row_chosen)
         self.more = label("", "hint", wrap=True)
-        outer.addWidget(self.more)
+        self.more.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
+        self.remarks = Shallow(self.more, _REMARKS_PX)
+        self.remarks.setAccessibleName(self.tr("Remarks"))
+        outer.addWidget(self.remarks)
         workspace.tasks.changed.connect(self._tasks_changed)
         workspace.session_changed.connect(self._session_changed)
         self._session_changed()
@@ -209,7 +216,7 @@ class GapPage(QWidget):
         self._report, self._without, self._added, self._known = None, frozenset(), (), {}
         self._shown = (frozenset(), ())
         self.picture.show_overlay(None)
-        self.more.setText("")
+        self.remarks.show_text("")
         self.leave_out.setEnabled(False)
         self.table.setRowCount(0)
         self.plot.clear_all()
@@ -230,10 +237,10 @@ class GapPage(QWidget):
                     covariate=report.get("unexplained_by")
                 ),
             ),
-        }.get(str(report["verdict"]), ("warning", " ".join(report.get("missing", ()))))
+        }.get(str(report["verdict"]), ("warning", " ".join(map(in_words, report.get("missing", ())))))
         self._say(level, text)
         self.table.show_steps(report["steps"])
-        self.more.setText("\n".join(remarks(report, self._added, self._without)))
+        self.remarks.show_text("\n".join(remarks(report, self._added, self._without)))
         self.plot.show_report(report)
         self.picture.show_overlay(report.get("overlay"), str(report.get("overlay_why") or ""))
         self._ready()
