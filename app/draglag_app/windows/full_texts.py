@@ -14,6 +14,9 @@ from PySide6.QtWidgets import (
     QToolTip,
 )
 
+# Left and right of an entry in a list that drops down.
+_MARGINS_PX = 24
+
 
 class ElidedLabel(QLabel):
     """One line that takes the width there is instead of making the window wider. ``text()`` is the whole text."""
@@ -85,7 +88,6 @@ def whole_text(box: QComboBox, tip: str = "") -> None:
 
 def widen_list(box: QComboBox) -> None:
     """The list that drops down shows its longest entry; called again when entries have come."""
-    view = box.view()
-    view.setMinimumWidth(
-        view.sizeHintForColumn(0) + 2 * view.frameWidth() + view.verticalScrollBar().sizeHint().width()
-    )
+    letters = box.fontMetrics()
+    widest = max((letters.horizontalAdvance(box.itemText(k)) for k in range(box.count())), default=0)
+    box.view().setMinimumWidth(widest + box.view().verticalScrollBar().sizeHint().width() + _MARGINS_PX)
