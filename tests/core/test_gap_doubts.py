@@ -10,6 +10,7 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
+from draglag.gap.realised import FittedShape
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
@@ -76,3 +77,19 @@ def test_what_is_beyond_chance_but_too_small_for_a_name_is_told() -> None:
     assert told["pitch_ripple"].p_value < 0.01
     assert "amplitude_mm 0.0" in told["pitch_ripple"].text
     assert [left["what"] for left in report.to_dict()["passed_over"]] == list(told)  # type: ignore[attr-defined]
+
+
+def test_a_filter_that_switches_at_its_own_times_is_named_with_its_times() -> None:
+    rng = np.random.default_rng(3)
+    ends = np.cumsum(rng.uniform(4, 12, 120))
+    switched = FittedShape(0.012, "second_filter_mode", (0.0, 2.0, *ends.tolist()), (0.012,))
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[switched], seed=5)
+    report = close_gap(session)
+    assert report.steps[0].effect == "second_filter_mode"
+    value, (low, high) = report.steps[0].parameters["extra_s"]
+    assert value == pytest.approx(0.012, abs=3e-4)
+    assert high - low < 1e-3
+    assert "stretches of time" in report.steps[0].where
+    assert report.gap_first_mm is not None
+    assert report.gap_last_mm is not None
+    assert report.gap_last_mm < 0.8 * report.gap_first_mm

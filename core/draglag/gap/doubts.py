@@ -10,7 +10,7 @@ from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.model import base_prior
-from draglag.gap.naming import MODE, PLATEAU, UNNAMED_MARGIN, Name, gained, name, refit
+from draglag.gap.naming import MODE, PLATEAU, UNNAMED_MARGIN, Name, gained, name, possible, refit
 from draglag.gap.noise import UNEVEN
 from draglag.gap.parameters import parameters_of
 from draglag.gap.results import COVARIATE, TERM_OF, PassedOver, Step
@@ -64,19 +64,21 @@ def path_closes(session: Session, start: Name, allowed: frozenset[str], plateau:
 
 def without_proxies(session: Session, fit: Fit, steps: list[Step]) -> tuple[Fit, list[Step]]:
     """Look at earlier names again beside the newest: one that only stood in for it is dropped."""
-    for term in list(fit.terms[:-1]):
+    newest = TERM_OF.get(steps[-1].effect, steps[-1].effect) if steps else ""
+    for term in [t for t in fit.terms if t.effect != newest]:
         at = [t.effect for t in fit.terms]
         others = [t for t in fit.terms if t.effect != term.effect]
         first = base_prior(fit.law).size + sum(len(t.sizes) for t in fit.terms[: at.index(term.effect)])
         own = slice(first, first + len(term.sizes))
         sizes = np.array(term.sizes)
         wald = float(sizes @ np.linalg.pinv(fit.covariance[own, own]) @ sizes)
-        if wald > 40 * sizes.size:
+        too_small = not possible(term.effect, fit)
+        if wald > 40 * sizes.size and not too_small:
             continue
-        without = refit(session, fit, others, fit.law.plateau_mm_s > 0)
+        without = refit(session, fit, others, fit.law.plateau_mm_s > 0, fit.law)
         if without is None:
             continue
-        if -gained(fit, without) < 8 * sizes.size:
+        if too_small or -gained(fit, without) < 8 * sizes.size:
             fit = without
             steps = [s for s in steps if TERM_OF.get(s.effect, s.effect) != term.effect]
     return fit, steps

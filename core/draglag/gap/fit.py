@@ -78,11 +78,12 @@ def fit_session(
     plateau: bool = False,
     start: Fit | None = None,
     law: LawParameters | None = None,
+    only: np.ndarray | None = None,
 ) -> Fit:
     """Fit law, beam and terms jointly.
 
     ``start`` is a fit of a smaller model: its edges are judged by, so that the two can be compared, and it sizes the
-    new terms. ``law`` is where to begin instead of the runs' own latencies.
+    new terms. ``law`` is where to begin instead of the runs' own latencies. ``only``: of all edges, those to judge by.
 
     Raises EstimateError when the session cannot carry the law.
     """
@@ -104,6 +105,7 @@ def fit_session(
     if any(t.sizes for t in active):
         state = look(runs, law, geometry, state.terms, width, state)
     use = usable(state, runs, loose=True) if start is None else start.use.copy()
+    use = use if only is None else use & only
     settled = judged = False
     damping = 0.0
     for iteration in range(12):

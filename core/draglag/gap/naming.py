@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from draglag.gap.parameters import parameters_of
 from draglag.gap.signatures import SIGNATURES, unnamed_columns
 from draglag.gap.state import Term
 from draglag.gap.stepped import find_step
+from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, law_beside, settled
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM
@@ -37,6 +39,7 @@ SMALLEST = {
     "pitch_ripple": 0.25,
     "direction_asymmetry": 0.2,
 }
+SETTLING = 4
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
 
@@ -53,11 +56,16 @@ class Name:
 
 
 def refit(
-    session: Session, before: Fit, terms: Sequence[Term], plateau: bool, law: LawParameters | None = None
+    session: Session,
+    before: Fit,
+    terms: Sequence[Term],
+    plateau: bool,
+    law: LawParameters | None = None,
+    only: np.ndarray | None = None,
 ) -> Fit | None:
-    """The model with these terms, on the edges of ``before``; None where it cannot be fitted."""
+    """The model with these terms, on the edges of ``before`` (``only`` those); None where it cannot be fitted."""
     try:
-        return fit_session(session, before.runs, terms, plateau, before, law)
+        return fit_session(session, before.runs, terms, plateau, before, law, only)
     except (EstimateError, np.linalg.LinAlgError):
         return None
 
@@ -92,6 +100,23 @@ def possible(effect: str, fit: Fit) -> bool:
     return True
 
 
+def _switched(session: Session, before: Fit, switching: Switching, plateau: bool) -> Fit | None:
+    """The fit with a filter that comes and goes, its times settled beside the law."""
+    fit, law, theta, size_s = None, None, switching.theta, switching.size_s
+    for _ in range(SETTLING):
+        only = away(before.placed.since_start_s, theta)
+        fit = refit(session, before, [*before.terms, Term(MODE, theta, (size_s,))], plateau, law, only)
+        if fit is None:
+            return None
+        size_s, last = fit.terms[-1].sizes[0], theta
+        theta = settled(fit, size_s, theta)
+        if (theta == last and law is not None) or len(theta) < 4:
+            break
+        with contextlib.suppress(EstimateError):
+            law = law_beside(fit, plateau)
+    return fit
+
+
 def name(
     session: Session, before: Fit, finding: Finding, candidates: Collection[str], plateau: bool
 ) -> tuple[list[Name], Candidate | None]:
@@ -107,6 +132,11 @@ def name(
         step = find_step(before.runs, latency_of_terms(before))
     if step is not None:
         tries = [t for t in tries if t[0] != MODE] + [(MODE, (), 1, 32)]
+    switching = None
+    if MODE in candidates and all(t.effect != MODE for t in before.terms) and finding.significant:
+        switching = find_switching(before)
+    if switching is not None and switching.gain > RARE:
+        tries = [t for t in tries if t[0] != MODE] + [(MODE, switching.theta, 1, 1)]
     if PLATEAU in candidates and not plateau:
         tries.append((PLATEAU, (), 1, 8))
     before_mm = gap_mm(before)
@@ -114,6 +144,9 @@ def name(
     for effect, theta, n_columns, n_grid in tries:
         if effect == PLATEAU:
             fit = refit(session, before, before.terms, True)
+        elif effect == MODE and switching is not None and theta == switching.theta:
+            fit = _switched(session, before, switching, plateau)
+            n_columns += round(EACH_SWITCH / 6 * len(switching.on_s) * 2)
         elif effect == MODE and step is not None:
             thresholds = [(float(v), 0.0) for v in step.thresholds_mm_s()]
             options = [[*before.terms, Term(effect, at, (step.size_s,))] for at in thresholds]

@@ -46,7 +46,7 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
         name, factor = LINEAR[effect]
         value, reach = factor * sizes[0], abs(factor) * 1.96 * se[0]
         out: Parameters = {name: (float(value), (float(value - reach), float(value + reach)))}
-        if effect == "second_filter_mode" and theta:
+        if effect == "second_filter_mode" and theta and theta[1] < 2:
             unit = "threshold_mm_s2" if theta[1] else "threshold_mm_s"
             out[unit] = (theta[0], (0.8 * theta[0], 1.25 * theta[0]))
         return out
@@ -76,6 +76,9 @@ def where_of(effect: str, fit: Fit) -> str:
     """Where the effect acts, in words."""
     if effect == "low_speed_plateau":
         return f"drag speed below {fit.law.plateau_mm_s:.0f} mm/s"
+    times = next((t.theta[2:] for t in fit.terms if t.effect == effect == "second_filter_mode"), ())
+    if times:
+        return f"in {len(times) // 2} stretches of time, {sum(times[1::2]) - sum(times[::2]):.0f} s in all"
     return {
         "clock_drift": "growing with session time",
         "thermal_drift": "growing with session time",

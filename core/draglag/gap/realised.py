@@ -51,6 +51,9 @@ class FittedShape(Effect):
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         if self.effect != "second_filter_mode":
             return latency_s
+        if self.theta[1] == 2:
+            on = np.searchsorted(np.array(self.theta[2:]), k.session_s - self.about) % 2 == 1
+            return np.asarray(latency_s + self.sizes[0] * on)
         return latency_s + self.sizes[0] * (np.abs(k.tangential_mm_s2) > self.theta[0])
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
@@ -93,14 +96,15 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 
 def has_free_shape(term: Term) -> bool:
     """Whether its numbers alone do not say what the term does: a fitted shape, a filter that follows acceleration."""
-    return term.effect in OF_FREE_SHAPE or (term.effect == "second_filter_mode" and term.theta[1:2] == (1.0,))
+    return term.effect in OF_FREE_SHAPE or (term.effect == "second_filter_mode" and term.theta[1:2] in {(1.0,), (2.0,)})
 
 
 def fitted_shape(term: Term, fit: Fit) -> FittedShape:
     """The term as a displacement of its own shape."""
     panel_x = 2 * fit.placed.xy_mm[:, 0] / fit.width_mm - 1
     amplitude = float(np.linalg.norm(term.sizes[:2]))
-    return FittedShape(amplitude, term.effect, term.theta, term.sizes, float(panel_x.mean()))
+    about = 0.0 if term.effect == "second_filter_mode" else float(panel_x.mean())
+    return FittedShape(amplitude, term.effect, term.theta, term.sizes, about)
 
 
 def made(name: str, numbers: Mapping[str, float]) -> Effect:

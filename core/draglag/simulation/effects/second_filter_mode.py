@@ -42,15 +42,18 @@ class SecondFilterMode(Effect):
         out = []
         for kind, values in enumerate((view.speed, np.abs(view.accel))):
             limits = np.quantile(values, np.linspace(0.12, 0.88, 16))
-            out += [mode(view, float(limit), float(kind), 32) for limit in limits]
+            out += [mode(view, float(limit), float(kind), n_grid=32) for limit in limits]
         return out
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        return mode(view, theta[0], theta[1]) if theta else super().signature_at(theta, view)
+        return mode(view, theta[0], theta[1], theta[2:]) if theta else super().signature_at(theta, view)
 
 
-def mode(view: View, limit: float, kind: float, n_grid: int = 1) -> Signature:
-    """More latency above a speed (kind 0) or above an acceleration (1)."""
+def mode(view: View, limit: float, kind: float, times_s: tuple[float, ...] = (), n_grid: int = 1) -> Signature:
+    """More latency above a speed (kind 0), above an acceleration (1), or in stretches of the session (2)."""
+    if kind == 2:
+        on = np.searchsorted(np.array(times_s), view.since_start_s) % 2 == 1
+        return Signature(latency=column(on.astype(float)), theta=(limit, kind, *times_s), n_grid=n_grid)
     values = np.abs(view.accel) if kind else view.speed
     return Signature(latency=column((values > limit).astype(float)), theta=(limit, kind), n_grid=n_grid)
