@@ -198,6 +198,8 @@ class Shallow(QScrollArea):
     def __init__(self, inside: QLabel, most_px: int) -> None:
         super().__init__()
         self._most_px = most_px
+        # Else its hint, which knows no width, would be its least height.
+        inside.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.setWidget(inside)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)

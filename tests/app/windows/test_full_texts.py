@@ -93,6 +93,12 @@ def test_many_remarks_scroll_and_few_take_only_their_lines(qapp: QApplication) -
     qapp.processEvents()
     one = area.height()
     assert 0 < one < 40
+    assert area.verticalScrollBar().maximum() == 0
+    # Words that are wrapped need no more than their lines either.
+    area.show_text(" ".join(["remark"] * 40))
+    qapp.processEvents()
+    assert one < area.height() < 84
+    assert area.verticalScrollBar().maximum() == 0
     area.show_text("\n".join(f"Remark {k}: {LONG}" for k in range(20)))
     qapp.processEvents()
     assert area.height() == 84

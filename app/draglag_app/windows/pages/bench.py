@@ -21,6 +21,8 @@ from draglag_devices.discovery import Found, discover
 from draglag_devices.rig import give_panel, make_rig
 
 _LOOK_S = 0.6
+# As wide as a screen's name asks for, where there is room.
+_DISPLAY_PX = 380
 
 
 @dataclass(frozen=True)
@@ -141,11 +143,12 @@ class BenchPage(QWidget):
             self.display.addItem(text, value)
         whole_text(self.display)
         self.display.activated.connect(self._display_chosen)
-        row.addWidget(self.display, 2)
+        self.display.setMaximumWidth(_DISPLAY_PX)
+        row.addWidget(self.display, 1)
         self.fast = QCheckBox(self.tr("Simulated time, as fast as possible"))
         self.fast.clicked.connect(lambda on: self._change_rig(fast=on))
         row.addWidget(self.fast)
-        row.addStretch(1)
+        row.addStretch(0)
         look = button(self.tr("Look for devices"))
         look.clicked.connect(self.look)
         self.check_button = button(self.tr("Check the rig  F3"), "primary")
