@@ -9,6 +9,7 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
+from draglag_app.windows.gap_words import followed
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.theme import theme
@@ -45,7 +46,7 @@ class StepTable(QTableWidget):
         size = ", ".join(f"{key} {_value(value)}" for key, value in step["parameters"].items())
         gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
         chance = f"{step['evidence']['p_value']:.1e}"
-        for column, text in enumerate((name, str(step.get("where", "")), size, gap, chance)):
+        for column, text in enumerate((name, in_words(str(step.get("where", ""))), size, gap, chance)):
             item = QTableWidgetItem(text)
             item.setToolTip(text)
             item.setData(Qt.ItemDataRole.UserRole, step["effect"])
@@ -85,7 +86,7 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
             lines.append(f"{step['effect']}: {step['evidence'].get('text', '')}")
     for left in report.get("passed_over", ()):
         words = say("Beyond chance (p {p}) but left: {what}, {why}")
-        lines.append(words.format(p=f"{left['p_value']:.1g}", what=left["what"], why=in_words(left["text"])))
+        lines.append(words.format(p=f"{left['p_value']:.1g}", what=followed(left["what"]), why=in_words(left["text"])))
     unseen = [f"{effect}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
     if unseen:
         lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))

@@ -9,6 +9,7 @@ from PySide6.QtCore import QCoreApplication
 
 from draglag.errors import DraglagError
 from draglag_app.windows.device_words import NOTICES, PROBLEMS, REASONS, REMEDIES
+from draglag_app.windows.gap_words import GAP
 from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
 
 _SOURCES = {
@@ -62,22 +63,7 @@ SENTENCES = (
         "calibrate the touchscreen again, and begin anew.",
     ),
     QT_TRANSLATE_NOOP("Library", "only {free} MB are free in {folder}: make room"),
-    # What the gap report says of the session and of what it left.
-    QT_TRANSLATE_NOOP("Library", "a second beam position separates a wider shadow from a wrong scale"),
-    QT_TRANSLATE_NOOP("Library", "taps before and after the runs separate a drifting clock from a creeping latency"),
-    QT_TRANSLATE_NOOP("Library", "a chirp or step whose speed changes quickly"),
-    QT_TRANSLATE_NOOP("Library", "circles whose centre lies 30 mm off the beam"),
-    QT_TRANSLATE_NOOP("Library", "a fixed trail hides in the latency law: a tap or a second stylus shows it"),
-    QT_TRANSLATE_NOOP("Library", "taps timed on the same clock show it"),
-    QT_TRANSLATE_NOOP("Library", "circles that travel across the whole width show it"),
-    QT_TRANSLATE_NOOP("Library", "{n} circle runs with edges: at least 5 are needed"),
-    QT_TRANSLATE_NOOP("Library", "{n} drag speeds: at least 4, spread over a factor of 3, are needed"),
-    QT_TRANSLATE_NOOP("Library", "{n} edges: at least 80 are needed"),
-    QT_TRANSLATE_NOOP("Library", "the circles hardly travel sideways: slope and latency cannot be told apart"),
-    QT_TRANSLATE_NOOP("Library", "{sizes}; gap on held-out runs {before} → {after} mm: too little for a name"),
-    QT_TRANSLATE_NOOP(
-        "Library", "it is worth less than the terms it takes or does not shrink the gap on held-out runs"
-    ),
+    *GAP,
 )
 
 

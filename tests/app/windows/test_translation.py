@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,10 +18,14 @@ from PySide6.QtWidgets import QApplication
 import draglag_app.windows
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import FORMS
+from draglag.gap.by_hand import BY_HAND
+from draglag.gap.parameters import where_of
+from draglag.gap.separate import EXTRA_RUN
 from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
 from draglag.latency.on_clock import warnings_of
 from draglag.recording import ClockBounds, Session, empty_touch
+from draglag_app.windows.gap_steps import remarks
 from draglag_app.windows.i18n import language_of, table_of, use_language
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.window import OperatorWindow
@@ -116,3 +121,33 @@ def test_windows_speak_dutch(qapp: QApplication, open_window: Callable) -> None:
 def test_unknown_languages_are_english() -> None:
     assert language_of("xx") == "en"
     assert table_of("xx") == {}
+
+
+def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
+    reasons = set(EXTRA_RUN.values()) | {
+        "a fixed trail hides in the latency law: a tap or a second stylus shows it",
+        "taps timed on the same clock show it",
+        "circles that travel across the whole width show it",
+        "it is worth less than the terms it takes or does not shrink the gap on held-out runs",
+    }
+    too_small = "amplitude_mm 0.0228 (0.0112 to 0.0345); gap on held-out runs 0.180 → 0.179 mm: too little for a name"
+    assert in_words(too_small) == too_small
+    fit = SimpleNamespace(law=SimpleNamespace(plateau_mm_s=118.0))
+    places = {where_of(effect, fit) for effect in (*BY_HAND, "low_speed_plateau")}  # type: ignore[arg-type]
+    report = {
+        "steps": [{"effect": "clock_drift", "extra_run": EXTRA_RUN["clock_drift"], "evidence": {}}],
+        "passed_over": [{"what": "session_time", "p_value": 6e-6, "text": too_small}],
+        "not_seen": {"clock_offset": "taps timed on the same clock show it"},
+    }
+    try:
+        use_language(qapp, "nl")
+        assert [text for text in reasons | places if in_words(text) == text] == []
+        said = remarks(report, (), ())
+        assert said == [
+            "clock_drift: tikken voor en na de runs onderscheiden een verlopende klok van een kruipende vertraging",
+            "Geen toeval (p 6e-06) maar gelaten: de sessietijd, amplitude_mm 0.0228 (0.0112 to 0.0345); verschil op "
+            "niet gebruikte runs 0.180 → 0.179 mm: te weinig voor een naam",
+            "Deze sessie kan niet laten zien: clock_offset: tikken op dezelfde klok laten het zien",
+        ]
+    finally:
+        use_language(qapp, "en")

@@ -25,6 +25,7 @@ from draglag.model_file import LatencyModel, save_model
 from draglag_app.apart import close_gap_of, run_apart
 from draglag_app.windows.gap_picture import GapPicture
 from draglag_app.windows.gap_steps import StepPlot, StepTable, remarks
+from draglag_app.windows.gap_words import followed
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.tasks import Progress, Task
 from draglag_app.windows.widgets import Shallow, button, label, restyle
@@ -234,7 +235,7 @@ class GapPage(QWidget):
             "unexplained": (
                 "warning",
                 self.tr("A gap remains that no known effect explains; it follows {covariate}.").format(
-                    covariate=report.get("unexplained_by")
+                    covariate=followed(str(report.get("unexplained_by")))
                 ),
             ),
         }.get(str(report["verdict"]), ("warning", " ".join(map(in_words, report.get("missing", ())))))
