@@ -171,13 +171,14 @@ class ValidationView(QWidget):
         self.table = table(titles, stretch=1)
         self.table.setAccessibleName(tr("Validation"))
         self.plot = Plot(tr("Residual at each edge"), tr("drag speed (mm/s)"), tr("residual (mm)"), "validation")
-        self.plot.add_legend()
+        self.plot.add_legend(columns=2)
         box.addWidget(self.table, 2)
         box.addWidget(self.plot, 3)
 
     def show_items(self, items: Iterable[Validation]) -> None:
         self.table.setRowCount(0)
         self.plot.clear_all()
+        items = tuple(items)
         for k, item in enumerate(items):
             self.table.insertRow(k)
             for column, text in enumerate(
@@ -188,6 +189,10 @@ class ValidationView(QWidget):
             colour = theme().series[k % len(theme().series)]
             name = f"{item.run} {words.target_name(item.protocol)}"
             self.plot.dots(name, item.speeds_mm_s, item.alignment.residual_mm, colour, "ostd+x"[k % 6], 7, hollow=True)
+        if items:
+            # With room for the legend's rows above the farthest of them.
+            reach_mm = max(float(np.abs(item.alignment.residual_mm).max(initial=0.1)) for item in items)
+            self.plot.setYRange(-1.1 * reach_mm, (1.1 + 0.4 * -(-len(items) // 2)) * reach_mm, padding=0)
 
 
 def _title(estimate: RunEstimate | None, checked: Validation | None) -> str:
