@@ -45,9 +45,9 @@ class Recording:
     def __exit__(self, *_: object) -> None:
         self.source.close()
 
-    def read_until(self, reached: Callable[[], bool]) -> None:
-        """Read batches until the condition holds; fails after PATIENCE_S."""
-        give_up = time.monotonic() + PATIENCE_S
+    def read_until(self, reached: Callable[[], bool], due_s: float = 0.0) -> None:
+        """Read batches until the condition holds; fails PATIENCE_S after now, or after when it is due."""
+        give_up = max(time.monotonic(), due_s) + PATIENCE_S
         while not reached():
             assert time.monotonic() < give_up, f"never happened; notices so far: {self.texts}"
             batch = self.source.read(0.1)
@@ -61,7 +61,7 @@ class Recording:
 
     def read_past(self, t_ns: int) -> None:
         """Read until everything before this host time has been reported by a living source."""
-        self.read_until(lambda: self.alive and self.until_s > t_ns * 1e-9)
+        self.read_until(lambda: self.alive and self.until_s > t_ns * 1e-9, t_ns * 1e-9)
 
     @property
     def texts(self) -> list[str]:
