@@ -33,7 +33,6 @@ def without(*names: str) -> list[str]:
         ("beam_width=-0.8", ("beam_width", "scale_error"), "speed"),
         ("lagging_law=0.08", ("lagging_law", "acceleration_lag"), "acceleration"),
         ("sample_hold=80", ("sample_hold",), "host_tick"),
-        ("pitch_ripple=0.5", ("pitch_ripple",), "scatter"),
     ],
 )
 def test_an_effect_without_a_name_is_owned_up_to_and_not_misnamed(
