@@ -80,7 +80,10 @@ class Recording:
 
     def true_edges(self, channel: int = 1) -> list[list[int]]:
         """[host ns, channel, level, stamp ns] of the edges that really happened."""
-        return [edge for edge in self.segment.order("log")["edges"] if edge[1] == channel]
+        edges: list[list[int]] = []
+        while part := self.segment.order("log", first=len(edges), count=1000)["edges"]:
+            edges += part
+        return [edge for edge in edges if edge[1] == channel]
 
 
 def lost_edges(rec: Recording, true: list[list[int]]) -> tuple[list[list[int]], list[list[int]]]:

@@ -40,6 +40,7 @@ SMALLEST = {
     "direction_asymmetry": 0.2,
 }
 SETTLING = 4
+JUMP_SURE, JUMP_LEAST = 1.2, 100.0
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
 
@@ -100,6 +101,20 @@ def possible(effect: str, fit: Fit) -> bool:
     return True
 
 
+def sure_jump(fit: Fit, finding: Finding) -> Candidate | None:
+    """A jump along the panel that explains clearly more than any effect or smooth term: no refit will change that."""
+    best, *others = finding.candidates[:1] + tuple(c for c in finding.candidates[1:] if not _is_jump(c))
+    if not (_is_jump(best) and best in finding.significant):
+        return None
+    if best.score < JUMP_SURE * max((c.score for c in others), default=0.0) or best.score < JUMP_LEAST:
+        return None
+    return best if shrinks_with(fit, unnamed_columns(fit.view, best.covariate, best.role, best.theta)) else None
+
+
+def _is_jump(candidate: Candidate) -> bool:
+    return candidate.effect is None and candidate.role.endswith("jump")
+
+
 def _switched(session: Session, before: Fit, switching: Switching, plateau: bool) -> Fit | None:
     """The fit with a filter that comes and goes, its times settled beside the law."""
     fit, law, theta, size_s = None, None, switching.theta, switching.size_s
@@ -126,6 +141,9 @@ def name(
     column to be found by), is refitted jointly with the rest of the model.
     """
     significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
+    jump = sure_jump(before, finding)
+    if jump is not None:
+        return [], jump
     tries = [(c.effect, c.theta, c.n_columns, c.n_grid) for c in significant[:REFITTED] if c.effect]
     step = None
     if MODE in candidates and not plateau and all(t.effect != MODE for t in before.terms):

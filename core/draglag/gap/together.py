@@ -16,7 +16,7 @@ from draglag.gap.state import Term
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS
 
-TRIED = 4  # pairs refitted, of all those that a linear look ranks
+TRIED = 3  # pairs refitted, of all those that a linear look ranks
 EACH = 20.0  # deviance that either has to save beside the other
 
 
@@ -28,7 +28,6 @@ def name_two(
     The first name is the one that saves more alone; its fit has it alone, the second's has both.
     """
     pairs = _ranked(before, finding, candidates)[:TRIED]
-    alone = {c: refit(session, before, [*before.terms, _term(c)], plateau) for pair in pairs for c in pair}
     best: tuple[float, Candidate, Candidate, Fit] | None = None
     for one, two in pairs:
         fit = refit(session, before, [*before.terms, _term(one), _term(two)], plateau)
@@ -40,7 +39,7 @@ def name_two(
     if best is None:
         return None
     gain, one, two, both = best
-    singles = {c: alone[c] for c in (one, two)}
+    singles = {c: refit(session, before, [*before.terms, _term(c)], plateau) for c in (one, two)}
     gains = {c: -1e9 if fit is None else _priced(before, fit, c) for c, fit in singles.items()}
     first, second = sorted((one, two), key=lambda c: -gains[c])
     start = singles[first]

@@ -115,6 +115,9 @@ def close_gap(
                 names = []
             else:
                 grace = grace or _Grace(unnamed.covariate, tuple(steps), fit)
+        if not names and unnamed is not None and unnamed.role.endswith("jump"):
+            unexplained = unnamed
+            break
         if names:
             added = [names]
         else:

@@ -132,8 +132,9 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
     }
     too_small = "amplitude_mm 0.0228 (0.0112 to 0.0345); gap on held-out runs 0.180 → 0.179 mm: too little for a name"
     assert in_words(too_small) == too_small
-    fit = SimpleNamespace(law=SimpleNamespace(plateau_mm_s=118.0))
+    fit = SimpleNamespace(law=SimpleNamespace(plateau_mm_s=118.0), terms=())
     places = {where_of(effect, fit) for effect in (*BY_HAND, "low_speed_plateau")}  # type: ignore[arg-type]
+    places.add("in 40 stretches of time, 265 s in all")
     report = {
         "steps": [{"effect": "clock_drift", "extra_run": EXTRA_RUN["clock_drift"], "evidence": {}}],
         "passed_over": [{"what": "session_time", "p_value": 6e-6, "text": too_small}],

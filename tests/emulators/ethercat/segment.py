@@ -245,10 +245,13 @@ class Line:
 
     def _do_log(self, order: Order, t_ns: int) -> Order:
         """What happened so far: edges with the stamps given, counts, how many edges are still to come, and how
-        many pauses there were between frames with process data since the host time ``since``, and their sum."""
+        many pauses there were between frames with process data since the host time ``since``, and their sum.
+        ``first`` and ``count``: of which edges, for an answer has to fit into a datagram."""
         self._advance(t_ns)
         inputs = self.all_inputs[int(order.get("terminal", 0))]
-        edges = [[e.t_ns, e.channel, e.level, e.stamp_ns] for e in inputs.done]
+        first = int(order.get("first", 0))
+        done = inputs.done[first : first + int(order.get("count", len(inputs.done)))]
+        edges = [[e.t_ns, e.channel, e.level, e.stamp_ns] for e in done]
         pauses = [until - begun for begun, until in self.pauses if until > int(order.get("since", 0))]
         return {"t_ns": t_ns, "edges": edges, "coming": len(inputs.coming), "counts": dict(self.counts),
                 "pauses": len(pauses), "paused_ns": sum(pauses)}  # fmt: skip
