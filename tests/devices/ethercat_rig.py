@@ -125,7 +125,7 @@ def stood_still_s(rec: Recording) -> float:
     """How long the segment, at its end of the cable, got no frames with process data, each time a cycle or two longer;
     and what a restart takes, where the line stood still for so long that there had to be one.
     """
-    log = rec.segment.order("log", since=rec.begun_ns)
+    log = rec.segment.order("log", since=rec.begun_ns, count=0)
     still_s = log["paused_ns"] * 1e-9
     back = [float(found[1]) for text in rec.texts if (found := re.search(r"back after (\d+\.\d+) s", text))]
     # Eight cycles without an answer take 8 ms each; a bring-up has 70 cycles that are no measurement yet.
