@@ -414,34 +414,27 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next():
     assert link.ask("T", protocol.parse_time).value == 900
 
 
-def test_a_shock_that_is_told_late_is_not_lost():
+@pytest.mark.parametrize(
+    ("at_s", "late", "delay_s", "read_s"),
+    [
+        # A hub that is held up: the answer with the second shock takes longer than the driver waits.
+        ((1.0, 2.0, 3.0), 1, 0.25, 5),
+        # Even the ping that follows the question is not answered within its second.
+        ((1.0, 4.0), 0, 0.8, 6),
+    ],
+    ids=["late", "very late"],
+)
+def test_a_shock_that_is_told_late_is_not_lost(at_s, late, delay_s, read_s):
     wire = SteppedWire()
     source = on_wire(wire, "walt")
     source.open()
     start_s = wire.t_s
-    true_s = start_s + np.array([1.0, 2.0, 3.0])
-    for at_s in true_s:
-        wire.at(at_s, lambda firmware, t: firmware.shock(t))
-    # A hub that is held up: the answer with the second shock takes longer than the driver waits.
-    wire.at(true_s[1] - 1e-3, lambda firmware, t: setattr(firmware.faults, "delay_s", 0.25))
-    wire.at(true_s[1] + 0.1, lambda firmware, t: setattr(firmware.faults, "delay_s", 0.0))
-    batches = read_until(source, wire, start_s + 5)
-    assert taps_of(batches) == pytest.approx(true_s, abs=2e-4)
-    assert rejected_of(batches) == []
-
-
-def test_a_shock_that_is_told_very_late_is_not_lost_either():
-    """Even the ping that follows the question is not answered within its second."""
-    wire = SteppedWire()
-    source = on_wire(wire, "walt")
-    source.open()
-    start_s = wire.t_s
-    true_s = start_s + np.array([1.0, 4.0])
-    for at_s in true_s:
-        wire.at(at_s, lambda firmware, t: firmware.shock(t))
-    wire.at(true_s[0] - 1e-3, lambda firmware, t: setattr(firmware.faults, "delay_s", 0.8))
-    wire.at(true_s[0] + 0.1, lambda firmware, t: setattr(firmware.faults, "delay_s", 0.0))
-    batches = read_until(source, wire, start_s + 6)
+    true_s = start_s + np.array(at_s)
+    for shock_s in true_s:
+        wire.at(shock_s, lambda firmware, t: firmware.shock(t))
+    wire.at(true_s[late] - 1e-3, lambda firmware, t: setattr(firmware.faults, "delay_s", delay_s))
+    wire.at(true_s[late] + 0.1, lambda firmware, t: setattr(firmware.faults, "delay_s", 0.0))
+    batches = read_until(source, wire, start_s + read_s)
     assert taps_of(batches) == pytest.approx(true_s, abs=2e-4)
     assert rejected_of(batches) == []
 

@@ -14,6 +14,7 @@ from draglag.gap.parameters import parameters_of
 from draglag.gap.state import Term
 from draglag.recording import Beam, FloatArray, Session
 from draglag.simulation.effects import EFFECTS, Effect, Parameter
+from draglag.simulation.effects.second_filter_mode import within
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.law import LatencyLaw
 from draglag.simulation.rig import Rig
@@ -52,8 +53,7 @@ class FittedShape(Effect):
         if self.effect != "second_filter_mode":
             return latency_s
         if self.theta[1] == 2:
-            on = np.searchsorted(np.array(self.theta[2:]), k.session_s - self.about) % 2 == 1
-            return np.asarray(latency_s + self.sizes[0] * on)
+            return np.asarray(latency_s + self.sizes[0] * within(self.theta[2:], k.session_s))
         return latency_s + self.sizes[0] * (np.abs(k.tangential_mm_s2) > self.theta[0])
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:

@@ -18,6 +18,7 @@ from draglag.gap.noise import touch_variances
 from draglag.gap.signatures import view_of
 from draglag.gap.state import term_signature, total
 from draglag.recording import FloatArray
+from draglag.simulation.effects.second_filter_mode import within
 
 SIZES_S = np.geomspace(0.003, 0.04, 14)
 STARTS = (0.1, 0.35, 0.65, 0.9)  # quantiles of a run's latencies that its earlier level is looked for at
@@ -83,8 +84,7 @@ def settled(fit: Fit, size_s: float, theta: tuple[float, ...]) -> tuple[float, .
     """The times anew beside the law of a fit that has the switching in it: a run that never switches tells only by
     the law which of the two levels is its own."""
     placed, late_s, sd_s, usable = _latencies(fit)
-    on = np.searchsorted(np.array(theta[2:]), placed.since_start_s) % 2 == 1
-    late_s = late_s + size_s * on
+    late_s = late_s + size_s * within(theta[2:], placed.since_start_s)
     spans = []
     for k in range(len(fit.runs)):
         own = np.flatnonzero(usable & (placed.run == k))

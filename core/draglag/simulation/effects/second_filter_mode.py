@@ -53,7 +53,15 @@ class SecondFilterMode(Effect):
 def mode(view: View, limit: float, kind: float, times_s: tuple[float, ...] = (), n_grid: int = 1) -> Signature:
     """More latency above a speed (kind 0), above an acceleration (1), or in stretches of the session (2)."""
     if kind == 2:
-        on = np.searchsorted(np.array(times_s), view.since_start_s) % 2 == 1
-        return Signature(latency=column(on.astype(float)), theta=(limit, kind, *times_s), n_grid=n_grid)
+        return Signature(
+            latency=column(within(times_s, view.since_start_s).astype(float)),
+            theta=(limit, kind, *times_s),
+            n_grid=n_grid,
+        )
     values = np.abs(view.accel) if kind else view.speed
     return Signature(latency=column((values > limit).astype(float)), theta=(limit, kind), n_grid=n_grid)
+
+
+def within(times_s: tuple[float, ...], at_s: FloatArray) -> np.ndarray:
+    """Whether times (m,) lie in one of the stretches from–to, given as one increasing row, s."""
+    return np.asarray(np.searchsorted(np.array(times_s), at_s) % 2 == 1)
