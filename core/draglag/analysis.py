@@ -153,11 +153,11 @@ def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]
 def curve_points(estimates: list[RunEstimate], options: AnalysisOptions) -> CurvePoints:
     """The runs that may carry the curve: estimated, finite standard error, not excluded."""
     good = [
-        (e.speed_mm_s, e.latency_s, e.latency_se_s, e.speed_se_mm_s or 0.0, e.speed_sd_mm_s or 0.0)
+        (e.speed_mm_s, e.latency_s, e.curve_se_s, e.speed_se_mm_s or 0.0, e.speed_sd_mm_s or 0.0)
         for e in estimates
         if e.latency_s is not None
-        and e.latency_se_s
-        and np.isfinite(e.latency_se_s)
+        and e.curve_se_s
+        and np.isfinite(e.curve_se_s)
         and e.id not in options.exclude
         and "at_window_end" not in e.flags
     ]

@@ -40,10 +40,10 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
     Amplitudes are linear and solved for every pair of rates and every threshold between two runs at once.
     """
     rows = [
-        (d.estimate.speed_mm_s, d.estimate.latency_s - (0.0 if less_s is None else less_s[k]), d.estimate.latency_se_s)
+        (d.estimate.speed_mm_s, d.estimate.latency_s - (0.0 if less_s is None else less_s[k]), d.estimate.curve_se_s)
         for k, d in enumerate(runs)
         if d.estimate is not None and d.estimate.latency_s is not None and d.estimate.speed_mm_s is not None
-        and d.estimate.latency_se_s
+        and d.estimate.curve_se_s
     ]  # fmt: skip
     if len(rows) < 8:
         return None

@@ -30,6 +30,7 @@ SCATTER_LASTS_S = 0.03
 NEAR_S = 3e-5  # a step from here ends closer than any interval tells
 SURELY_CALM = 0.2  # nothing calls for another explanation of the edges
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
+TREMOR_APART_S = 0.025  # edges this far apart meet another phase of the tremor
 UNSURE = 3.0  # a place this many times less sure than the median is none
 
 
@@ -252,7 +253,10 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
         best.v_mm_s,
         lines,
     )
-    reach = float(stdtrit(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975)) * best.se_s
+    ahead_s, spread_s = _by_tremor_s(best)
+    latency_s += ahead_s
+    se_s = float(np.hypot(best.se_s, spread_s))
+    reach = float(stdtrit(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975)) * se_s
     x_mm = alignment.x_mm
     # Noise across the motion adds half its variance over the speed, which is taken off again. Tremor, which the path
     # averages away, adds as much; and an edge is the likelier the faster the stylus crosses.
@@ -267,7 +271,8 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
         speed_se_mm_s=float(np.sqrt(2 * noise2 / n)),
         speed_sd_mm_s=float(np.sqrt(max(float(np.var(speed)) - noise2, 0.0) + tremor2)),
         latency_s=latency_s,
-        latency_se_s=best.se_s,
+        latency_se_s=se_s,
+        se_at_speed_s=best.se_s,
         latency_ci95_s=(latency_s - reach, latency_s + reach),
         j0_per_edge_mm2=cost_without_shift(ready, best.edges, best.track.path.at(best.edges.t_s, 1)[:, 1]),
         j_per_edge_mm2=float(np.mean(best.residual_mm**2)),
@@ -275,3 +280,19 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
         stylus_diameter_se_mm=2 * float(np.sqrt(best.covariance[3, 3])),
         alignment=alignment,
     )
+
+
+def _by_tremor_s(best: Solution) -> tuple[float, float]:
+    """By how much tremor carries the trace ahead, s, and the scatter of the edges' mean latency for it, s.
+
+    Where latency follows speed, each swing of the tremor is shown by as much sooner as it is fast: to first order
+    x(t − L(v + ν)) has the mean of −L'·ν² in it, an advance by −L'·⟨ν²⟩ / v in time. And each edge has a speed of its
+    own, which the trace does not show: so much of it is left in the mean of few edges. The estimate itself goes by the
+    path, so that this is no error of its own at the mean speed.
+    """
+    if best.track.tremor is None:
+        return 0.0, 0.0
+    speed = max(float(best.speed_mm_s.mean()), 1.0)
+    slope_s, share = float(best.parameters[4]), best.track.tremor.speed2 / speed**2
+    phases = 1 + int(np.count_nonzero(np.diff(np.sort(best.edges.t_s)) > TREMOR_APART_S))
+    return -slope_s * share, abs(slope_s) * float(np.sqrt(share / phases))

@@ -57,6 +57,8 @@ class Alignment:
 class RunEstimate:
     """Latency of one run with its 95 % interval and its verdict; ``latency_s`` is None where there is none.
 
+    ``latency_s`` is the mean over the run's edges, with ``latency_se_s``. ``se_at_speed_s`` is its smaller error as the
+    latency at ``speed_mm_s``, which tremor does not scatter: what a curve is fitted by (None: the same).
     ``speed_se_mm_s`` is the standard error of the mean speed, ``speed_sd_mm_s`` how much the speed varied from edge to
     edge. ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words.
     ``clock_uncertainty_s`` is what the laser's clock may shift the latency by (the interval holds it); None where that
@@ -75,6 +77,7 @@ class RunEstimate:
     speed_sd_mm_s: float | None = None
     latency_s: float | None = None
     latency_se_s: float | None = None
+    se_at_speed_s: float | None = None
     latency_ci95_s: tuple[float, float] | None = None
     j0_per_edge_mm2: float | None = None
     j_per_edge_mm2: float | None = None
@@ -84,6 +87,11 @@ class RunEstimate:
     flags: tuple[str, ...] = ()
     alignment: Alignment | None = None
     clock_uncertainty_s: float | None = 0.0
+
+    @property
+    def curve_se_s(self) -> float | None:
+        """Standard error by which the run weighs in a curve."""
+        return self.latency_se_s if self.se_at_speed_s is None else self.se_at_speed_s
 
     @property
     def latency_ms(self) -> float | None:

@@ -72,11 +72,9 @@ def with_sensor(estimate: RunEstimate) -> RunEstimate:
     """
     if estimate.latency_ci95_s is None:
         return estimate
-    se_s = estimate.latency_se_s
     low_s, high_s = estimate.latency_ci95_s
     return replace(
-        estimate,
-        latency_se_s=None if se_s is None else float(np.hypot(se_s, SENSOR_RESPONSE_S / np.sqrt(12.0))),
+        _less_sure(estimate, SENSOR_RESPONSE_S / np.sqrt(12.0)),
         latency_ci95_s=(low_s, high_s + SENSOR_RESPONSE_S),
     )
 
@@ -97,12 +95,19 @@ def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
     latency_s = estimate.latency_s
     if latency_s is None or bound_s == 0.0:
         return estimate
-    if estimate.latency_se_s is not None:
-        estimate = replace(estimate, latency_se_s=float(np.hypot(estimate.latency_se_s, bound_s / np.sqrt(3.0))))
+    estimate = _less_sure(estimate, bound_s / np.sqrt(3.0))
     if estimate.latency_ci95_s is not None:
         low, high = (float(np.hypot(end - latency_s, bound_s)) for end in estimate.latency_ci95_s)
         estimate = replace(estimate, latency_ci95_s=(latency_s - low, latency_s + high))
     return estimate
+
+
+def _less_sure(estimate: RunEstimate, se_s: float) -> RunEstimate:
+    """Both standard errors with another beside them, s."""
+    mean, at_speed = (
+        None if own is None else float(np.hypot(own, se_s)) for own in (estimate.latency_se_s, estimate.se_at_speed_s)
+    )
+    return replace(estimate, latency_se_s=mean, se_at_speed_s=at_speed)
 
 
 def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float:

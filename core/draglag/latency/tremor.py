@@ -25,8 +25,8 @@ class Tremor:
     """Estimated tremor on a fine grid, (g, 2) mm, and autocovariances by lag in the same steps, mm², (k,).
 
     ``unseen``: of the estimate's own error. ``whole``: of the tremor, for those who leave it out.
-    ``speed2``: variance of one component of the tremor's velocity, (mm/s)²; from what lies across the motion, since a
-    latency that depends on speed magnifies what lies along it.
+    ``speed2``: variance of one component of the tremor's velocity, (mm/s)². Both are from what lies across the motion:
+    a latency that depends on speed re-times the trace, and so magnifies what lies along it.
     """
 
     start_s: float
@@ -69,16 +69,11 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
     squared = (transform.real**2 + transform.imag**2) * (2 * events.dt_s / events.slot.size)
     power = squared[:2].mean(0)
     width = max(1, round(SMOOTH_HZ / f_hz[1]))
-    total = np.cumsum(np.pad(power, (width // 2 + 1, width - width // 2), mode="edge"))
-    smooth = (total[width:] - total[:-width])[: power.size] / width
-    beside = [float(power[(f_hz >= low) & (f_hz < high)].mean()) for low, high in BESIDE_HZ]
-    centres = [0.5 * (low + high) for low, high in BESIDE_HZ]
-    floor = np.interp(f_hz, centres, beside)
     inside = (f_hz >= BAND_HZ[0]) & (f_hz <= BAND_HZ[1])
-    excess = np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)
+    floor, excess = _over_the_floor(f_hz, power, inside, width)
     gain = excess / np.maximum(excess + floor, 1e-12)
-    level = [float(squared[2, (f_hz >= low) & (f_hz < high)].mean()) for low, high in BESIDE_HZ]
-    own = squared[2, inside] - np.interp(f_hz[inside], centres, level)
+    floor_across, excess_across = _over_the_floor(f_hz, squared[2], inside, width)
+    own = (squared[2] - floor_across)[inside]
     speed2 = max(float(((2 * np.pi * f_hz[inside]) ** 2 * own).sum()) * float(f_hz[1]), 0.0)
     finer = int(np.ceil(events.dt_s / FINEST_S))
     fine = irfft(transform[:2] * gain, size * finer).T * finer
@@ -88,6 +83,17 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
     to_lag = 0.5 * lag_hz[1] * points
     unseen, whole = (
         tapered(irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), points)[: points // 2], step_s)
-        for one in (gain * floor, excess)
+        for one in (gain * floor, excess_across)
     )
     return Tremor(float(events.t_s[0]), step_s, fine[: n * finer], unseen, whole, speed2)
+
+
+def _over_the_floor(
+    f_hz: FloatArray, power: FloatArray, inside: np.ndarray, width: int
+) -> tuple[FloatArray, FloatArray]:
+    """Level of the events' noise, and what rises above it inside the band, (f,) each."""
+    total = np.cumsum(np.pad(power, (width // 2 + 1, width - width // 2), mode="edge"))
+    smooth = (total[width:] - total[:-width])[: power.size] / width
+    beside = [float(power[(f_hz >= low) & (f_hz < high)].mean()) for low, high in BESIDE_HZ]
+    floor = np.interp(f_hz, [0.5 * (low + high) for low, high in BESIDE_HZ], beside)
+    return floor, np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)
