@@ -15,6 +15,7 @@ from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.on_clock import SENSOR_RESPONSE_S, nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
+from draglag.threads import one_blas_thread
 from draglag.validation import Validation, validate_run
 from draglag.verification import AsymptoteCheck, ClockDrift, WidthCheck, asymptote_check, clock_drifts, width_check
 
@@ -85,6 +86,7 @@ def has_constant_speed(run: Run) -> bool:
     return run.protocol in CONSTANT_SPEED
 
 
+@one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
     """Estimate everything a session holds. Never raises for bad runs: they carry flags, and ``problems`` says why.
 

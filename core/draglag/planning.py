@@ -18,6 +18,7 @@ from draglag.latency.bound import HandSpectrum, TouchNoise, latency_bound_s
 from draglag.protocols import PlannedRun, Protocol, expand, load_protocol
 from draglag.recording import FloatArray
 from draglag.simulation import Human, Rig, follow, rig_for_screen, simulate_run
+from draglag.threads import one_blas_thread
 
 FORM = "double_exponential"
 GRID_HZ = 1000.0
@@ -83,6 +84,7 @@ class Plan:
         }
 
 
+@one_blas_thread
 def plan(
     protocol: Protocol | str,
     screen: Rig | str,

@@ -21,10 +21,12 @@ from draglag.gap.state import Term
 from draglag.gap.streams import inspect
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
+from draglag.threads import one_blas_thread
 
 BY_HAND = tuple(effect for effect in EFFECTS if effect in (*SIGNATURES, PLATEAU, *TERM_OF))
 
 
+@one_blas_thread
 def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     """The report with one more effect, its size fitted jointly with the rest.
 

@@ -32,6 +32,7 @@ from draglag.gap.streams import StreamEffect, inspect
 from draglag.gap.workflow import step_of
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS
+from draglag.threads import one_blas_thread
 
 STREAMS = (
     "sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact", "frame_drop",
@@ -142,6 +143,7 @@ class Shrinkage:
         }
 
 
+@one_blas_thread
 def find(session: Session, model: Model | None = None) -> Gap:
     """Fit a model to a session and look where they disagree.
 
@@ -176,6 +178,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
     return Gap(ready, fitted, fit, finding, streams, gap_mm(fit), floor_mm(fit))
 
 
+@one_blas_thread
 def name(gap: Gap, candidates: Collection[str] | None = None) -> tuple[Step, ...]:
     """Effects that explain a gap, best first, each refitted jointly with the model; empty when nothing does.
 
@@ -190,6 +193,7 @@ def name(gap: Gap, candidates: Collection[str] | None = None) -> tuple[Step, ...
     return tuple(step_of(gap.session, names[k:], finding, allowed) for k in range(len(names)))
 
 
+@one_blas_thread
 def shrinkage(before: Gap, after: Gap) -> Shrinkage:
     """How much smaller the gap on held-out runs is after an effect was added."""
     old, new = _by_run(before.fit), _by_run(after.fit)

@@ -78,9 +78,7 @@ def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: 
         e = data.estimate
         if e is None or e.latency_s is None or e.speed_mm_s is None or not e.curve_se_s:
             continue
-        rows.append(
-            (e.speed_mm_s, e.latency_s - (0.0 if less_s is None else less_s[k]), np.hypot(e.curve_se_s, 3e-4))
-        )
+        rows.append((e.speed_mm_s, e.latency_s - (0.0 if less_s is None else less_s[k]), np.hypot(e.curve_se_s, 3e-4)))
     points = CurvePoints(*np.array(rows, float).reshape(-1, 3).T)
     if points.speed_mm_s.size < 5:
         raise EstimateError(f"{points.speed_mm_s.size} runs with a latency, 5 needed", "Record circles at more speeds")

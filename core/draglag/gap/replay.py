@@ -31,6 +31,7 @@ from draglag.simulation.effects.base import Effect
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
 from draglag.simulation.residual import View
 from draglag.simulation.rig import Rig
+from draglag.threads import one_blas_thread
 
 Progress = Callable[[float, str], None]
 
@@ -233,6 +234,7 @@ def replay(
     )
 
 
+@one_blas_thread
 def replays(session: Session, report: GapReport, progress: Progress | None = None) -> tuple[Replay, ...]:
     """The present model's replay, and one with each step of a gap report added, all held against the present model.
 

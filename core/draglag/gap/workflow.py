@@ -34,6 +34,7 @@ from draglag.gap.streams import StreamEffect, inspect
 from draglag.gap.together import name_two
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
+from draglag.threads import one_blas_thread
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
@@ -53,6 +54,7 @@ class _Grace:
     fit: Fit
 
 
+@one_blas_thread
 def close_gap(
     session: Session,
     max_effects: int = MOST_EFFECTS,
