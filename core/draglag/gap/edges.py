@@ -27,6 +27,7 @@ from draglag.recording import FloatArray, IntArray, Run, Session
 
 Law = Callable[[FloatArray], FloatArray]
 STRAIGHT_S = 0.001  # so near, a velocity and its rate of change say what a new fit would
+THERE_S = 0.0002  # so near, a position does
 NEAR_S = 0.004  # so near, the accelerations of a hand are the same
 # Half the span of a change of speed and half the window of each speed: beyond the reach of a position's own window; a
 # hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
@@ -54,6 +55,11 @@ class RunData:
         return self.estimate is not None
 
     @cached_property
+    def losses_s(self) -> FloatArray:
+        """Contact losses, (k, 2) first and last time of each."""
+        return contact_losses(self.t_s)
+
+    @cached_property
     def shown(self) -> Shown:
         """The speed that the trace shows, evenly spaced."""
         return shown_speed(
@@ -74,6 +80,7 @@ class Placed:
         slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
         stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
         ok: placed well enough to judge by. trace: where on the traces the edges lie.
+        position_fit, speed_fit: of each run, at the edges; position_made, speed_made: where they were made, close by.
         events_mm: the touch events of each run, (n, 2).
     """
 
@@ -99,6 +106,8 @@ class Placed:
     speed_half_s: FloatArray
     position_fit: tuple[LocalFit, ...]
     speed_fit: tuple[LocalFit, ...]
+    position_made: tuple[LocalFit, ...]
+    speed_made: tuple[LocalFit, ...]
     events_mm: tuple[FloatArray, ...]
     trace: Unwarped
 
@@ -148,7 +157,7 @@ def place(
 ) -> Placed:
     """Solve L = law(v) + extra at every edge. extra_s: (m,) from effects. start: a previous placing to begin from."""
     parts: list[dict[str, np.ndarray]] = []
-    position_fits, speed_fits = [], []
+    position_fits, speed_fits, position_made, speed_made = [], [], [], []
     origin_s = min(run.t_s[0] for run in runs)
     offset = 0
     for k, data in enumerate(runs):
@@ -170,14 +179,21 @@ def place(
             half_s = start.speed_half_s[own]
         elif not data.steady:
             half_s = speed_half_widths_s(data.t_s, data.xy_mm, data.edge_t_s + latency, data.noise_mm)
+        at_s = data.edge_t_s + latency
+        made = local_fit(data.t_s, data.xy_mm, at_s, half_s) if start is None else start.speed_made[k]
         for _ in range(8):
-            fast = local_fit(data.t_s, data.xy_mm, data.edge_t_s + latency, half_s)
-            latency, speed, step = _solved(fast, law, added, data.edge_t_s, 1.0 if data.steady else 0.5)
+            if np.max(np.abs(at_s - made.at_s), initial=0) >= STRAIGHT_S:
+                made = local_fit(data.t_s, data.xy_mm, at_s, half_s)
+            latency, speed, step = _solved(made, law, added, data.edge_t_s, 1.0 if data.steady else 0.5)
             at_s = data.edge_t_s + latency
-            if np.max(np.abs(at_s - fast.at_s), initial=0) < STRAIGHT_S:
+            if np.max(np.abs(at_s - made.at_s), initial=0) < STRAIGHT_S:
                 break
-        fast = moved_to(fast, at_s)
-        fit = local_fit(data.t_s, data.xy_mm, at_s, data.half_s)
+        fast = moved_to(made, at_s)
+        if start is not None and np.max(np.abs(at_s - start.position_made[k].at_s), initial=0) < THERE_S:
+            there = start.position_made[k]
+        else:
+            there = local_fit(data.t_s, data.xy_mm, at_s, data.half_s)
+        fit = moved_to(there, at_s)
         below = np.maximum(speed - 0.5, 0)
         slope = (law(speed + 0.5) - law(below)) / (speed + 0.5 - below)
         shown = np.maximum(fast.speed_mm_s, 1e-6)
@@ -190,7 +206,7 @@ def place(
             change, sudden, looked_s = _acceleration_apart(data, at_s), _catching_up(data, at_s), at_s
         apart = ratio**2 * change
         across = np.abs(fast.v_mm_s[:, 1])
-        ok = fit.ok & fast.ok & in_contact(data.t_s, at_s, contact_losses(data.t_s)) & (fit.gain < 1.5)
+        ok = fit.ok & fast.ok & in_contact(data.t_s, at_s, data.losses_s) & (fit.gain < 1.5)
         ok &= ~sudden & (across > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
         parts.append(
             {
@@ -218,11 +234,15 @@ def place(
         )
         position_fits.append(fit)
         speed_fits.append(fast)
+        position_made.append(there)
+        speed_made.append(made)
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return Placed(
         **joined,
         position_fit=tuple(position_fits),
         speed_fit=tuple(speed_fits),
+        position_made=tuple(position_made),
+        speed_made=tuple(speed_made),
         events_mm=tuple(d.xy_mm for d in runs),
         trace=Unwarped(runs, joined["run"], joined["t_s"] + joined["latency_s"]),
     )
@@ -245,8 +265,10 @@ def _solved(
 
 
 def moved_to(fit: LocalFit, at_s: FloatArray) -> LocalFit:
-    """The fit's velocity a little beside where it was made; its weights stay."""
-    return replace(fit, at_s=at_s, v_mm_s=fit.v_mm_s + fit.a_mm_s2 * (at_s - fit.at_s)[:, None])
+    """The fit's position and velocity a little beside where it was made; its weights stay."""
+    apart_s = (at_s - fit.at_s)[:, None]
+    change = fit.a_mm_s2 * apart_s
+    return replace(fit, at_s=at_s, xy_mm=fit.xy_mm + (fit.v_mm_s + 0.5 * change) * apart_s, v_mm_s=fit.v_mm_s + change)
 
 
 def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:
