@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -305,8 +305,23 @@ def _acceleration_apart(data: RunData, at_s: FloatArray) -> FloatArray:
     return np.where(later.ok & earlier.ok, change, 0.0)
 
 
-def sparse_rows(first: np.ndarray, weights: FloatArray, n_events: int) -> csr_matrix:
-    """Windows' weights (m, w) beginning at event ``first`` as rows over all events, (m, n_events)."""
-    m, w = weights.shape
-    columns = np.minimum(first[:, None] + np.arange(w), n_events - 1)
-    return csr_matrix((weights.ravel(), columns.ravel(), np.arange(0, m * w + 1, w)), shape=(m, n_events))
+@dataclass(frozen=True)
+class Windows:
+    """Weights (m, w) of the events from ``first`` (m,) on."""
+
+    first: IntArray
+    weights: FloatArray
+
+
+def joined_rows(parts: Sequence[tuple[Windows, ...]], n_events: int) -> csr_matrix:
+    """Weights of all events, (edges of all parts, n_events); windows of one part are added up, edge by edge."""
+    columns, values, counts = [], [], []
+    for windows in parts:
+        at = [w.first[:, None] + np.arange(w.weights.shape[1]) for w in windows]
+        columns.append(np.minimum(np.hstack(at), n_events - 1).ravel())
+        values.append(np.hstack([w.weights for w in windows]).ravel())
+        counts.append(np.full(windows[0].first.size, sum(w.weights.shape[1] for w in windows)))
+    ends = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
+    rows = csr_matrix((np.concatenate(values), np.concatenate(columns), ends), shape=(ends.size - 1, n_events))
+    rows.sum_duplicates()
+    return rows

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from draglag.gap.fit import Fit
-from draglag.gap.noise import Whitener
 from draglag.gap.signatures import SIGNATURES, jumps, shape_free
 from draglag.recording import FloatArray
 from draglag.simulation.residual import LineGains, Signature
@@ -131,7 +130,7 @@ def _gains(fit: Fit, columns: list[FloatArray]) -> tuple[FloatArray, FloatArray]
     rng = np.random.default_rng(SEED)
     m = fit.residual_mm.size
     best = fit.whiteners[fit.best]
-    noise = _colour(best, rng.standard_normal((m, DRAWS)))
+    noise = best.colour(rng.standard_normal((m, DRAWS)))
     data = np.column_stack([fit.residual_mm, noise])
     stacked = np.column_stack(columns)
     ends = np.cumsum([c.shape[1] for c in columns])
@@ -164,10 +163,3 @@ def _gains(fit: Fit, columns: list[FloatArray]) -> tuple[FloatArray, FloatArray]
             start = end
     gain = 2 * (values - base_value)
     return gain[:, 0], gain[:, 1:]
-
-
-def _colour(white: Whitener, z: FloatArray) -> FloatArray:
-    out = np.empty_like(z)
-    for factor, own in zip(white.factors, white.slices, strict=True):
-        out[own] = factor @ z[own]
-    return out

@@ -22,12 +22,11 @@ from draglag.gap.noise import (
     SPEED,
     Components,
     Scatter,
-    Whitener,
     scatter,
-    whitener,
 )
 from draglag.gap.state import Term, look, stepped, term_signature, usable
 from draglag.gap.unwarped import Unwarped
+from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
 from draglag.simulation.residual import Averaged, View
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.fit import Fit
-from draglag.gap.noise import scatter, whitener
+from draglag.gap.noise import scatter
+from draglag.gap.whitening import whitener
 from draglag.recording import FloatArray, IntArray
 
 FOLDS = 5
@@ -50,9 +51,8 @@ def noise_variance_mm2(fit: Fit) -> FloatArray:
 
     That a run of changing speed may miss the law as a whole is granted by the fit, but it is no noise.
     """
-    parts = replace(scatter(fit.runs, fit.placed, fit.use, fit.blur_mm), loose_s=[0.0] * len(fit.runs))
-    factors = whitener(parts, fit.whiteners[fit.best].components).factors
-    variance = np.concatenate([np.einsum("ij,ij->i", f, f) for f in factors])
+    parts = replace(scatter(fit.runs, fit.placed, fit.use, fit.blur_mm), loose_s=np.zeros(len(fit.runs)))
+    variance = whitener(parts, fit.whiteners[fit.best].components).variance_mm2.copy()
     fold = folds(fit)
     a, _ = _white(fit)
     for k in np.unique(fold[fold != IN_EVERY_FIT]):

@@ -9,8 +9,9 @@ from functools import cache
 import numpy as np
 
 from draglag.gap.model import N_NUISANCES, base_prior
-from draglag.gap.noise import BETWEEN, LOCAL, Components, Scatter, Whitener, whitener
+from draglag.gap.noise import BETWEEN, LOCAL, Components, Scatter
 from draglag.gap.state import State
+from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix
 
-from draglag.gap.edges import Placed, sparse_rows
+from draglag.gap.edges import Placed, Windows, joined_rows
 from draglag.gap.model import Geometry, LawParameters, side_of
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, Effect
@@ -54,12 +53,12 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
 
 def averaged_of(placed: Placed) -> Averaged:
     """The weights by which each edge's position is averaged from the events of its run."""
-    blocks = [
-        sparse_rows(fit.first, fit.weights, events.shape[0])
-        for fit, events in zip(placed.position_fit, placed.events_mm, strict=True)
-    ]
+    windows, before = [], 0
+    for fit, events in zip(placed.position_fit, placed.events_mm, strict=True):
+        windows.append((Windows(fit.first + before, fit.weights),))
+        before += events.shape[0]
     x_mm, y_mm = np.concatenate(placed.events_mm).T
-    return Averaged(csr_matrix(block_diag(blocks)), x_mm, y_mm)
+    return Averaged(joined_rows(windows, before), x_mm, y_mm)
 
 
 def _spline(values: FloatArray, knots: int) -> FloatArray:

@@ -1,0 +1,51 @@
+"""Whitening by bands and low rank against the covariance written out."""
+
+import numpy as np
+import pytest
+
+from draglag.gap.noise import Components, Scatter
+from draglag.gap.whitening import whitener
+
+M, REACH = 60, 5
+
+
+@pytest.fixture
+def parts() -> Scatter:
+    rng = np.random.default_rng(1)
+    run = np.sort(rng.integers(0, 4, M))
+    same = np.array([[i + j < M and run[min(i + j, M - 1)] == run[i] for i in range(M)] for j in range(REACH)])
+    # Diagonally dominant, so that it is a covariance.
+    fixed, speed = (np.where(same, rng.uniform(-0.1, 0.1, (REACH, M)), 0.0) for _ in range(2))
+    fixed[0], speed[0] = rng.uniform(1, 2, M), rng.uniform(1, 2, M)
+    return Scatter(fixed, speed, rng.normal(0, 300, M), rng.normal(0, 2, M), run, np.array([0.0, 2e-3, 0.0, 1e-3]))
+
+
+def _dense(parts: Scatter, components: Components) -> np.ndarray:
+    c = np.zeros((M, M))
+    for i in range(M):
+        for j in range(min(REACH, M - i)):
+            c[i + j, i] = c[i, i + j] = parts.fixed_mm2[j, i] + components.speed**2 * parts.speed_mm2[j, i]
+    c += components.edge_mm**2 * np.eye(M)
+    late = np.hypot(components.run_s, parts.loose_s[parts.run]) * parts.late_mm_s
+    own = components.uneven * parts.uneven_mm
+    common = np.outer(late, late) + components.run_mm**2 + np.outer(own, own)
+    return c + np.where(parts.run[:, None] == parts.run, common, 0.0)
+
+
+@pytest.mark.parametrize(
+    "components", [Components(0.1, 0.02, 0.3, 5e-4, 0.05), Components(0.0, 0.0, 0.0, 0.0, 0.0)], ids=["all", "least"]
+)
+def test_white_residuals_are_those_of_the_covariance_written_out(parts: Scatter, components: Components) -> None:
+    residual = np.random.default_rng(2).standard_normal((M, 3))
+    white, factor = whitener(parts, components), np.linalg.cholesky(_dense(parts, components))
+    assert white.apply(residual) == pytest.approx(np.linalg.solve(factor, residual), abs=1e-10)
+    assert white.apply(residual[:, 0]) == pytest.approx(np.linalg.solve(factor, residual[:, 0]), abs=1e-10)
+    assert white.colour(residual) == pytest.approx(factor @ residual, abs=1e-10)
+    assert white.log_det == pytest.approx(2 * np.log(np.diag(factor)).sum(), abs=1e-10)
+    assert white.variance_mm2 == pytest.approx(np.diag(_dense(parts, components)))
+
+
+def test_what_is_no_covariance_is_refused(parts: Scatter) -> None:
+    parts.fixed_mm2[0, 3] = -10.0
+    with pytest.raises(np.linalg.LinAlgError):
+        whitener(parts, Components(0.0, 0.0, 0.0, 0.0, 0.0))
