@@ -124,6 +124,9 @@ def _tell(result: GapReport, report: Path | None) -> None:
         "explained": "Explained: with these effects only noise is left.",
         "unexplained": f"Unexplained: a gap remains that follows {result.unexplained_by}; no known effect makes it.",
     }
+    if result.passed_over:  # told below
+        words["no_gap"] = "No gap worth a name: what is left beyond chance is too little for one."
+        words["explained"] = "Explained by these effects; what is left beyond chance is too little for a name."
     click.echo(words[result.verdict or "no_gap"])
     click.echo(
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "

@@ -29,8 +29,8 @@ from draglag_devices.rig import Rig
 TAIL_S = 0.5
 # By then a screen of ordinary latency has shown all but the last few edges: enough for a first estimate.
 PREVIEW_S = 0.2
-# By then the stylus is on the target, and it is early enough to stop a run that is worth nothing.
-LOOK_AFTER_S = 4.0
+# By the first the stylus is mostly on the target, and the run hardly begun; a hand that comes late is seen later.
+LOOKS_AFTER_S = (1.5, 4.0, 10.0)
 
 _TURNED = (
     "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and begin anew."
@@ -164,10 +164,7 @@ class Conductor:
         if signal is None:
             go(Signal.TARGET_MOVES, planned.duration_s)
             self._tell(events.RunStarted(run_id, planned, start_s))
-            signal = self._watch.pass_time(min(start_s + LOOK_AFTER_S, end_s), RUN_ROLES, frames=True)
-        if signal is None:
-            self._look_which_way(planned, start_s)
-            signal = self._watch.pass_time(end_s, RUN_ROLES, frames=True)
+            signal = self._follow(planned, start_s, end_s)
         if signal is not None:
             # The target is gone: what the hand would have done next never happens.
             end_s = min(max(self._time.now(), start_s), end_s)
@@ -206,12 +203,23 @@ class Conductor:
         self._stage.begin_run(planned, start_s, run_id)
         return None
 
-    def _look_which_way(self, planned: PlannedRun, start_s: float) -> None:
+    def _follow(self, planned: PlannedRun, start_s: float, end_s: float) -> Signal | None:
+        """The target moves: the sooner a turned touchscreen is told the better, but a hand may come late."""
+        told = False
+        for after_s in LOOKS_AFTER_S:
+            signal = self._watch.pass_time(min(start_s + after_s, end_s), RUN_ROLES, frames=True)
+            if signal is not None:
+                return signal
+            told = told or self._look_which_way(planned, start_s)
+        return self._watch.pass_time(end_s, RUN_ROLES, frames=True)
+
+    def _look_which_way(self, planned: PlannedRun, start_s: float) -> bool:
         """Tell of touches that are mirrored against the target: the panel was turned after its calibration."""
         run = self._saver.call(self._saver.so_far)
         wrong = None if run is None else wrong_way_round(run.touch, planned.target, start_s, self._options.screen)
         if wrong is not None:
             self._watch.log("error", "touch", f"The touches are {WORDS[wrong]} against the target: {_TURNED}")
+        return wrong is not None
 
     def _preview(self, end_s: float) -> None:
         """Tell what the run holds, without waiting for the longest latency that may yet come."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from PySide6.QtCore import QCoreApplication, QObject
-from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QMenuBar
+from PySide6.QtGui import QAction, QKeySequence, QUndoStack
+from PySide6.QtWidgets import QMenuBar, QWidget
 
 from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
 
@@ -64,6 +65,22 @@ ACTIONS = (
     ActionSpec("fullscreen", "help", QT_TRANSLATE_NOOP("Actions", "Full screen"), "F11"),
 )
 
+ELSEWHERE = (
+    ("Esc", QT_TRANSLATE_NOOP("Actions", "on the participant's screen: abort this run, or the calibration")),
+    (
+        QT_TRANSLATE_NOOP("Actions", "Backspace"),
+        QT_TRANSLATE_NOOP("Actions", "on the participant's screen: one calibration target back"),
+    ),
+    (
+        QT_TRANSLATE_NOOP("Actions", "Tab"),
+        QT_TRANSLATE_NOOP("Actions", "next field or button; with Shift back"),
+    ),
+    (QT_TRANSLATE_NOOP("Actions", "Space"), QT_TRANSLATE_NOOP("Actions", "press the button, tick the box")),
+    (QT_TRANSLATE_NOOP("Actions", "Return"), QT_TRANSLATE_NOOP("Actions", "on a plot: copy or save it")),
+    (QT_TRANSLATE_NOOP("Actions", "Alt+letter"), QT_TRANSLATE_NOOP("Actions", "open a menu, by its underlined letter")),
+)
+"""Keys that belong to no action."""
+
 
 def say(text: str) -> str:
     """A text of this table in the operator's language."""
@@ -93,11 +110,32 @@ class Actions(QObject):
                 if spec.menu == name and spec.id in self.made:
                     menu.addAction(self.made[spec.id])
 
+    def serve(self, window: QWidget) -> None:
+        """Let the keys that steer a session, and those that go to a page, work in another window too."""
+        window.addActions([self.made[s.id] for s in ACTIONS if s.id in self.made and s.menu in ("measure", "go")])
+
+    def follow(self, stack: QUndoStack) -> None:
+        """Undo and redo say what they would do, and are there only where there is something."""
+        for name, able, able_now, what, what_now in (
+            ("undo", stack.canUndoChanged, stack.canUndo(), stack.undoTextChanged, stack.undoText()),
+            ("redo", stack.canRedoChanged, stack.canRedo(), stack.redoTextChanged, stack.redoText()),
+        ):
+            action = self.made[name]
+            told = partial(_name_after, action, action.text())
+            able.connect(action.setEnabled)
+            what.connect(told)
+            action.setEnabled(able_now)
+            told(what_now)
+
     def set_recording(self, recording: bool) -> None:
         """Enable what makes sense now."""
         for spec in ACTIONS:
             if spec.id in self.made and spec.when != "always":
                 self.made[spec.id].setEnabled((spec.when == "recording") == recording)
+
+
+def _name_after(action: QAction, text: str, what: str) -> None:
+    action.setText(f"{text}: {what}" if what else text)
 
 
 def _without_argument(handler: Callable[[], object]) -> Callable[[], None]:
@@ -110,3 +148,8 @@ def _without_argument(handler: Callable[[], object]) -> Callable[[], None]:
 def key_list() -> list[tuple[str, str]]:
     """(keys, what they do) of every action, for the Help page."""
     return [(QKeySequence(spec.keys).toString(), say(spec.text)) for spec in ACTIONS if spec.keys]
+
+
+def other_keys() -> list[tuple[str, str]]:
+    """(keys, what they do) of those that belong to no action, for the Help page."""
+    return [(say(keys), say(what)) for keys, what in ELSEWHERE]

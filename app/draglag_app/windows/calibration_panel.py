@@ -6,12 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from draglag.calibration import AffineFit, target_places
 from draglag.errors import DraglagError
 from draglag.recording import Screen
 from draglag_app.calibrating import TARGETS, size_doubt
+from draglag_app.windows.ask_files import ask_save
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.settings import CalibrationSettings
@@ -142,15 +143,17 @@ class CalibrationPanel(Panel):
 
     def _save(self) -> None:
         known, screen = self._space.settings.panel.calibration, self._space.settings.touched_screen()
-        start = str(Path(self._space.settings.folder) / "calibration.json")
+        start = Path(self._space.settings.folder) / "calibration.json"
         title, kind = self.tr("Save calibration"), self.tr("Calibrations (*.json)")
-        name, _ = QFileDialog.getSaveFileName(self, title, start, kind)
-        if known is None or not name:
+        path = None if known is None else ask_save(self, title, start, kind)
+        if known is None or path is None:
             return
         try:
-            save_calibration(known.fit(screen), Path(name), known.device, known.recorded(screen))
+            save_calibration(known.fit(screen), path, known.device, known.recorded(screen))
         except DraglagError as error:
             self._refused(in_words(str(error)))
+        else:
+            self._space.noticed.emit("info", tr("Saved: {path}").format(path=path))
 
     def _refused(self, text: str) -> None:
         self.refresh()

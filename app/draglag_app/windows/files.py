@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QCoreApplication
-from PySide6.QtWidgets import QFileDialog, QMessageBox
+from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
 from draglag.store import partial_files, salvage
+from draglag_app.windows.ask_files import ask_folder, ask_new_folder, ask_open
 from draglag_app.windows.tasks import Progress
 
 if TYPE_CHECKING:
@@ -32,9 +33,9 @@ def optional(module: str) -> Any | None:
 def open_session(window: OperatorWindow) -> None:
     """Ask for a session file and put it at hand."""
     folder = window.space.settings.folder
-    name, _ = QFileDialog.getOpenFileName(window, tr("Open session"), folder, tr("Sessions (*.h5)"))
-    if name:
-        window.space.open(Path(name))
+    path = ask_open(window, tr("Open session"), folder, tr("Sessions (*.h5)"))
+    if path is not None:
+        window.space.open(path)
         window.go("results")
 
 
@@ -44,11 +45,11 @@ def import_folder(window: OperatorWindow) -> None:
     if exchange is None:
         window.tell("warning", tr("Importing is not built in this version."))
         return
-    name = QFileDialog.getExistingDirectory(window, tr("Import exchange folder"), window.space.settings.folder)
-    if name:
+    path = ask_folder(window, tr("Import exchange folder"), window.space.settings.folder)
+    if path is not None:
         read = exchange.read_exchange
         window.space.tasks.start(
-            tr("Importing"), lambda progress: read(Path(name)), lambda session: window.space.take(session, None),
+            tr("Importing"), lambda progress: read(path), lambda session: window.space.take(session, None),
             lambda text: window.tell("error", text),
         )  # fmt: skip
         window.go("results")
@@ -63,10 +64,11 @@ def export_session(window: OperatorWindow) -> None:
     if exchange is None:
         window.tell("warning", tr("Exporting is not built in this version."))
         return
-    name = QFileDialog.getExistingDirectory(window, tr("Export into which (new or empty) folder?"))
-    if name:
+    title = tr("Export into which (new or empty) folder?")
+    path = ask_new_folder(window, title, _proposed(window, "exchange"))
+    if path is not None:
         write = exchange.write_exchange
-        _work(window, tr("Exporting"), lambda progress: write(session, Path(name)), Path(name))
+        _work(window, tr("Exporting"), lambda progress: write(session, path), path)
 
 
 def write_report(window: OperatorWindow) -> None:
@@ -78,10 +80,17 @@ def write_report(window: OperatorWindow) -> None:
     if report is None or not hasattr(report, "write_report"):
         window.tell("warning", tr("Reports are not built in this version."))
         return
-    name = QFileDialog.getExistingDirectory(window, tr("Folder for the report"), window.space.settings.folder)
-    if name:
+    path = ask_new_folder(window, tr("Folder for the report"), _proposed(window, "report"))
+    if path is not None:
         write = report.write_report
-        _work(window, tr("Writing the report"), lambda progress: write(session, analysis, Path(name)), Path(name))
+        _work(window, tr("Writing the report"), lambda progress: write(session, analysis, path), path)
+
+
+def _proposed(window: OperatorWindow, what: str) -> Path:
+    """Beside the session, named after it."""
+    path, space = window.space.path, window.space
+    stem = path.stem if path is not None else "session"
+    return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
 
 
 def _work(window: OperatorWindow, what: str, work: Any, where: Path) -> None:

@@ -14,7 +14,7 @@ from draglag_app.windows.widgets import label
 
 # What to show: key, words, and the titles of its axes.
 KINDS = (
-    ("edges", QT_TRANSLATE_NOOP("Plot", "Edges, run by run"), "drag speed (mm/s)", "simulated − measured (ms)"),
+    ("edges", QT_TRANSLATE_NOOP("Plot", "Edges, run by run"), "drag speed (mm/s)", "difference (ms)"),
     ("latencies", QT_TRANSLATE_NOOP("Plot", "Latency of every run"), "drag speed (mm/s)", "latency (ms)"),
     ("speed", QT_TRANSLATE_NOOP("Plot", "Residual against speed"), "drag speed (mm/s)", "residual (ms)"),
     ("session_time", QT_TRANSLATE_NOOP("Plot", "Residual against session time"), "session time (s)", "residual (ms)"),
@@ -35,7 +35,6 @@ KINDS = (
     ("spread", QT_TRANSLATE_NOOP("Plot", "Distribution of residuals"), "residual (mm)", "edges (%)"),
 )
 AXES = (
-    QT_TRANSLATE_NOOP("Plot", "simulated − measured (ms)"),
     QT_TRANSLATE_NOOP("Plot", "session time (s)"),
     QT_TRANSLATE_NOOP("Plot", "time in run (s)"),
     QT_TRANSLATE_NOOP("Plot", "acceleration (mm/s²)"),
@@ -101,7 +100,9 @@ class GapPicture(QWidget):
         chosen = self.which.currentData()
         out = []
         if chosen != "after" or last == first:
-            out.append((self.tr("simulated, before"), models[first], theme().orange, "t1"))
+            alone = chosen == "both" and last == first  # nothing was added: there is no after
+            name = self.tr("simulated") if alone else self.tr("simulated, before")
+            out.append((name, models[first], theme().orange, "t1"))
         if chosen != "before" and last != first:
             out.append((self.tr("simulated, after"), models[last], theme().blue, "o"))
         return out

@@ -9,6 +9,7 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
+from draglag_app.windows.effect_words import effect_meaning, effect_name, size_words, sizes_in_words
 from draglag_app.windows.gap_words import followed
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.plots import Plot, tr
@@ -42,13 +43,14 @@ class StepTable(QTableWidget):
     def _add(self, k: int, step: dict[str, Any]) -> None:
         self.insertRow(k)
         twins = step.get("indistinguishable_from") or []
-        name = step["effect"] + (say(" (or {others})").format(others=", ".join(twins)) if twins else "")
-        size = ", ".join(f"{key} {_value(value)}" for key, value in step["parameters"].items())
+        others = ", ".join(map(effect_name, twins))
+        name = effect_name(step["effect"]) + (say(" (or {others})").format(others=others) if twins else "")
+        size = ", ".join(_size(key, value) for key, value in step["parameters"].items())
         gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
         chance = f"{step['evidence']['p_value']:.1e}"
         for column, text in enumerate((name, in_words(str(step.get("where", ""))), size, gap, chance)):
             item = QTableWidgetItem(text)
-            item.setToolTip(text)
+            item.setToolTip(effect_meaning(step["effect"]) if column == 0 else text)
             item.setData(Qt.ItemDataRole.UserRole, step["effect"])
             self.setItem(k, column, item)
 
@@ -67,7 +69,7 @@ class StepPlot(Plot):
             return
         gaps = [report["gap_first_mm"], *(step["gap_after_mm"] for step in report["steps"])]
         x, y = np.arange(len(gaps), dtype=float), np.array(gaps, float)
-        names = [say("none yet"), *(step["effect"] for step in report["steps"])]
+        names = [say("none yet"), *(effect_name(step["effect"]) for step in report["steps"])]
         tips = [f"{name}\n{gap:.3f} mm" for name, gap in zip(names, gaps, strict=True)]
         self.line(say("gap"), x, y, theme().blue, 2)
         self.dots(say("steps"), x, y, theme().orange, "s", 10, words=tips)
@@ -80,25 +82,25 @@ class StepPlot(Plot):
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
     """What would tell twins apart, how effects added by hand are judged, what the session cannot show."""
-    lines = [f"{step['effect']}: {in_words(step['extra_run'])}" for step in report["steps"] if step.get("extra_run")]
-    for step in report["steps"]:
+    steps = report["steps"]
+    lines = [f"{effect_name(s['effect'])}: {in_words(s['extra_run'])}" for s in steps if s.get("extra_run")]
+    for step in steps:
         if step["effect"] in added:
-            lines.append(f"{step['effect']}: {step['evidence'].get('text', '')}")
+            lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
     for left in report.get("passed_over", ()):
         words = say("Beyond chance (p {p}) but left: {what}, {why}")
-        lines.append(words.format(p=f"{left['p_value']:.1g}", what=followed(left["what"]), why=in_words(left["text"])))
-    unseen = [f"{effect}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
+        why = sizes_in_words(in_words(left["text"]))
+        lines.append(words.format(p=f"{left['p_value']:.1g}", what=followed(left["what"]), why=why))
+    unseen = [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
     if unseen:
         lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
     if without:
-        lines.append(say("Left out: {effects}").format(effects=", ".join(sorted(without))))
+        lines.append(say("Left out: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
     return lines
 
 
-def _value(value: Any) -> str:
+def _size(parameter: str, value: Any) -> str:
     """A parameter with its 95 % interval."""
     if not isinstance(value, dict):
-        return str(value)
-    interval = value.get("ci95")
-    text = f"{value['value']:.4g}"
-    return text + (f" ({interval[0]:.4g} … {interval[1]:.4g})" if interval else "")
+        return f"{parameter} {value}"
+    return size_words(parameter, value["value"], value.get("ci95"))

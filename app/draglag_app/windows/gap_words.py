@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtCore import QCoreApplication
 
+from draglag_app.windows.effect_words import effect_name
 from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
 
 # Sentences of the library, with numbers in them (``library_words``).
@@ -24,6 +25,10 @@ GAP = (
     QT_TRANSLATE_NOOP(
         "Library", "it is worth less than the terms it takes or does not shrink the gap on held-out runs"
     ),
+    # of an effect added by hand
+    QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): shrinks"),
+    QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): open"),
+    QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): grows"),
     # where an effect acts
     QT_TRANSLATE_NOOP("Library", "drag speed below {speed} mm/s"),
     QT_TRANSLATE_NOOP("Library", "in {count} stretches of time, {seconds} s in all"),
@@ -58,5 +63,5 @@ _FOLLOWS = {
 
 
 def followed(covariate: str) -> str:
-    """What a gap follows, in the operator's words; an effect keeps its name."""
-    return QCoreApplication.translate("Gap", _FOLLOWS[covariate]) if covariate in _FOLLOWS else covariate
+    """What a gap follows, in the operator's words: a covariate or an effect."""
+    return QCoreApplication.translate("Gap", _FOLLOWS[covariate]) if covariate in _FOLLOWS else effect_name(covariate)

@@ -6,7 +6,7 @@ import locale
 import tomllib
 from collections.abc import Mapping
 
-from PySide6.QtCore import QCoreApplication, QObject, QTranslator
+from PySide6.QtCore import QCoreApplication, QLibraryInfo, QObject, QTranslator
 
 from draglag_resources import resource
 
@@ -24,16 +24,20 @@ def translate(context: str, text: str) -> str:
 class TableTranslator(QTranslator):
     """Translates by a table; what is not in it stays English."""
 
-    def __init__(self, table: Mapping[str, str], parent: QObject | None = None) -> None:
+    def __init__(self, table: Mapping[str, str], parent: QObject | None = None, others: QTranslator | None = None):
         super().__init__(parent)
         self._table = table
+        self._others = others
 
     def isEmpty(self) -> bool:
         return not self._table
 
     def translate(self, context: str, sourceText: str, disambiguation: str | None = None, n: int = -1) -> str:
         # Not an empty text: from Python that counts as a translation, and Qt's own words would vanish.
-        return self._table.get(sourceText, sourceText)
+        known = self._table.get(sourceText)
+        if known is None and self._others is not None:
+            known = self._others.translate(context, sourceText, disambiguation, n)
+        return known or sourceText
 
 
 def language_of(setting: str) -> str:
@@ -56,6 +60,11 @@ def use_language(application: QCoreApplication, setting: str) -> None:
     for old in application.findChildren(TableTranslator):
         application.removeTranslator(old)
         old.deleteLater()
-    table = table_of(language_of(setting))
+    language = language_of(setting)
+    table = table_of(language)
     if table:
-        application.installTranslator(TableTranslator(table, application))
+        dialogs = QTranslator()  # Qt's own words: those of file dialogs, of menus in fields
+        dialogs.load(f"qtbase_{language}", QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath))
+        translator = TableTranslator(table, application, dialogs)
+        dialogs.setParent(translator)
+        application.installTranslator(translator)

@@ -52,6 +52,11 @@ class NoticeStrip(QFrame):
         self.dismiss.setVisible(bool(text))
         self.setVisible(bool(text) or self.progress.isVisibleTo(self))
 
+    def forget_done(self) -> None:
+        """What only told that something was done; warnings and errors stay until they are dismissed."""
+        if self.property("level") == "info":
+            self.tell("", "")
+
     def _tasks_changed(self) -> None:
         if self._tasks.running:
             self._slow.start()

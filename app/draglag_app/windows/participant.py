@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable
 
-import numpy as np
 from PySide6.QtCore import QCoreApplication, QEvent, QPointF, QRect, QRectF, Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QColor, QFont, QKeyEvent, QPainter, QPaintEvent, QPen, QRegion, QScreen
+from PySide6.QtGui import (
+    QCloseEvent,
+    QColor,
+    QFont,
+    QFontMetricsF,
+    QKeyEvent,
+    QPainter,
+    QPaintEvent,
+    QPen,
+    QRegion,
+    QScreen,
+)
 from PySide6.QtWidgets import QWidget
 
-from draglag.recording import DisplayTrace, Screen
+from draglag.recording import Screen
 from draglag.targets import Tap, Target
+from draglag_app.windows.frame_log import FrameLog
 from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
 
 BACKGROUND, TARGET, PRACTICE, INK = "#0e1116", "#56b4e9", "#e69f00", "#f2f5f8"
@@ -24,40 +34,12 @@ SESSION_PROMPTS = (
     QT_TRANSLATE_NOOP("Participant", "Comparing clocks: leave the screen alone"),
 )
 """What the session itself says."""
+# Of the width: as far as words may reach.
+_WORDS_WIDE = 0.96
 # A contact that has been gone for longer than this is lost, not lifted by a bump.
 LOST_AFTER_S = 0.35
 _GESTURES = frozenset((QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.Type.TouchEnd, QEvent.Type.TouchCancel,
                        QEvent.Type.Gesture, QEvent.Type.NativeGesture))  # fmt: skip
-
-
-class FrameLog:
-    """When which position was drawn; written by the window, read by the session's thread."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._frames: list[tuple[float, float, float]] = []
-        self._missed = 0
-        self.missed_total = 0
-
-    def add(self, t_s: float, x_mm: float, y_mm: float, missed: int) -> None:
-        with self._lock:
-            self._frames.append((t_s, x_mm, y_mm))
-            self._missed += missed
-            self.missed_total += missed
-
-    def clear(self) -> None:
-        with self._lock:
-            self._frames.clear()
-            self._missed = 0
-
-    def take(self, until_s: float) -> DisplayTrace:
-        """Frames up to that time, and slots missed since the last call."""
-        with self._lock:
-            k = sum(frame[0] <= until_s for frame in self._frames)
-            table = np.array(self._frames[:k]).reshape(-1, 3)
-            self._frames = self._frames[k:]
-            missed, self._missed = self._missed, 0
-        return DisplayTrace(table[:, 0], table[:, 1], table[:, 2], missed)
 
 
 class ParticipantWindow(QWidget):
@@ -248,6 +230,10 @@ class ParticipantWindow(QWidget):
         for text, share, top in places:
             font = QFont(self.font())
             font.setPixelSize(max(14, round(share * height)))
+            # Upright screens and long languages: as large as the width allows.
+            wide = QFontMetricsF(font).horizontalAdvance(text)
+            fits = min(1.0, _WORDS_WIDE * self.width() / max(wide, 1.0))
+            font.setPixelSize(max(8, int(font.pixelSize() * fits)))
             painter.setFont(font)
             area = QRectF(0, top * height, self.width(), 1.4 * share * height)
             painter.drawText(area, Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop, text)

@@ -72,6 +72,7 @@ class PlanEditor(Panel):
         for _, field, kinds in self._rows:
             self._form.setRowVisible(field, plan.kind in kinds)
         self.speeds.setText(", ".join(f"{speed:g}" for speed in plan.all_speeds_mm_s if speed is not None))
+        self.speeds.setCursorPosition(0)  # long lists show how they begin
         self.radius.setValue(100 * plan.radius_fraction)
         self.peak.setValue(100 * plan.peak_fraction)
         self.step.setValue(100 * plan.step_fraction)

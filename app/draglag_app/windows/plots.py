@@ -1,27 +1,23 @@
-"""One kind of plot for all pages: labelled, readable in both themes, with hover values, copy and export."""
+"""One kind of plot for all pages: what is drawn goes by name, with hover values and numbers to hand out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QCoreApplication, QPoint, Qt
-from PySide6.QtGui import QColor, QFocusEvent, QGuiApplication, QKeyEvent, QResizeEvent
-from PySide6.QtWidgets import QFileDialog, QFrame, QGraphicsItem, QLabel, QMenu, QMessageBox, QSizePolicy, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QWidget
 
-from draglag.errors import DataError
-from draglag_app.windows.plot_values import Column, Series, as_csv, near, write_picture, write_text
+from draglag_app.windows.plot_frame import PlotFrame
+from draglag_app.windows.plot_frame import tr as tr
+from draglag_app.windows.plot_values import Column, Series, as_csv, near
 from draglag_app.windows.theme import theme
 
 
-def tr(text: str) -> str:
-    return QCoreApplication.translate("Plot", text)
-
-
-class Plot(pg.PlotWidget):
+class Plot(PlotFrame):
     """A plot with titled axes in units.
 
     What is drawn goes through ``line``, ``dots``, ``band`` … under a name, so that drawing again replaces it, and
@@ -29,113 +25,11 @@ class Plot(pg.PlotWidget):
     """
 
     def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
-        super().__init__(parent, enableMenu=False)
-        # Its menu is not shown, but holds the switches of the grid, and belongs to nobody.
-        menu = self.getPlotItem().ctrlMenu
-        menu.setParent(self, menu.windowFlags())
-        self.file_name = file_name
-        self.setAccessibleName(title or f"{y} / {x}")
-        self._labels: tuple[str, str, str] = (title, x, y)
-        self._items: dict[str, list[Any]] = {}
         self._numbers: dict[str, tuple[Column, ...]] = {}
         self._hover: dict[str, Series] = {}
         self._looks: dict[str, tuple[object, ...]] = {}
-        self._clicked: dict[str, Callable[[int], None]] = {}
-        # Plots take what room there is instead of asking for the much that a graphics view would like.
-        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Ignored)
-        self.setMinimumSize(160, 110)
-        self.hideButtons()
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
-        self.customContextMenuRequested.connect(self._menu)
-        self._tip = pg.TextItem("", anchor=(0, 1))
-        self._tip.setZValue(50)
-        self.getPlotItem().vb.addItem(self._tip, ignoreBounds=True)
-        self._tip.hide()
+        super().__init__(title, x, y, file_name, parent)
         self.scene().sigMouseMoved.connect(self._hovered)
-        self.legend: Any = None
-        self._nothing = QLabel(tr("nothing yet"), self)
-        self._nothing.setObjectName("hint")
-        self._nothing.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._nothing.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-        # A border of its own would push the axes out of sight.
-        self._ring = QFrame(self)
-        self._ring.setObjectName("focusRing")
-        self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-        self._ring.hide()
-        self.restyle()
-        self._show_emptiness()
-
-    def focusInEvent(self, event: QFocusEvent) -> None:
-        super().focusInEvent(event)
-        self._ring.setVisible(event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason))
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Return opens the menu, as the menu key does where a keyboard has one."""
-        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
-            self._menu(self.rect().center())
-            event.accept()
-            return
-        super().keyPressEvent(event)
-
-    def focusOutEvent(self, event: QFocusEvent) -> None:
-        super().focusOutEvent(event)
-        self._ring.hide()
-
-    def add_legend(self, offset: tuple[int, int] = (-10, 8), columns: int = 1) -> None:
-        """Names of what is drawn, in a corner."""
-        self.legend = self.addLegend(offset=offset, labelTextSize="9pt", colCount=columns)
-        self.restyle()
-        self._show_emptiness()
-
-    def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = " &nbsp; ") -> None:
-        """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend."""
-        words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
-        self.setTitle(f"{title}{apart}{words}", color=theme().text, size="10pt")
-
-    def keep_axes_drawn(self) -> None:
-        """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
-
-        They cost as much as all the rest of such a plot, and change only when its range does.
-        """
-        for side in ("bottom", "left"):
-            self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
-
-    def rename(self, title: str) -> None:
-        """Another title above the plot."""
-        self._labels = (title, *self._labels[1:])
-        self.restyle()
-
-    def relabel(self, title: str, x: str, y: str) -> None:
-        """Another title and other axes."""
-        self._labels = (title, x, y)
-        self.restyle()
-
-    def restyle(self) -> None:
-        """Take the present theme's colours."""
-        colours = theme()
-        self.setBackground(colours.panel)
-        title, x, y = self._labels
-        plot = self.getPlotItem()
-        if title:
-            plot.setTitle(title, color=colours.text, size="10pt")
-        for side, text in (("bottom", x), ("left", y)):
-            axis = plot.getAxis(side)
-            # Without ranges for prefixes: numbers below one would be shown a thousandfold, under an unchanged title.
-            axis.setLabel(text, siPrefixEnableRanges=(), **{"color": colours.text, "font-size": "10pt"})
-            axis.setPen(pg.mkPen(colours.muted))
-            axis.setTextPen(pg.mkPen(colours.text))
-            axis.enableAutoSIPrefix(False)
-        plot.showGrid(x=True, y=True, alpha=0.12)
-        self._tip.setColor(QColor(colours.text))
-        self._tip.fill = pg.mkBrush(colours.raised)
-        self._tip.border = pg.mkPen(colours.line)
-        if self.legend is not None:
-            self.legend.setLabelTextColor(colours.text)
-            for _, name in self.legend.items:  # those it has already keep their own colour else
-                name.setText(name.text, color=colours.text)
-            self.legend.setBrush(pg.mkBrush(QColor(colours.panel)))
-            self.legend.setPen(pg.mkPen(colours.line))
 
     # --- drawing --------------------------------------------------------------------------------------------
 
@@ -143,22 +37,6 @@ class Plot(pg.PlotWidget):
         """Take everything away."""
         for name in list(self._items):
             self.remove(name)
-
-    def _show_emptiness(self) -> None:
-        """An empty plot says so, instead of showing axes without meaning."""
-        empty = not self._items
-        self._nothing.setVisible(empty)
-        for side in ("bottom", "left"):
-            self.getPlotItem().getAxis(side).setStyle(showValues=not empty)
-        if self.legend is not None:
-            self.legend.setVisible(not empty and bool(self.legend.items))
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        super().resizeEvent(event)
-        nothing = getattr(self, "_nothing", None)
-        if nothing is not None:  # the base class resizes itself while it is made
-            nothing.setGeometry(self.rect())
-            self._ring.setGeometry(self.rect())
 
     def remove(self, name: str) -> None:
         for item in self._items.pop(name, []):
@@ -267,7 +145,7 @@ class Plot(pg.PlotWidget):
         if first or self.legend is not None:
             self._show_emptiness()
 
-    # --- hover, copy, export --------------------------------------------------------------------------------
+    # --- hover ----------------------------------------------------------------------------------------------
 
     def _hovered(self, at: Any) -> None:
         found = near(self.getPlotItem().vb, at, self._hover, self._labels[1:])
@@ -280,36 +158,6 @@ class Plot(pg.PlotWidget):
         self._tip.setText(found.words)
         self._tip.setPos(found.x, found.y)
         self._tip.show()
-
-    def _menu(self, at: QPoint) -> None:
-        menu = QMenu(self)
-        for text, action in (
-            (tr("Show all"), self.autoRange),
-            (tr("Copy picture"), lambda: QGuiApplication.clipboard().setPixmap(self.grab())),
-            (tr("Copy numbers"), lambda: QGuiApplication.clipboard().setText(self.csv())),
-            (tr("Save picture (PNG)…"), lambda: self._save_as("png")),
-            (tr("Save drawing (SVG)…"), lambda: self._save_as("svg")),
-            (tr("Save numbers (CSV)…"), lambda: self._save_as("csv")),
-        ):
-            menu.addAction(text).triggered.connect(action)
-        menu.popup(self.mapToGlobal(at))
-
-    def _save_as(self, suffix: str) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, tr("Save"), f"{self.file_name}.{suffix}", f"*.{suffix}")
-        if not name:
-            return
-        path = Path(name)
-        try:
-            self.save(path if path.suffix == f".{suffix}" else path.with_name(f"{path.name}.{suffix}"))
-        except DataError as error:
-            QMessageBox.warning(self, "draglag", str(error))
-
-    def save(self, path: Path) -> None:
-        """Write a PNG, an SVG or a CSV, by the name's ending. Raises DataError where it cannot be written."""
-        if path.suffix == ".csv":
-            write_text(self.csv(), path)
-        else:
-            write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()))
 
     def csv(self) -> str:
         """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""

@@ -33,8 +33,12 @@ class RulerWindow(QWidget):
         for k in range(11):
             x = left + k * length / 10
             painter.drawLine(QPointF(x, middle), QPointF(x, middle - (40 if k % 5 == 0 else 22)))
+        font = self.font()
+        font.setPixelSize(max(14, round(0.022 * self.height())))
+        painter.setFont(font)
         text = self.tr("{mm:.0f} mm — Esc closes").format(mm=BAR_MM)
-        painter.drawText(QRectF(0, middle + 20, self.width(), 40), Qt.AlignmentFlag.AlignHCenter, text)
+        below = QRectF(0, middle + 20, self.width(), 3 * font.pixelSize())
+        painter.drawText(below, Qt.AlignmentFlag.AlignHCenter, text)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         self.close()

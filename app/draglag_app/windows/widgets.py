@@ -8,6 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
+    QApplication,
     QFormLayout,
     QFrame,
     QHBoxLayout,
@@ -224,6 +225,27 @@ class Shallow(QScrollArea):
             self.setFixedHeight(min(text, self._most_px))
             # A keyboard scrolls it too, where there is something to scroll.
             self.setFocusPolicy(Qt.FocusPolicy.TabFocus if text > self._most_px else Qt.FocusPolicy.NoFocus)
+
+
+class Resting:
+    """Buttons that rest while their work goes on. The keyboard comes back to the one it was on, if it went nowhere."""
+
+    def __init__(self, *buttons: QPushButton) -> None:
+        self._buttons = buttons
+        self._pressed: QPushButton | None = None
+        self._fell_to: QWidget | None = None
+
+    def rest(self) -> None:
+        self._pressed = next((one for one in self._buttons if one.hasFocus()), self._pressed)
+        for one in self._buttons:
+            one.setEnabled(False)
+        self._fell_to = QApplication.focusWidget()
+
+    def give_focus_back(self) -> None:
+        """After the buttons have been enabled again, those that are."""
+        pressed, self._pressed = self._pressed, None
+        if pressed is not None and pressed.isEnabled() and QApplication.focusWidget() is self._fell_to:
+            pressed.setFocus(Qt.FocusReason.TabFocusReason)
 
 
 def restyle(widget: QWidget, name: str, value: str) -> None:

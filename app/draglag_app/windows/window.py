@@ -25,8 +25,10 @@ from draglag.errors import DraglagError
 from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
+from draglag_app.windows.field_keys import FieldKeys
 from draglag_app.windows.header import Header
 from draglag_app.windows.icons import icon
+from draglag_app.windows.keyboard import Keyboard
 from draglag_app.windows.library_words import fault_words, in_words, source_name
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.pages import make_pages
@@ -49,9 +51,12 @@ class OperatorWindow(QMainWindow):
         self.resize(1280, 800)
         self.space = Workspace(settings, settings_file, self)
         self.pages = make_pages(self.space)
+        self.keyboard = Keyboard(self)
         self.actions_table = Actions(self, self._handlers())
         self.actions_table.fill(self.menuBar())
+        self.actions_table.follow(self.space.undo)
         self.setCentralWidget(self._frame())
+        FieldKeys(self)
         record = self.pages["record"][1]
         assert isinstance(record, RecordPage)
         self.record = record
@@ -72,6 +77,7 @@ class OperatorWindow(QMainWindow):
         bridge.notice_raised.connect(self._notice)
         bridge.device_fault.connect(lambda fault: self.tell("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.tell)
+        record.noted.connect(self.keyboard.give_back)
         self._paint_icons()
         self._recording_changed(False)
         self.go("bench" if settings.first_start else "record")
@@ -134,14 +140,14 @@ class OperatorWindow(QMainWindow):
             "export": lambda: files.export_session(self),
             "report": lambda: files.write_report(self),
             "quit": self.close,
-            "undo": space.undo.undo,
-            "redo": space.undo.redo,
+            "undo": self._undo,
+            "redo": self._redo,
             "start": self.start,
             "proceed": lambda: self._control("proceed"),
-            "repeat": lambda: self._control("repeat_run"),
+            "repeat": self._repeat,
             "abort": lambda: self._control("abort_run"),
             "stop": lambda: self._control("stop"),
-            "note": self._note,
+            "note": self.keyboard.note,
             "check": self._check,
             "calibrate": self._calibrate,
             "analyse": space.analyse,
@@ -150,8 +156,18 @@ class OperatorWindow(QMainWindow):
             "fullscreen": self._full_screen,
         }
         for name in self.pages:
-            handlers[f"go_{name}"] = partial(self.go, name)
+            handlers[f"go_{name}"] = partial(self.keyboard.come_to, name)
         return handlers
+
+    def _undo(self) -> None:
+        what = self.space.undo.undoText()
+        self.space.undo.undo()
+        self.tell("info", self.tr("Undone: {what}").format(what=what))
+
+    def _redo(self) -> None:
+        what = self.space.undo.redoText()
+        self.space.undo.redo()
+        self.tell("info", self.tr("Done again: {what}").format(what=what))
 
     def ask(self, action: str) -> None:
         """Do the action of that id, as its key would."""
@@ -160,8 +176,11 @@ class OperatorWindow(QMainWindow):
     def go(self, name: str) -> None:
         """Show a page."""
         page = self.pages[name][1]
-        self.stack.setCurrentWidget(page)
         self.tabs[name].setChecked(True)
+        if self.stack.currentWidget() is page and page.isAncestorOf(self.focusWidget() or self):
+            return  # the keyboard stays where it is
+        self.notice.forget_done()
+        self.stack.setCurrentWidget(page)
         page.setFocus()
 
     def tell(self, level: str, text: str) -> None:
@@ -200,9 +219,9 @@ class OperatorWindow(QMainWindow):
         if control is not None:
             getattr(control, request)()
 
-    def _note(self) -> None:
-        self.go("record")
-        self.record.note.setFocus()
+    def _repeat(self) -> None:
+        self._control("repeat_run")
+        self.record.say_repeat()
 
     def _check(self) -> None:
         self.go("bench")
@@ -218,14 +237,15 @@ class OperatorWindow(QMainWindow):
 
     def _recording_changed(self, recording: bool) -> None:
         self.actions_table.set_recording(recording)
+        self.keyboard.serve()
         self.geometry_page.calibration.refresh()
         self.record.set_recording(recording)
 
     def _ended(self, path: Path | None, problem: str) -> None:
         self._recording_changed(False)
         if path is not None and not problem:
-            self.tell("info", self.tr("Saved: {path}").format(path=path))
             self.go("results")
+            self.tell("info", self.tr("Saved: {path}").format(path=path))
 
     def _notice(self, event: events.NoticeRaised) -> None:
         if event.level in ("warning", "error"):

@@ -42,7 +42,18 @@ _WORDS = {
     "explained": "Explained: with the effects below only noise is left.",
     "unexplained": "Unexplained: a gap remains that follows {covariate} and has no name in the library.",
 }
+# Where something is beyond chance and yet too little for a name.
+_WORDS_PASSED_OVER = {
+    "no_gap": "No gap worth a name: what is left beyond chance is too little for one.",
+    "explained": "Explained by the effects below; what is left beyond chance is too little for a name.",
+}
 _BINS = 12
+
+
+def headline(report: GapReport) -> str:
+    """The verdict in a sentence; nothing that is beyond chance is called noise."""
+    words = _WORDS | (_WORDS_PASSED_OVER if report.passed_over else {})
+    return words[report.verdict or "no_gap"].format(covariate=report.unexplained_by)
 
 
 def write_gap_report(
@@ -72,7 +83,7 @@ def write_gap_report(
             ),
         ]
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
-    body.append(f'<p class="verdict">{_WORDS[report.verdict or "no_gap"].format(covariate=report.unexplained_by)}</p>')
+    body.append(f'<p class="verdict">{headline(report)}</p>')
     ms = _ms_per_mm(report.last)
     first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
     floor_mm = report.noise_floor_mm or 0.0

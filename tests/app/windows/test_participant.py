@@ -205,3 +205,19 @@ class TestFromAnotherThread:
         display.hide()
         until(lambda: window._target is None)
         assert "Done" in window._present_words()
+
+
+@pytest.mark.parametrize("size", [(400, 800), (450, 360), (800, 400)])
+def test_words_are_whole_on_an_upright_or_narrow_screen(
+    qapp: QApplication, clock: Clock, window: ParticipantWindow, size: tuple[int, int]
+) -> None:
+    window.resize(*size)
+    for words in ("Comparing clocks: leave the screen alone", "Rest"):
+        window.set_prompt(words)
+        drawn = window.grab().toImage().convertToFormat(QImage.Format.Format_Grayscale8)
+        rows = np.frombuffer(drawn.constBits(), np.uint8).reshape(drawn.height(), drawn.bytesPerLine())
+        ink = (rows[:, : drawn.width()] > 100).any(axis=0)
+        margin = drawn.width() // 100
+        assert ink.any()
+        assert not ink[:margin].any()
+        assert not ink[-margin:].any()

@@ -351,10 +351,47 @@ class TestGap:
         page.show_report(self.REPORT)
         assert "Explained" in page.verdict.text()
         row = [page.table.item(0, column).text() for column in range(5)]
-        assert row[0] == "low_speed_plateau (or sample_hold)"
-        assert "118 (112 … 124)" in row[2]
+        assert row[0] == "low-speed plateau (or sample and hold)"
+        assert row[2] == "speed 118 mm/s (112 … 124)"
+        assert page.table.chosen() == (-1, "")
+        page.table.selectRow(0)
+        assert page.table.chosen() == (0, "low_speed_plateau")  # files and commands call it by its id
+        assert "Below a speed the latency no longer grows" in page.more.text()
+        assert "(low_speed_plateau)" in page.more.text()
         assert row[3] == "0.620 → 0.160 mm"
         assert page.plot.drawn["gap"][1].tolist() == [0.62, 0.16]
+
+    def test_what_is_beyond_chance_is_not_called_noise(self, page: QWidget) -> None:
+        left = {"what": "pitch_ripple", "p_value": 6e-6, "text": "amplitude_mm 0.0228 (0.0112 to 0.0345); too little"}
+        none: dict[str, object] = {**self.REPORT, "verdict": "no_gap", "steps": []}
+        page.show_report(none)
+        assert page.verdict.text() == "No gap: what is left is noise."
+        page.show_report({**none, "passed_over": [left]})
+        assert page.verdict.text().startswith("No gap worth a name: what is left beyond chance")
+        assert "electrode ripple, amplitude 0.0228 mm (0.0112 … 0.0345)" in page.more.text()
+        page.show_report({**self.REPORT, "passed_over": [left]})
+        assert "what is left beyond chance is too little for a name" in page.verdict.text()
+
+    def test_an_undo_while_the_gap_is_computed_shows_what_was_before(
+        self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def fake(function: object, arguments: tuple, progress: Progress) -> dict[str, object]:
+            _, without, added, _, _ = arguments
+            while added:  # until it is cancelled
+                progress(0.0, "")
+            return {**self.REPORT, "report": ("report", without)}
+
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+        page.close_button.click()
+        until(lambda: not opened.space.tasks.running)
+        page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
+        page.add_button.click()
+        assert opened.space.tasks.running
+        opened.ask("undo")
+        until(lambda: not opened.space.tasks.running)
+        assert page.table.rowCount() == 1
+        assert "Explained" in page.verdict.text()
+        assert page.add_button.isEnabled()
 
     def test_a_poor_session_says_what_is_missing(self, page: QWidget) -> None:
         poor = {"verdict": None, "steps": [], "missing": ["too few circles"], "noise_floor_mm": None}
@@ -445,13 +482,13 @@ class TestGapByHand:
 
         page.close_button.click()
         settle()
-        page.choice.setCurrentText("scan_skew")
+        page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
         page.add_button.click()
         settle()
         first = ("report", frozenset(), ())
         assert self.asked == [(frozenset(), (), None), (frozenset(), ("scan_skew",), first)]
-        assert page.table.item(1, 0).text().startswith("scan_skew")
-        assert "scan_skew: by hand" in page.more.text()
+        assert page.table.item(1, 0).text().startswith("scan skew")
+        assert "scan skew: by hand" in page.more.text()
         opened.ask("undo")
         settle()
         assert page.table.rowCount() == 1

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QCoreApplication
+from PySide6.QtCore import QCoreApplication, QLibraryInfo
 from PySide6.QtGui import QKeySequence
 from PySide6.QtWidgets import QApplication
 
@@ -25,6 +25,8 @@ from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
 from draglag.latency.on_clock import warnings_of
 from draglag.recording import ClockBounds, Session, empty_touch
+from draglag.simulation.effects import EFFECTS
+from draglag_app.windows.effect_words import EFFECT_NAMES, PARAMETERS, effect_meaning, effect_name, size_words
 from draglag_app.windows.gap_steps import remarks
 from draglag_app.windows.i18n import language_of, table_of, use_language
 from draglag_app.windows.library_words import in_words
@@ -49,6 +51,8 @@ def texts() -> set[str]:
                 if isinstance(argument, ast.Constant) and isinstance(argument.value, str) and argument.value.strip():
                     found.add(argument.value)
     found |= {form.title for form in FORMS.values()} | set(MEANING.values())
+    found |= {effect.meaning for effect in EFFECTS.values()} | set(EFFECT_NAMES.values())
+    found |= {name for name, _, _ in PARAMETERS.values()}
     return found | {flag.replace("_", " ") for flag in MEANING}
 
 
@@ -145,10 +149,39 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
         assert [text for text in reasons | places if in_words(text) == text] == []
         said = remarks(report, (), ())
         assert said == [
-            "clock_drift: tikken voor en na de runs onderscheiden een verlopende klok van een kruipende vertraging",
-            "Geen toeval (p 6e-06) maar gelaten: de sessietijd, amplitude_mm 0.0228 (0.0112 to 0.0345); verschil op "
+            "klokverloop: tikken voor en na de runs onderscheiden een verlopende klok van een kruipende vertraging",
+            "Geen toeval (p 6e-06) maar gelaten: de sessietijd, amplitude 0.0228 mm (0.0112 … 0.0345); verschil op "
             "niet gebruikte runs 0.180 → 0.179 mm: te weinig voor een naam",
-            "Deze sessie kan niet laten zien: clock_offset: tikken op dezelfde klok laten het zien",
+            "Deze sessie kan niet laten zien: klokverschil: tikken op dezelfde klok laten het zien",
         ]
     finally:
         use_language(qapp, "en")
+
+
+def test_effects_and_their_parameters_have_dutch_names(qapp: QApplication) -> None:
+    assert set(EFFECT_NAMES) == set(EFFECTS)
+    # Of every parameter of an effect, and those the gap workflow adds.
+    assert {p.name for effect in EFFECTS.values() for p in effect.parameters} <= set(PARAMETERS)
+    try:
+        use_language(qapp, "nl")
+        assert effect_name("clock_drift") == "klokverloop"
+        for effect in EFFECTS:
+            assert effect_meaning(effect).endswith(f"({effect})")
+            assert effect_meaning(effect) != f"{EFFECTS[effect].meaning} ({effect})"
+        assert size_words("extra_s", 0.012, (0.0115, 0.0125)) == "extra 12 ms (11.5 … 12.5)"
+        assert size_words("time_constant_s", 0.02) == "tijdconstante 20 ms"
+    finally:
+        use_language(qapp, "en")
+    assert effect_name("clock_drift") == "clock drift"
+
+
+def test_the_dialogs_of_qt_are_dutch_where_qt_is(qapp: QApplication) -> None:
+    assert QCoreApplication.translate("QFileDialog", "File &name:") == "File &name:"
+    try:
+        use_language(qapp, "nl")
+        if not Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath), "qtbase_nl.qm").is_file():
+            pytest.skip("this Qt comes without translations")
+        assert "naam" in QCoreApplication.translate("QFileDialog", "File &name:")
+    finally:
+        use_language(qapp, "en")
+    assert QCoreApplication.translate("QFileDialog", "File &name:") == "File &name:"

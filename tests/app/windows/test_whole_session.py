@@ -135,7 +135,7 @@ class TestResults:
         self, opened: OperatorWindow, until: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         out = tmp_path / "exchange"
-        monkeypatch.setattr(QFileDialog, "getExistingDirectory", lambda *args: str(out))
+        monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *args: (str(out), ""))
         files.export_session(opened)
         until(lambda: not opened.space.tasks.running)
         assert len(read_exchange(out).runs) == N_RUNS

@@ -14,7 +14,7 @@ from draglag_app.windows.library_words import in_words
 from draglag_app.windows.session_thread import display_choices
 from draglag_app.windows.settings import PanelSettings
 from draglag_app.windows.tasks import Progress
-from draglag_app.windows.widgets import Light, Panel, button, label
+from draglag_app.windows.widgets import Light, Panel, Resting, button, label
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 from draglag_devices.discovery import Found, discover
@@ -153,6 +153,7 @@ class BenchPage(QWidget):
         look.clicked.connect(self.look)
         self.check_button = button(self.tr("Check the rig  F3"), "primary")
         self.check_button.clicked.connect(self.check)
+        self._resting = Resting(self.check_button)
         row.addWidget(look)
         row.addWidget(self.check_button)
         panel.body.addLayout(row)
@@ -240,7 +241,7 @@ class BenchPage(QWidget):
         if not addresses:
             self._say(self.tr("There is nothing to check: choose the instruments first."))
             return
-        self.check_button.setEnabled(False)
+        self._resting.rest()
         self._space.tasks.start(
             self.tr("Checking the rig"),
             lambda progress: check_devices(addresses, panel, progress),
@@ -249,7 +250,7 @@ class BenchPage(QWidget):
         )
 
     def _devices_checked(self, results: list[Checked]) -> None:
-        self.check_button.setEnabled(True)
+        self._check_ended()
         # Parts that the device says of itself, and the notices that came meanwhile.
         results = [replace(r, text=" · ".join(map(in_words, r.text.split(" · ")))) for r in results]
         for result in results:
@@ -257,8 +258,12 @@ class BenchPage(QWidget):
             self.words[result.role].setText(result.text)
         self.checked.emit(results)
 
-    def _check_failed(self, text: str) -> None:
+    def _check_ended(self) -> None:
         self.check_button.setEnabled(True)
+        self._resting.give_focus_back()
+
+    def _check_failed(self, text: str) -> None:
+        self._check_ended()
         self._say(text)
 
     def _say(self, text: str) -> None:

@@ -19,6 +19,7 @@ from draglag.analysis import Analysis, analyze
 from draglag.curve.compare import curve_difference
 from draglag.store import read_session
 from draglag_app.windows import words
+from draglag_app.windows.ask_files import start_folder
 from draglag_app.windows.curve_plot import SYMBOLS, CurvePlot, speeds_of
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.tasks import Progress
@@ -70,7 +71,7 @@ class ComparePage(QWidget):
 
     def _ask(self) -> None:
         names, _ = QFileDialog.getOpenFileNames(
-            self, self.tr("Add sessions"), self._space.settings.folder, self.tr("Sessions (*.h5)")
+            self, self.tr("Add sessions"), start_folder(self._space.settings.folder), self.tr("Sessions (*.h5)")
         )
         self.add_files([Path(name) for name in names])
 

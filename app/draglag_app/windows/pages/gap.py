@@ -13,7 +13,6 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QComboBox,
-    QFileDialog,
     QHBoxLayout,
     QVBoxLayout,
     QWidget,
@@ -23,12 +22,14 @@ from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
 from draglag_app.apart import close_gap_of, run_apart
+from draglag_app.windows.ask_files import ask_save
+from draglag_app.windows.effect_words import effect_meaning, effect_name
 from draglag_app.windows.gap_picture import GapPicture
 from draglag_app.windows.gap_steps import StepPlot, StepTable, remarks
 from draglag_app.windows.gap_words import followed
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.tasks import Progress, Task
-from draglag_app.windows.widgets import Shallow, button, label, restyle
+from draglag_app.windows.widgets import Resting, Shallow, button, label, restyle
 from draglag_app.windows.workspace import Edit, Workspace
 
 
@@ -71,12 +72,16 @@ class GapPage(QWidget):
         self.leave_out.clicked.connect(self._leave_out)
         self.choice = QComboBox()
         self.choice.setAccessibleName(self.tr("Effect to add by hand"))
-        self.choice.addItems(list(BY_HAND))
-        self.choice.setToolTip(self.tr("Effect to add by hand"))
+        for effect in BY_HAND:
+            self.choice.addItem(effect_name(effect), effect)
+            self.choice.setItemData(self.choice.count() - 1, effect_meaning(effect), Qt.ItemDataRole.ToolTipRole)
+        self.choice.currentIndexChanged.connect(lambda index: self._choice_made())
+        self._choice_made()
         self.add_button = button(self.tr("Add by hand"))
         self.add_button.clicked.connect(self._add)
         self.save_button = button(self.tr("Save model …"))
         self.save_button.clicked.connect(self._save)
+        self._resting = Resting(self.close_button, self.leave_out, self.add_button, self.save_button)
         row.addWidget(self.close_button)
         outer.addLayout(row)
         by_hand = QHBoxLayout()
@@ -139,8 +144,7 @@ class GapPage(QWidget):
         return None
 
     def _busy(self) -> None:
-        for widget in (self.close_button, self.leave_out, self.add_button, self.save_button):
-            widget.setEnabled(False)
+        self._resting.rest()
 
     def _ready(self) -> None:
         ready = self._space.session is not None
@@ -148,13 +152,27 @@ class GapPage(QWidget):
         self.add_button.setEnabled(ready and self._report is not None and self._report.get("report") is not None)
         self.save_button.setEnabled(bool(self._report and self._report.get("model")))
         self._row_chosen()
+        self._resting.give_focus_back()
+
+    def _choice_made(self) -> None:
+        effect, tip = str(self.choice.currentData()), self.tr("Effect to add by hand")
+        self.choice.setToolTip(f"{tip}: {effect_meaning(effect)}")
+        if self.choice.hasFocus():
+            self._explain(effect)
+
+    def _explain(self, effect: str) -> None:
+        """Say what an effect is, above the remarks: a keyboard sees no tooltips."""
+        known = self._report
+        lines = remarks(known, self._added, self._without) if known is not None and "steps" in known else []
+        first = [f"{effect_name(effect)}: {effect_meaning(effect)}"] if effect else []
+        self.remarks.show_text("\n".join(first + lines))
 
     def _add(self) -> None:
         """Add the chosen effect to the model, of fitted size. Can be undone."""
-        effect = self.choice.currentText()
+        effect = str(self.choice.currentData())
         there = {step["effect"] for step in self._report["steps"]} if self._report else set()
         if effect in there:
-            self._say("warning", self.tr("{effect} is in the model already.").format(effect=effect))
+            self._say("warning", self.tr("{effect} is in the model already.").format(effect=effect_name(effect)))
             return
         self._change((self._without - {effect}, (*self._added, effect)))
 
@@ -169,11 +187,12 @@ class GapPage(QWidget):
         model = self._report.get("model") if self._report else None
         if not model:
             return
-        name, _ = QFileDialog.getSaveFileName(self, self.tr("Save model"), "model.json", self.tr("Models (*.json)"))
-        if name:
+        start = Path(self._space.settings.folder) / "model.json"
+        path = ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"))
+        if path is not None:
             try:
-                save_model(LatencyModel.model_validate(model), Path(name))
-                self._space.noticed.emit("info", self.tr("Model saved: {name}").format(name=name))
+                save_model(LatencyModel.model_validate(model), path)
+                self._space.noticed.emit("info", self.tr("Model saved: {name}").format(name=path))
             except DraglagError as error:
                 self._space.noticed.emit("warning", str(error))
 
@@ -187,7 +206,9 @@ class GapPage(QWidget):
             self._ready()
 
     def _row_chosen(self) -> None:
-        row, _ = self.table.chosen()
+        row, effect = self.table.chosen()
+        if effect:
+            self._explain(effect)
         if self._task is None:
             self.leave_out.setEnabled(bool(self._without or row >= 0))
         self.picture.choose_step(row)
@@ -207,6 +228,9 @@ class GapPage(QWidget):
 
     def _with_effects(self, state: State) -> None:
         self._without, self._added = state
+        if self._task is not None:  # it computes what is not asked for any more
+            self._task.cancel()
+            self._task = None
         self.start()
 
     def _failed(self, text: str) -> None:
@@ -220,6 +244,7 @@ class GapPage(QWidget):
         self.remarks.show_text("")
         self.leave_out.setEnabled(False)
         self.table.setRowCount(0)
+        self.table.hide()
         self.plot.clear_all()
         ready = self._space.session is not None
         self._ready()
@@ -229,9 +254,20 @@ class GapPage(QWidget):
     def show_report(self, report: dict[str, Any]) -> None:
         """Show what was found: the design's JSON of a gap report."""
         self._report, self._shown = report, (self._without, self._added)
+        more = bool(report.get("passed_over"))  # beyond chance, without a name
         level, text = {
-            "no_gap": ("ok", self.tr("No gap: what is left is noise.")),
-            "explained": ("ok", self.tr("Explained: the effects below account for the gap.")),
+            "no_gap": (
+                "ok",
+                self.tr("No gap worth a name: what is left beyond chance is too little for one.")
+                if more
+                else self.tr("No gap: what is left is noise."),
+            ),
+            "explained": (
+                "ok",
+                self.tr("Explained by the effects below; what is left beyond chance is too little for a name.")
+                if more
+                else self.tr("Explained: the effects below account for the gap."),
+            ),
             "unexplained": (
                 "warning",
                 self.tr("A gap remains that no known effect explains; it follows {covariate}.").format(
@@ -241,7 +277,8 @@ class GapPage(QWidget):
         }.get(str(report["verdict"]), ("warning", " ".join(map(in_words, report.get("missing", ())))))
         self._say(level, text)
         self.table.show_steps(report["steps"])
-        self.remarks.show_text("\n".join(remarks(report, self._added, self._without)))
+        self.table.setVisible(bool(report["steps"]))
+        self._explain("")
         self.plot.show_report(report)
         self.picture.show_overlay(report.get("overlay"), str(report.get("overlay_why") or ""))
         self._ready()

@@ -6,7 +6,7 @@ from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QTextBlockFormat, QTextCursor, QTextDocument
 from PySide6.QtWidgets import QHBoxLayout, QTextBrowser, QWidget
 
-from draglag_app.windows.actions import key_list
+from draglag_app.windows.actions import key_list, other_keys
 from draglag_app.windows.i18n import language_of
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import resource
@@ -40,11 +40,9 @@ class HelpPage(QWidget):
         _give_air(self.manual.document())
         rows = "".join(
             f"<tr><td style='padding:5px 14px 5px 0'><b>{keys}</b></td><td style='padding:5px 0'>{what}</td></tr>"
-            for keys, what in key_list()
+            for keys, what in (*key_list(), *other_keys())
         )
         title = self.tr("Keys")
-        esc = self.tr("on the participant's screen: abort this run")
-        rows += f"<tr><td style='padding:5px 14px 5px 0'><b>Esc</b></td><td style='padding:5px 0'>{esc}</td></tr>"
         self.keys.setHtml(f"<h3>{title}</h3><table cellspacing='0'>{rows}</table>")
 
 

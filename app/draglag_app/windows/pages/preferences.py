@@ -8,13 +8,13 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QFileDialog,
     QHBoxLayout,
     QLineEdit,
     QVBoxLayout,
     QWidget,
 )
 
+from draglag_app.windows.ask_files import ask_folder
 from draglag_app.windows.widgets import Form, Panel, button, label
 from draglag_app.windows.workspace import Workspace
 
@@ -91,9 +91,9 @@ class PreferencesPage(QWidget):
             self._space.change_settings(**{key: text})
 
     def _choose_folder(self) -> None:
-        name = QFileDialog.getExistingDirectory(self, self.tr("Folder for sessions"), self.folder.text())
-        if name:
-            self._space.change_settings(folder=name)
+        path = ask_folder(self, self.tr("Folder for sessions"), self.folder.text())
+        if path is not None:
+            self._space.change_settings(folder=str(path))
 
 
 def _form(title: str) -> tuple[Panel, Form]:

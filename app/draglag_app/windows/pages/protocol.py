@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtWidgets import (
-    QFileDialog,
     QHBoxLayout,
     QMenu,
+    QPushButton,
     QTableWidgetItem,
     QVBoxLayout,
     QWidget,
@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
 from draglag.errors import DraglagError
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag_app.windows import words
+from draglag_app.windows.ask_files import ask_open, ask_save
 from draglag_app.windows.plan_editor import PlanEditor
 from draglag_app.windows.plan_preview import PlanPreview
 from draglag_app.windows.precision_preview import PrecisionPreview
@@ -76,6 +77,7 @@ class ProtocolPage(QWidget):
             menu.addAction(name).triggered.connect(lambda checked=False, name=name: self._preset_chosen(name))
         self.preset.setMenu(menu)
         row.addWidget(self.preset)
+        self.file_buttons: dict[str, QPushButton] = {}
         for text, action in (
             (self.tr("Load…"), self._load),
             (self.tr("Save…"), self._save),
@@ -85,6 +87,14 @@ class ProtocolPage(QWidget):
             made = button(text)
             made.clicked.connect(action)
             row.addWidget(made)
+            self.file_buttons[text] = made
+        stack = self._space.undo
+        for made, able, told in (
+            (self.file_buttons[self.tr("Undo")], stack.canUndo, stack.canUndoChanged),
+            (self.file_buttons[self.tr("Redo")], stack.canRedo, stack.canRedoChanged),
+        ):
+            made.setEnabled(able())
+            told.connect(made.setEnabled)
         row.addStretch(1)
         return row
 
@@ -209,27 +219,27 @@ class ProtocolPage(QWidget):
         self._space.change_settings(protocol=name)
 
     def _load(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(
-            self, self.tr("Load protocol"), self._space.settings.folder, self.tr("Protocols (*.toml)")
-        )
-        if name:
+        folder, kind = self._space.settings.folder, self.tr("Protocols (*.toml)")
+        path = ask_open(self, self.tr("Load protocol"), folder, kind)
+        if path is not None:
             try:
-                self._space.change_protocol(load_protocol(Path(name)), self.tr("load a protocol"))
+                self._space.change_protocol(load_protocol(path), self.tr("load a protocol"))
             except DraglagError as error:
                 self._space.noticed.emit("error", str(error))
             else:
-                self._space.change_settings(protocol=name)
+                self._space.change_settings(protocol=str(path))
 
     def _save(self) -> None:
-        start = str(Path(self._space.settings.folder) / f"{self._space.protocol.name}.toml")
-        name, _ = QFileDialog.getSaveFileName(self, self.tr("Save protocol"), start, self.tr("Protocols (*.toml)"))
-        if name:
+        start = Path(self._space.settings.folder) / f"{self._space.protocol.name}.toml"
+        path = ask_save(self, self.tr("Save protocol"), start, self.tr("Protocols (*.toml)"))
+        if path is not None:
             try:
-                Path(name).write_text(to_toml(self._space.protocol), "utf-8")
+                path.write_text(to_toml(self._space.protocol), "utf-8")
             except OSError as error:
-                self._space.noticed.emit("error", f"{name}: {error.strerror}")
+                self._space.noticed.emit("error", f"{path}: {error.strerror}")
             else:
-                self._space.change_settings(protocol=name)
+                self._space.change_settings(protocol=str(path))
+                self._space.noticed.emit("info", self.tr("Saved: {path}").format(path=path))
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

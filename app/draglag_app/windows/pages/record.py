@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from datetime import datetime
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import (
@@ -39,6 +40,8 @@ class RecordPage(QWidget):
     """``asks(action id)`` is emitted by its buttons."""
 
     asks = Signal(str)
+    noted = Signal()
+    """A note was written, or there is none to write."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -85,13 +88,9 @@ class RecordPage(QWidget):
         band = Panel()
         row = QHBoxLayout()
         row.setSpacing(8)
-        words_box = QVBoxLayout()
-        words_box.setSpacing(0)
         self.big = ElidedLabel("big")
         self.small = ElidedLabel("medium")
-        words_box.addWidget(self.big)
-        words_box.addWidget(self.small)
-        row.addLayout(words_box, 1)
+        row.addWidget(self.big, 1)
         self.buttons = {}
         for action, text, role in (
             ("start", self.tr("Start  F5"), "primary"),
@@ -104,7 +103,9 @@ class RecordPage(QWidget):
             made.clicked.connect(lambda checked=False, action=action: self.asks.emit(action))
             self.buttons[action] = made
             row.addWidget(made)
+        band.body.setSpacing(4)
         band.body.addLayout(row)
+        band.body.addWidget(self.small)
         self.progress = QProgressBar()
         self.progress.setTextVisible(False)
         self.progress.setRange(0, 1000)
@@ -131,7 +132,6 @@ class RecordPage(QWidget):
             grid.addWidget(fact, k // 3, k % 3)
         panel.body.addLayout(grid)
         self.note = QLineEdit()
-        self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
         self.note.returnPressed.connect(self._write_note)
         panel.body.addWidget(self.note)
         return panel
@@ -155,6 +155,7 @@ class RecordPage(QWidget):
         for action, made in self.buttons.items():
             made.setVisible((action == "start") != recording)
         self.note.setEnabled(recording)
+        self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
         if recording:
             self.table.clear_runs()
             self.trace.clear_all()
@@ -210,23 +211,29 @@ class RecordPage(QWidget):
         if event.kind == "tap":
             self._say(self.tr("Taps"), in_words(event.text))
         elif event.text == "Rest":
-            self._say(self.tr("Rest"), self.tr("F6 begins the next run now, F7 repeats the last one"))
+            control = self._space.recording.control
+            again = control is not None and control.repeating
+            self._say(
+                self.tr("Rest"),
+                self._again() if again else self.tr("F6 begins the next run now, F7 repeats the last one"),
+            )
         elif event.text:
             self._say(self.tr("Wait"), in_words(event.text))
         self._enable(resting=event.text == "Rest", running=event.kind == "tap")
 
     def _show_state(self) -> None:
-        left_s = self._due_s - time.monotonic()
+        left_s, control = self._due_s - time.monotonic(), self._space.recording.control
+        again = " · " + self.tr("once more afterwards") if control is not None and control.repeating else ""
         if self._phase is Phase.COUNTDOWN:
-            self._say(self.tr("Starts in {n}").format(n=max(1, round(left_s + 0.5))), self._what)
+            self._say(self.tr("Starts in {n}").format(n=max(1, round(left_s + 0.5))), self._what + again)
             self.progress.setValue(0)
         elif self._phase is Phase.RECORDING:
             left = self.tr("{time} left").format(time=words.duration(left_s))
-            self._say(self.tr("● Recording"), f"{self._what} · {left}", "live")
+            self._say(self.tr("● Recording"), f"{self._what} · {left}{again}", "live")
             # In steps that can be seen: every one is painted at once.
             self.progress.setValue(5 * round(200 * (1 - max(0.0, left_s) / max(self._span_s, 1e-3))))
         elif self._phase is Phase.CLOSING:
-            self._say(self.tr("Saving"), self._what)
+            self._say(self.tr("Saving"), self._what + again)
             self.progress.setValue(1000)
 
     def _run_started(self, event: events.RunStarted) -> None:
@@ -276,9 +283,23 @@ class RecordPage(QWidget):
 
     def _write_note(self) -> None:
         control = self._space.recording.control
-        if control is not None and self.note.text().strip():
-            control.note(self.note.text().strip())
+        text = self.note.text().strip()
+        if control is not None and text:
+            control.note(text)
             self.note.clear()
+            now = datetime.now().strftime("%H:%M:%S")
+            self.note.setPlaceholderText(self.tr("Noted at {time}: {text}").format(time=now, text=text))
+        self.noted.emit()
+
+    def say_repeat(self) -> None:
+        """The operator asked for a run once more."""
+        if self._phase in (None, Phase.FINISHED):
+            self.small.setText(self._again())
+        else:
+            self._show_state()
+
+    def _again(self) -> str:
+        return self.tr("The last run comes once more; F6 begins it now")
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

@@ -73,6 +73,9 @@ class ResultsPage(QWidget):
         across.addWidget(self.tabs)
         across.setSizes([600, 500])
         outer.addWidget(across, 1)
+        self.flags = label("", "hint", wrap=True)
+        self.flags.hide()
+        outer.addWidget(self.flags)
         workspace.session_changed.connect(self._session_changed)
         workspace.analysis_changed.connect(self._analysis_changed)
         self._session_changed()
@@ -122,6 +125,7 @@ class ResultsPage(QWidget):
 
     def _session_changed(self) -> None:
         self._chosen, self._rivals = "", []
+        self.flags.hide()
         self.table.clear_runs()
         for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps):
             plot.clear_all()
@@ -143,6 +147,7 @@ class ResultsPage(QWidget):
         self.width_plot.show_runs(analysis.runs, self._space.session)
         self.validation.show_items(analysis.validation)
         self._say()
+        self._name_button()
         if not self._chosen and analysis.runs:
             self.table.select(analysis.runs[0].id)
         self._show_run()
@@ -236,9 +241,12 @@ class ResultsPage(QWidget):
     def choose(self, run_id: str) -> None:
         """Show what is behind a run."""
         self._chosen = run_id
-        out = run_id in self._space.options.exclude
-        self.leave_out.setText(self.tr("Take in again") if out else self.tr("Leave out…"))
+        self._name_button()
         self._show_run()
+
+    def _name_button(self) -> None:
+        out = self._chosen in self._space.options.exclude
+        self.leave_out.setText(self.tr("Take in again") if out else self.tr("Leave out…"))
 
     def _show_run(self) -> None:
         analysis, session = self._space.analysis, self._space.session
@@ -246,6 +254,8 @@ class ResultsPage(QWidget):
             return
         shown = self.tabs.currentWidget()
         estimate = next((e for e in analysis.runs if e.id == self._chosen), None)
+        self.flags.setText("" if estimate is None else words.flag_meanings(estimate.flags))
+        self.flags.setVisible(bool(self.flags.text()))
         checked = next((v for v in analysis.validation if v.run == self._chosen), None)
         if shown is self.alignment:
             self.alignment.show_run(estimate, checked)
