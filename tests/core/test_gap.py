@@ -98,6 +98,14 @@ def test_a_poor_session_gets_words_instead_of_a_verdict(sound: Session) -> None:
     assert report.to_dict()["missing"] == list(report.missing)
 
 
+def test_positions_that_are_no_numbers_are_told_as_such(sound: Session) -> None:
+    nowhere = [replace(run, touch=replace(run.touch, x_mm=np.full(run.touch.x_mm.shape, np.nan))) for run in sound.runs]
+    report = close_gap(replace(sound, runs=tuple(nowhere)))
+    assert report.verdict is None
+    assert any("not numbers" in text for text in report.missing)
+    assert not any("sideways" in text for text in report.missing)
+
+
 def test_the_report_has_the_contract_s_keys(sound: Session) -> None:
     found = close_gap(sound, max_effects=0).to_dict()
     keys = {"session", "verdict", "noise_floor_mm", "steps", "unexplained_by", "gap_first_mm", "gap_last_mm"}

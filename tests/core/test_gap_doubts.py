@@ -33,6 +33,7 @@ def without(*names: str) -> list[str]:
         ("beam_width=-0.8", ("beam_width", "scale_error"), "speed"),
         ("lagging_law=0.08", ("lagging_law", "acceleration_lag"), "acceleration"),
         ("sample_hold=80", ("sample_hold",), "host_tick"),
+        ("frame_batching=3", ("frame_batching",), "frame"),  # no run has a latency until the batches are undone
     ],
 )
 def test_an_effect_without_a_name_is_owned_up_to_and_not_misnamed(

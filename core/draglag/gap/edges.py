@@ -282,7 +282,7 @@ def _catching_up(data: RunData, at_s: FloatArray) -> np.ndarray:
     around = np.array([-0.1, -0.05, 0.0, 0.05, 0.1])
     fits = [local_fit(data.t_s, data.xy_mm, at_s + shift, half_s) for shift in around]
     speed = np.array([np.where(f.ok, f.speed_mm_s, np.nan) for f in fits])
-    slowest, fastest = np.nanmin(speed, axis=0), np.nanmax(speed, axis=0)
+    slowest, fastest = np.fmin.reduce(speed, axis=0), np.fmax.reduce(speed, axis=0)  # NaN where none is
     return np.asarray(~(slowest > 0.45 * fastest))
 
 

@@ -157,8 +157,11 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
     edges = sum(r.laser.t_s.size for r in session.runs)
     if edges < 80:
         missing.append(f"{edges} edges: at least 80 are needed")
-    travel = [_travel_mm(r) for r in steady if r.touch.t_s.size > 50]
-    if travel and max(travel) < 5.0:
+    shown = [r for r in steady if np.count_nonzero(np.isfinite(r.touch.x_mm) & np.isfinite(r.touch.y_mm)) > 50]
+    travel = [_travel_mm(r) for r in shown]
+    if steady and not shown:
+        missing.append("no circle run shows where the stylus was: its touch positions are missing or not numbers")
+    elif travel and max(travel) < 5.0:
         missing.append("the circles hardly travel sideways: slope and latency cannot be told apart")
     return tuple(missing)
 

@@ -74,15 +74,20 @@ def close_gap(
     if missing:
         return GapReport(session.name, None, missing=missing)
     tell(0.05, "streams")
-    seen, repaired = inspect(session)
+    seen, whole = inspect(session)
     strange = tuple(s for s in seen if s.effect not in allowed)
     seen = tuple(s for s in seen if s.effect in allowed)
-    if not seen:
-        repaired = session
+    repaired = whole if seen else session
+    tell(0.15, "fitting the present model")
     try:
-        runs = gather(repaired)
-        tell(0.15, "fitting the present model")
-        fit = fit_session(repaired, runs)
+        try:
+            fit = fit_session(repaired, gather(repaired))
+        except (EstimateError, np.linalg.LinAlgError, ValueError):
+            if not strange:
+                raise
+            # What may not be named is there all the same: without it the session can at least be judged.
+            repaired = whole
+            fit = fit_session(repaired, gather(repaired))
     except (EstimateError, np.linalg.LinAlgError, ValueError) as problem:
         return GapReport(session.name, None, missing=(str(problem),))
     steps = list(_stream_steps(session, seen, fit))
