@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from draglag.blas import one_blas_thread
 from draglag.clocks import remapped
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
@@ -15,7 +16,6 @@ from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.on_clock import SENSOR_RESPONSE_S, nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
-from draglag.threads import one_blas_thread
 from draglag.validation import Validation, validate_run
 from draglag.verification import AsymptoteCheck, ClockDrift, WidthCheck, asymptote_check, clock_drifts, width_check
 

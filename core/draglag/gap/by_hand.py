@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.compose import STREAMS, Gap, Model, shrinkage, theta_of
 from draglag.gap.doubts import covariate_of, left_out, still_there
@@ -21,7 +22,6 @@ from draglag.gap.state import Term
 from draglag.gap.streams import inspect
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
-from draglag.threads import one_blas_thread
 
 BY_HAND = tuple(effect for effect in EFFECTS if effect in (*SIGNATURES, PLATEAU, *TERM_OF))
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.doubts import left_out
 from draglag.gap.edges import gather
@@ -32,7 +33,6 @@ from draglag.gap.streams import StreamEffect, inspect
 from draglag.gap.workflow import step_of
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS
-from draglag.threads import one_blas_thread
 
 STREAMS = (
     "sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact", "frame_drop",

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
+from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
 from draglag.gap.edges import Placed, RunData, gather, place
 from draglag.gap.fit import Fit, restrict
@@ -31,7 +32,6 @@ from draglag.simulation.effects.base import Effect
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
 from draglag.simulation.residual import View
 from draglag.simulation.rig import Rig
-from draglag.threads import one_blas_thread
 
 Progress = Callable[[float, str], None]
 

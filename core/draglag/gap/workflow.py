@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
 from draglag.gap.doubts import (
     beside,
@@ -34,7 +35,6 @@ from draglag.gap.streams import StreamEffect, inspect
 from draglag.gap.together import name_two
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
-from draglag.threads import one_blas_thread
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
