@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from draglag.protocols import load_protocol
+from draglag.reproduction.further import FurtherSeeds, Tally, further_seeds, further_words, table_further
 from draglag.reproduction.measure import chirp_j0_mm2
 from draglag.reproduction.own_gap import gap_figures, gap_words, own_gap
 from draglag.simulation import rig_for_screen
@@ -43,3 +44,41 @@ def test_the_papers_own_gap_is_found_named_and_closed() -> None:
     assert "nothing else was named" in text
     assert "verdict explained" in text
     assert [name for name, _, _ in gap_figures(found)] == ["own-gap-steps", "own-gap-latency", "own-gap-edges"]
+
+
+def test_further_seeds_tell_how_often_the_intervals_of_table_2_hold() -> None:
+    told: list[float] = []
+    found = further_seeds(range(4, 8), lambda fraction, text: told.append(fraction))
+    assert found is not None
+    assert found.seeds == (4, 5, 6, 7)
+    assert told == sorted(told)
+    assert len(told) == 12
+    assert found.judged + sum(4 - tally.judged for tally in found.tallies) == 4 * 15
+    # Screen 2's first exponential has decayed before the slowest run that counts: never determined.
+    never = {(tally.screen, tally.name) for tally in found.tallies if tally.judged == 0}
+    assert {("Screen 2", "a1_ms"), ("Screen 2", "a2_s_per_mm")} <= never
+    assert {screen for screen, _ in never} == {"Screen 2"}
+    # About 46 intervals of 95 %, those of one session not quite independent: four standard errors.
+    assert found.held >= 0.95 * found.judged - 4 * (0.95 * 0.05 * found.judged) ** 0.5
+    low, high = found.share_ci95 or (1.0, 0.0)
+    assert low < found.held / found.judged <= high
+    assert found.to_dict()["held"] == sum(tally.held for tally in found.tallies)
+    assert f"{found.held} of {found.judged} intervals" in next(further_words(found))
+    assert table_further(found)[1][-1][2] == f"{found.held} of {found.judged}"
+
+
+def test_intervals_that_miss_too_often_are_owned_up_to() -> None:
+    found = FurtherSeeds(
+        tuple(range(20)), (Tally("Screen 1", "a4_ms", 12, 20), Tally("Screen 2", "a7_ms", 16, 20, held_later=19))
+    )
+    _, slack, late = further_words(found)
+    assert "Screen 1 a4_ms: 12 of 20 hold, fewer than chance leaves." in slack
+    assert "16 of 20" in late
+    assert "55 µs" in late
+    assert "19 of 20 hold" in late
+    # 28 of 40, exact binomial limits.
+    assert found.share_ci95 == pytest.approx((0.5347, 0.8344), abs=1e-3)
+
+
+def test_no_further_seeds_no_count() -> None:
+    assert further_seeds(range(4, 4)) is None

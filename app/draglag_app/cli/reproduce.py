@@ -13,8 +13,16 @@ from draglag_app.cli.common import json_option, print_json, progress, table
 @click.command("reproduce")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write reproduction.html and figures here.")
 @click.option("--seed", type=click.IntRange(min=0), default=3, show_default=True, help="Another hand, other noise.")
+@click.option(
+    "--seeds",
+    "n_further",
+    type=click.IntRange(0, 1000),
+    default=20,
+    show_default=True,
+    help="Further seeds that measure Table 2 again, to count how often its intervals hold the paper's values.",
+)
 @json_option
-def reproduce(out: Path | None, seed: int, as_json: bool) -> None:
+def reproduce(out: Path | None, seed: int, n_further: int, as_json: bool) -> None:
     """Measure simulated Screens 1 and 2 and set Tables 2 and 3 and Figures 4 to 8 beside the paper's.
 
     \b
@@ -22,6 +30,7 @@ def reproduce(out: Path | None, seed: int, as_json: bool) -> None:
         draglag reproduce --out reproduction
     """
     from draglag.reproduction import reproduce as measure
+    from draglag.reproduction.further import table_further
     from draglag.reproduction.write import table_2, table_3, words, write_reproduction
 
     if out is not None and (out / "reproduction.html").exists():
@@ -32,7 +41,7 @@ def reproduce(out: Path | None, seed: int, as_json: bool) -> None:
         except OSError as error:
             raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose another folder") from error
     with progress("Reproducing") as tell:
-        result = measure(seed, tell)
+        result = measure(seed, tell, n_further)
     written = None if out is None else write_reproduction(result, out)
     if as_json:
         print_json(
@@ -40,6 +49,8 @@ def reproduce(out: Path | None, seed: int, as_json: bool) -> None:
         )
         return
     click.echo("Table 2\n" + table(*table_2(result), left=2))
+    if result.further is not None:
+        click.echo("\nTable 2 with further seeds\n" + table(*table_further(result.further), left=2))
     click.echo("\nTable 3\n" + table(*table_3(result), left=2) + "\n")
     for text in words(result):
         click.echo(f"- {text}")

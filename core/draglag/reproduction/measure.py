@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
-from draglag.analysis import Analysis, AnalysisOptions, analyze
-from draglag.curve import CurveFit
-from draglag.errors import EstimateError
 from draglag.inversion import Law
 from draglag.latency.estimate import prepare
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
+from draglag.reproduction.curves import Row2, effects_of, measured_row
+from draglag.reproduction.further import FurtherSeeds, further_seeds
 from draglag.reproduction.own_gap import OwnGap, own_gap
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2, TABLE_3
 from draglag.simulation import rig_for_screen, simulate_session
@@ -22,33 +20,6 @@ from draglag.simulation.effects import parse_effects
 from draglag.validation import Validation, validate_run
 
 Progress = Callable[[float, str], None]
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """One cell of Table 2. ``ci95`` is None where the data leave the coefficient open."""
-
-    name: str
-    paper: float
-    value: float
-    ci95: tuple[float, float] | None
-
-    @property
-    def agrees(self) -> bool | None:
-        return None if self.ci95 is None else self.ci95[0] <= self.paper <= self.ci95[1]
-
-
-@dataclass(frozen=True)
-class Row2:
-    """One row of Table 2, and the measurement it comes from."""
-
-    screen: str
-    coefficients: tuple[Coefficient, ...]
-    rms_ms: float
-    paper_rms_ms: float
-    curve: CurveFit
-    analysis: Analysis
-    session: Session
 
 
 @dataclass(frozen=True)
@@ -78,6 +49,7 @@ class Reproduction:
     validation_sessions: dict[str, Session]
     seed: int
     own_gap: OwnGap | None = None
+    further: FurtherSeeds | None = None
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -117,16 +89,23 @@ class Reproduction:
                 for cell in self.table_3
             ],
             "own_gap": None if self.own_gap is None else self.own_gap.to_dict(),
+            "further_seeds": None if self.further is None else self.further.to_dict(),
         }
 
 
-def reproduce(seed: int = 3, progress: Progress | None = None) -> Reproduction:
-    """Measure all three rows of Table 2 and all cells of Table 3 from simulated sessions of one seed."""
+def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 20) -> Reproduction:
+    """Measure all three rows of Table 2 and all cells of Table 3 from simulated sessions of one seed.
+
+    ``n_further``: how many further seeds, the next ones, measure Table 2 again to count what its intervals hold.
+    """
     tell = progress or (lambda fraction, text: None)
     rows = []
     for k, screen in enumerate(TABLE_2):
-        tell(0.12 * k, f"{screen}: sweep")
-        rows.append(_row(screen, seed))
+        tell(0.02 * k, f"{screen}: sweep")
+        rows.append(measured_row(screen, seed))
+    further = further_seeds(
+        range(seed + 1, seed + 1 + n_further), lambda fraction, text: tell(0.06 + 0.29 * fraction, text)
+    )
     cells: list[Cell3] = []
     sessions: dict[str, Session] = {}
     for k, screen in enumerate(TABLE_3):
@@ -137,71 +116,7 @@ def reproduce(seed: int = 3, progress: Progress | None = None) -> Reproduction:
         cells += found
     gap = own_gap(seed, progress=lambda fraction, text: tell(0.75 + 0.25 * fraction, f"own gap: {text}"))
     tell(1.0, "done")
-    return Reproduction(tuple(rows), tuple(cells), sessions, seed, gap)
-
-
-def _effects(screen: str) -> list[str]:
-    return [] if screen == "Screen 1" else [f"low_speed_plateau={PLATEAU_MM_S:g}"]
-
-
-def _row(screen: str, seed: int) -> Row2:
-    protocol = load_protocol("latency-sweep")
-    taps = load_protocol("taps-100").taps
-    session = simulate_session(
-        PRESETS[screen],
-        protocol.model_copy(update={"taps": taps}),
-        effects=parse_effects(_effects(screen)),
-        seed=seed,
-    )
-    exclude = {}
-    if screen != "Screen 1":
-        exclude = {
-            run.id: "on the plateau"
-            for run in session.runs
-            if run.nominal_speed_mm_s is not None and run.nominal_speed_mm_s < PLATEAU_MM_S
-        }
-    tied = screen.endswith("(corrected)")
-    analysis = analyze(session, AnalysisOptions(form="double_exponential", tie_asymptote=tied, exclude=exclude))
-    if analysis.curve is None:
-        raise EstimateError(f"{screen}: no curve from the simulated sweep", "Try another --seed")
-    paper = TABLE_2[screen]
-    return Row2(
-        screen,
-        _coefficients(analysis.curve, paper),
-        1e3 * analysis.curve.rms_s,
-        paper["rms_ms"],
-        analysis.curve,
-        analysis,
-        session,
-    )
-
-
-def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient, ...]:
-    """Our coefficients under the paper's names: its a4 is the larger amplitude in every row.
-
-    Where an amplitude's interval reaches zero, nothing is known of its rate, nor then of the amplitude: that is the
-    size at rest, and a faster decay to the slowest run has a larger one.
-    """
-    values, errors = curve.parameters, curve.standard_errors
-    names = {name: name for name in values}
-    free = 5 - (curve.tied_asymptote_s is not None)
-    reach = float(student.ppf(0.975, max(curve.n_points - free, 1)))
-    sure = {name: values[name] > reach * errors[name] for name in ("a1_ms", "a4_ms")}
-    # An amplitude that may be nothing is not the larger one, whatever its value.
-    if (sure["a1_ms"], values["a1_ms"]) > (sure["a4_ms"], values["a4_ms"]):
-        names |= {"a1_ms": "a4_ms", "a4_ms": "a1_ms", "a2_s_per_mm": "a5_s_per_mm", "a5_s_per_mm": "a2_s_per_mm"}
-    out = []
-    for name, published in paper.items():
-        if name == "rms_ms":
-            continue
-        ours = names[name]
-        amplitude = {"a2_s_per_mm": "a1_ms", "a5_s_per_mm": "a4_ms"}.get(ours, ours)
-        gone = not sure.get(amplitude, True)
-        error = errors[ours]
-        known = not gone and np.isfinite(error) and error > 0
-        interval = (values[ours] - reach * error, values[ours] + reach * error) if known else None
-        out.append(Coefficient(name, published, values[ours], interval))
-    return tuple(out)
+    return Reproduction(tuple(rows), tuple(cells), sessions, seed, gap, further)
 
 
 def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
@@ -210,7 +125,7 @@ def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
     chirps = tuple(RunPlan(kind="chirp", radius_fraction=share, duration_s=80.0, repeats=3) for share in (0.1, 0.2))
     rest = tuple(plan for plan in base.runs if plan.kind != "chirp")
     protocol: Protocol = base.model_copy(update={"runs": chirps + rest})
-    session = simulate_session(preset, protocol, effects=parse_effects(_effects(screen)), seed=seed)
+    session = simulate_session(preset, protocol, effects=parse_effects(effects_of(screen)), seed=seed)
     law = _law(row, screen)
     width_mm = session.screen.width_mm
     true_law = rig_for_screen(preset).law

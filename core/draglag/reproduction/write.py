@@ -10,6 +10,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.report import figures, style
+from draglag.reproduction.curves import Coefficient
 from draglag.reproduction.drawings import (
     embed,
     figure_5,
@@ -19,7 +20,8 @@ from draglag.reproduction.drawings import (
     table_html,
     tracking_figure,
 )
-from draglag.reproduction.measure import Cell3, Coefficient, Reproduction
+from draglag.reproduction.further import further_words, table_further
+from draglag.reproduction.measure import Cell3, Reproduction
 from draglag.reproduction.own_gap import gap_figures, gap_words
 from draglag.tracking import tracking_response
 
@@ -36,6 +38,8 @@ def write_reproduction(result: Reproduction, out: Path) -> Path:
         (out / "figures").mkdir(parents=True, exist_ok=True)
         body = "<p>Simulated Screens 1 and 2, measured and analysed with draglag, beside the published numbers.</p>"
         body += "<h2>Table 2: the curve</h2>" + table_html(*table_2(result))
+        if result.further is not None:
+            body += "<h2>Table 2 with further seeds</h2>" + table_html(*table_further(result.further))
         body += "<h2>Table 3: validation</h2>" + table_html(*table_3(result))
         body += "<h2>Differences, in words</h2><ul>" + "".join(f"<li>{w}</li>" for w in words(result)) + "</ul>"
         with style.house_style():
@@ -106,6 +110,8 @@ def words(result: Reproduction) -> Iterator[str]:
         )
     if outside:
         yield f"Outside its own interval: {', '.join(outside)}. Of twenty coefficients one is expected to be."
+    if result.further is not None:
+        yield from further_words(result.further)
     yield (
         "Table 3's chirp depends on how '20 % of the screen's lateral resolution' is read. As the circle's diameter, "
         "the paper's own curves imply J(0)/N near 206 mm² (Screen 1) and 80 mm² (Screen 2), close to its own; "

@@ -1,0 +1,110 @@
+"""Table 2: one sweep on one simulated screen, and its curve's coefficients beside the paper's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from draglag.analysis import Analysis, AnalysisOptions, analyze
+from draglag.curve import CurveFit
+from draglag.errors import EstimateError
+from draglag.protocols import load_protocol
+from draglag.recording import Session
+from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effects
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One cell of Table 2. ``ci95`` is None where the data leave the coefficient open."""
+
+    name: str
+    paper: float
+    value: float
+    ci95: tuple[float, float] | None
+
+    @property
+    def agrees(self) -> bool | None:
+        return None if self.ci95 is None else self.ci95[0] <= self.paper <= self.ci95[1]
+
+
+@dataclass(frozen=True)
+class Row2:
+    """One row of Table 2, and the measurement it comes from."""
+
+    screen: str
+    coefficients: tuple[Coefficient, ...]
+    rms_ms: float
+    paper_rms_ms: float
+    curve: CurveFit
+    analysis: Analysis
+    session: Session
+
+
+def effects_of(screen: str) -> list[str]:
+    """What a screen of the paper does besides Eq. 5, for ``parse_effects``."""
+    return [] if screen == "Screen 1" else [f"low_speed_plateau={PLATEAU_MM_S:g}"]
+
+
+def measured_row(screen: str, seed: int) -> Row2:
+    """Simulate and analyse the sweep of one row. Raises EstimateError where it gives no curve."""
+    protocol = load_protocol("latency-sweep")
+    taps = load_protocol("taps-100").taps
+    session = simulate_session(
+        PRESETS[screen],
+        protocol.model_copy(update={"taps": taps}),
+        effects=parse_effects(effects_of(screen)),
+        seed=seed,
+    )
+    exclude = {}
+    if screen != "Screen 1":
+        exclude = {
+            run.id: "on the plateau"
+            for run in session.runs
+            if run.nominal_speed_mm_s is not None and run.nominal_speed_mm_s < PLATEAU_MM_S
+        }
+    tied = screen.endswith("(corrected)")
+    analysis = analyze(session, AnalysisOptions(form="double_exponential", tie_asymptote=tied, exclude=exclude))
+    if analysis.curve is None:
+        raise EstimateError(f"{screen}: no curve from the simulated sweep", "Try another --seed")
+    paper = TABLE_2[screen]
+    return Row2(
+        screen,
+        _coefficients(analysis.curve, paper),
+        1e3 * analysis.curve.rms_s,
+        paper["rms_ms"],
+        analysis.curve,
+        analysis,
+        session,
+    )
+
+
+def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient, ...]:
+    """Our coefficients under the paper's names: its a4 is the larger amplitude in every row.
+
+    Where an amplitude's interval reaches zero, nothing is known of its rate, nor then of the amplitude: that is the
+    size at rest, and a faster decay to the slowest run has a larger one.
+    """
+    values, errors = curve.parameters, curve.standard_errors
+    names = {name: name for name in values}
+    free = 5 - (curve.tied_asymptote_s is not None)
+    reach = float(student.ppf(0.975, max(curve.n_points - free, 1)))
+    sure = {name: values[name] > reach * errors[name] for name in ("a1_ms", "a4_ms")}
+    # An amplitude that may be nothing is not the larger one, whatever its value.
+    if (sure["a1_ms"], values["a1_ms"]) > (sure["a4_ms"], values["a4_ms"]):
+        names |= {"a1_ms": "a4_ms", "a4_ms": "a1_ms", "a2_s_per_mm": "a5_s_per_mm", "a5_s_per_mm": "a2_s_per_mm"}
+    out = []
+    for name, published in paper.items():
+        if name == "rms_ms":
+            continue
+        ours = names[name]
+        amplitude = {"a2_s_per_mm": "a1_ms", "a5_s_per_mm": "a4_ms"}.get(ours, ours)
+        gone = not sure.get(amplitude, True)
+        error = errors[ours]
+        known = not gone and np.isfinite(error) and error > 0
+        interval = (values[ours] - reach * error, values[ours] + reach * error) if known else None
+        out.append(Coefficient(name, published, values[ours], interval))
+    return tuple(out)
