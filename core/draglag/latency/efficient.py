@@ -30,7 +30,6 @@ SCATTER_LASTS_S = 0.03
 NEAR_S = 3e-5  # a step from here ends closer than any interval tells
 SURELY_CALM = 0.2  # nothing calls for another explanation of the edges
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
-TREMOR_APART_S = 0.025  # edges this far apart meet another phase of the tremor
 UNSURE = 3.0  # a place this many times less sure than the median is none
 
 
@@ -293,6 +292,7 @@ def _by_tremor_s(best: Solution) -> tuple[float, float]:
     if best.track.tremor is None:
         return 0.0, 0.0
     speed = max(float(best.speed_mm_s.mean()), 1.0)
-    slope_s, share = float(best.parameters[4]), best.track.tremor.speed2 / speed**2
-    phases = 1 + int(np.count_nonzero(np.diff(np.sort(best.edges.t_s)) > TREMOR_APART_S))
-    return -slope_s * share, abs(slope_s) * float(np.sqrt(share / phases))
+    slope_s, tremor = float(best.parameters[4]), best.track.tremor
+    ahead = best.v_mm_s / np.maximum(best.speed_mm_s, 1e-6)[:, None]
+    left_mm_s = float(np.sqrt(tremor.mean_speed2(best.edges.t_s, ahead)))
+    return -slope_s * tremor.speed2 / speed**2, abs(slope_s) * left_mm_s / speed

@@ -17,6 +17,7 @@ from draglag.recording import FloatArray
 BAND_HZ = (7.0, 14.0)
 BESIDE_HZ = ((4.5, 7.0), (14.0, 20.0))
 SMOOTH_HZ = 1.2
+NOISE_CORNER_HZ = 4.0  # of noise that a digitiser's filter leaves; what counts is that it falls as 1/f² in the band
 FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4 % at 10 Hz
 
 
@@ -46,6 +47,21 @@ class Tremor:
     def by_lag(self, lag_s: FloatArray, estimated: bool) -> FloatArray:
         """Covariance, mm², of the errors of one coordinate that far apart, with or without the estimate."""
         return looked_up(self.unseen if estimated else self.whole, lag_s / self.step_s)
+
+    def mean_speed2(self, t_s: FloatArray, ahead: FloatArray) -> float:
+        """Variance of the mean, over edges at rising times t_s (m,), of the tremor's velocity along ``ahead`` (m, 2).
+
+        Edges a period of the tremor apart meet the same phase of it, those half a period apart opposite ones.
+        """
+        total = float(t_s.size)
+        for k in range(1, t_s.size):
+            lag_s = t_s[k:] - t_s[:-k]
+            near = lag_s < APART_S
+            if not near.any():
+                break
+            alike = looked_up(self.whole, lag_s[near] / self.step_s) / max(float(self.whole[0]), 1e-12)
+            total += 2 * float(np.einsum("mk,mk,m->", ahead[k:][near], ahead[:-k][near], alike))
+        return self.speed2 * max(total, 0.0) / t_s.size**2
 
 
 def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
@@ -94,6 +110,12 @@ def _over_the_floor(
     """Level of the events' noise, and what rises above it inside the band, (f,) each."""
     total = np.cumsum(np.pad(power, (width // 2 + 1, width - width // 2), mode="edge"))
     smooth = (total[width:] - total[:-width])[: power.size] / width
-    beside = [float(power[(f_hz >= low) & (f_hz < high)].mean()) for low, high in BESIDE_HZ]
-    floor = np.interp(f_hz, [0.5 * (low + high) for low, high in BESIDE_HZ], beside)
+    # A white part, and one that falls with frequency as a digitiser's own filter leaves it: straight lines between
+    # both sides would lie above it and take a fifth of the tremor for noise.
+    falling = 1 / (1 + (f_hz / NOISE_CORNER_HZ) ** 2)
+    (p_low, g_low), (p_high, g_high) = (
+        (float(power[beside].mean()), float(falling[beside].mean()))
+        for beside in ((f_hz >= low) & (f_hz < high) for low, high in BESIDE_HZ)
+    )
+    floor = p_high + (p_low - p_high) * np.maximum(falling - g_high, 0.0) / (g_low - g_high)
     return floor, np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)
