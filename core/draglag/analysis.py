@@ -19,6 +19,8 @@ from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
 from draglag.verification import AsymptoteCheck, ClockDrift, WidthCheck, asymptote_check, clock_drifts, width_check
 
+FAR_OFF_S = 0.003  # more than runs of one screen differ for no known reason: the paper's RMS is 1.4 to 2.2 ms
+
 Progress = Callable[[float, str], None]
 
 
@@ -131,7 +133,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         tuple(asymptote_check(curve, taps)) if curve is not None else (),
         width_check(estimates, session.stylus.diameter_mm),
         tuple(clock_drifts(session)),
-        tuple(warnings_of(session, estimates, {"WALT": tap_bound_s})),
+        (*warnings_of(session, estimates, {"WALT": tap_bound_s}), *_off_the_curve(curve)),
     )
 
 
@@ -195,6 +197,16 @@ def _with_common_shift(curve: CurveFit) -> CurveFit:
     covariance = curve.covariance.copy()
     covariance[-1, -1] += (1e3 * SENSOR_RESPONSE_S) ** 2 / 3
     return replace(curve, covariance=covariance)
+
+
+def _off_the_curve(curve: CurveFit | None) -> list[str]:
+    """A sentence where runs lie so far off their curve that something else than speed must move them."""
+    if curve is None or curve.points is None or curve.between_runs_s < FAR_OFF_S:
+        return []
+    return [
+        f"Runs lie {1e3 * curve.between_runs_s:.1f} ms off the curve beyond their own errors: something other than speed "
+        "moves their latency, or the curve is too simple for them. See what draglag gap finds before using the curve."
+    ]
 
 
 def _with_hindsight(run: Run, session: Session) -> Run:

@@ -1,15 +1,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from draglag.analysis import analyze
 from draglag.curve import CurvePoints, fit_best, fit_form
 from draglag.curve.compare import curve_difference
 from draglag.errors import EstimateError
+from draglag.exchange import read_exchange
 from draglag.simulation import LatencyLaw
 
 SPEEDS = np.geomspace(44, 1000, 16)
@@ -129,3 +132,14 @@ def test_an_exponential_that_hardly_any_run_can_see_has_an_open_interval() -> No
         fast = max(("a1_ms", "a4_ms"), key=lambda name: curve.parameters[name])
         assert curve.standard_errors[fast] > 200
         assert abs(curve.parameters[fast] - 3000) < 4 * curve.standard_errors[fast]
+
+
+def test_runs_that_something_else_than_speed_moves_are_owned_up_to() -> None:
+    session = read_exchange(Path(__file__).parents[1] / "data/exchange/none-A")
+    assert not analyze(session).warnings
+    late = tuple(
+        replace(run, touch=replace(run.touch, t_s=run.touch.t_s + 0.01 * (k % 3))) for k, run in enumerate(session.runs)
+    )
+    (said,) = analyze(replace(session, runs=late)).warnings
+    assert "something other than speed" in said
+    assert "draglag gap" in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bench.rigs import bound_of, circle_run, rig_with_latency
+from draglag.exchange import read_exchange
 from draglag.latency import RunEstimate, estimate_run, with_sensor
 from draglag.latency.flags import MEANING
 from draglag.recording import Beam, LaserTrace, Run, TouchTrace
@@ -219,6 +221,20 @@ def test_either_edge_may_come_first(plain: Run, first: int) -> None:
     k = int(np.flatnonzero(plain.laser.light == first)[0])
     cut = replace(plain, laser=LaserTrace(plain.laser.t_s[k:], plain.laser.light[k:]))
     assert measured(cut).latency_s == pytest.approx(0.09, abs=6e-4)
+
+
+@pytest.mark.parametrize("estimator", ["efficient", "paper"])
+def test_touch_axes_that_are_swapped_give_no_silent_latency(plain: Run, estimator: str) -> None:
+    swapped = TouchTrace(plain.touch.t_s, plain.touch.y_mm, plain.touch.x_mm)
+    assert measured(replace(plain, touch=swapped), estimator=estimator).flags
+
+
+def test_edges_that_determine_no_line_give_no_latency() -> None:
+    """With swapped axes, the edges of this run that can be placed are all of one line."""
+    run = read_exchange(Path(__file__).parents[1] / "data/exchange/none-A").run("run-02")
+    found = measured(replace(run, touch=TouchTrace(run.touch.t_s, run.touch.y_mm, run.touch.x_mm)))
+    assert found.latency_s is None
+    assert "unidentifiable" in found.flags
 
 
 def test_beyond_the_window_is_never_silent(plain: Run) -> None:

@@ -75,6 +75,9 @@ def common_flags(
             flags.append("at_window_end")
         if estimate.latency_se_s is None or not estimate.latency_se_s < 0.01:
             flags.append("unidentifiable")
+    off_mm2 = estimate.j_per_edge_mm2
+    if off_mm2 is not None and off_mm2 > (0.5 * ready.stylus_diameter_mm) ** 2:
+        flags.append("excess_scatter")  # so far from its line that it could be the other one
     if ready.run.laser.missed:
         flags.append("missed_edges")
     if ready.run.touch.gaps_s.size or ready.run.laser.gaps_s.size:

@@ -77,7 +77,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     solutions = [
         solution
         for k in _worth_refining(coarse, minima)
-        if (solution := solve(ready, float(coarse.latency_s[k]), track)) is not None
+        if (solution := _solved(ready, float(coarse.latency_s[k]), track)) is not None
     ]
     if not solutions:
         return replace(blank, flags=("unidentifiable",))
@@ -106,6 +106,14 @@ def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
     """Minima whose robust cost is within a factor of the best: aliases of the circle's period among them."""
     best = coarse.cost_mm2[minima[0]]
     return [k for k in minima if coarse.cost_mm2[k] <= 6 * best + 0.05]
+
+
+def _solved(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
+    """``solve``; None too where the edges do not determine its parameters, as those of one line alone."""
+    try:
+        return solve(ready, latency_s, track)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
@@ -260,7 +268,7 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
     # Noise across the motion adds half its variance over the speed, which is taken off again. Tremor, which the path
     # averages away, adds as much; and an edge is the likelier the faster the stylus crosses.
     noise2, tremor2 = best.track.path.speed_variance, 0.0 if best.track.tremor is None else best.track.tremor.speed2
-    mean = float(np.mean(speed + (3 * tremor2 - noise2) / (2 * np.maximum(speed, 10.0))))
+    mean = max(float(np.mean(speed + (3 * tremor2 - noise2) / (2 * np.maximum(speed, 10.0)))), 0.0)
     return replace(
         blank,
         n_edges=n,
