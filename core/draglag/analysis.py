@@ -204,8 +204,9 @@ def _off_the_curve(curve: CurveFit | None) -> list[str]:
     if curve is None or curve.points is None or curve.between_runs_s < FAR_OFF_S:
         return []
     return [
-        f"Runs lie {1e3 * curve.between_runs_s:.1f} ms off the curve beyond their own errors: something other than speed "
-        "moves their latency, or the curve is too simple for them. See what draglag gap finds before using the curve."
+        f"Runs lie {1e3 * curve.between_runs_s:.1f} ms off the curve beyond their own errors: something other than "
+        "speed moves their latency, or the curve is too simple for them. See what draglag gap finds before using the "
+        "curve."
     ]
 
 

@@ -46,8 +46,8 @@ SENTENCES = (
     ),
     QT_TRANSLATE_NOOP(
         "Library",
-        "Runs lie {off} ms off the curve beyond their own errors: something other than speed moves their latency, or the "
-        "curve is too simple for them. See what draglag gap finds before using the curve.",
+        "Runs lie {off} ms off the curve beyond their own errors: something other than speed moves their latency, or "
+        "the curve is too simple for them. See what draglag gap finds before using the curve.",
     ),
     QT_TRANSLATE_NOOP("Library", "{run}: no latency ({flags})"),
     QT_TRANSLATE_NOOP("Library", "no run gave a latency, so there is no curve. Record runs at several speeds."),
