@@ -17,6 +17,7 @@ from draglag.recording import FloatArray
 BAND_HZ = (7.0, 14.0)
 BESIDE_HZ = ((4.5, 7.0), (14.0, 20.0))
 SMOOTH_HZ = 1.2
+REMEMBERED_S = 0.5  # tremor this old says nothing of its phase
 NOISE_CORNER_HZ = 4.0  # of noise that a digitiser's filter leaves; what counts is that it falls as 1/f² in the band
 FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4 % at 10 Hz
 
@@ -53,15 +54,15 @@ class Tremor:
 
         Edges a period of the tremor apart meet the same phase of it, those half a period apart opposite ones.
         """
-        total = float(t_s.size)
-        for k in range(1, t_s.size):
-            lag_s = t_s[k:] - t_s[:-k]
-            near = lag_s < APART_S
-            if not near.any():
-                break
-            alike = looked_up(self.whole, lag_s[near] / self.step_s) / max(float(self.whole[0]), 1e-12)
-            total += 2 * float(np.einsum("mk,mk,m->", ahead[k:][near], ahead[:-k][near], alike))
-        return self.speed2 * max(total, 0.0) / t_s.size**2
+        m = t_s.size
+        reach = int(np.max(np.searchsorted(t_s, t_s + REMEMBERED_S) - np.arange(m)))
+        later = np.arange(1, reach)[:, None] + np.arange(m)
+        inside = later < m
+        later = np.minimum(later, m - 1)
+        alike = looked_up(self.whole, (t_s[later] - t_s) / self.step_s) * inside
+        same_way = ahead[later, 0] * ahead[:, 0] + ahead[later, 1] * ahead[:, 1]
+        shared = m + 2 * float(np.vdot(alike, same_way)) / max(float(self.whole[0]), 1e-12)
+        return self.speed2 * max(shared, 0.0) / m**2
 
 
 def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:

@@ -30,9 +30,9 @@ def figure_5(result: Reproduction) -> Any:
             axes.plot(points.speed_mm_s, 1e3 * points.latency_s, marker, color=colour, label=f"{row.screen}, runs")
         speed = np.geomspace(*row.curve.speed_range_mm_s, 300)
         axes.plot(speed, 1e3 * row.curve.predict_s(speed), color=colour, label=f"{row.screen}, Eq. 5")
-    for screen, median_ms in RELEASE_TAP_MS.items():
-        axes.axhline(median_ms, color=style.GREY, linestyle=":", linewidth=1)
-        del screen
+    for k, median_ms in enumerate(RELEASE_TAP_MS.values()):
+        label = "release taps, the paper's" if k == 0 else None
+        axes.axhline(median_ms, color=style.GREY, linestyle=":", linewidth=1, label=label)
     axes.set(xlabel="drag speed, mm/s", ylabel="latency, ms")
     axes.set_ylim(bottom=0)
     axes.legend()
