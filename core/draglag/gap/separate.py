@@ -102,10 +102,11 @@ class Offset:
     p_value: float
 
 
-def clock_offset(session: Session, fit: Fit, creep_s_per_s: float = 0.0) -> Offset | None:
+def clock_offset(session: Session, fit: Fit, creep_s_per_s: float = 0.0, held_s: float = 0.0) -> Offset | None:
     """Release taps against the fitted asymptote (equal on a sound rig); None where they agree or there are too few.
 
-    ``creep_s_per_s`` is the latency's own creep, which the taps share.
+    ``creep_s_per_s`` is the latency's own creep, which the taps share; ``held_s`` a time that taps or drags may have
+    waited for, one without the other: a difference has to be larger than that, and is known no better.
     """
     taps = session.taps
     if taps is None:
@@ -123,10 +124,11 @@ def clock_offset(session: Session, fit: Fit, creep_s_per_s: float = 0.0) -> Offs
     left_s = BEYOND * (float(fit.law(np.array([fastest]))[0]) - fit.law.a7_s)
     tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / 3.92
     se = float(np.sqrt(a7_variance + left_s**2 + tap_se**2 + TAP_SD_S**2))
-    p = 2 * float(norm.sf(abs(difference) / se))
-    if abs(difference) < OFFSET_S or p > 1e-3:
+    p = 2 * float(norm.sf((abs(difference) - held_s) / se))
+    if abs(difference) < OFFSET_S + held_s or p > 1e-3:
         return None
-    return Offset(difference, (difference - 1.96 * se, difference + 1.96 * se), p)
+    reach_s = float(np.hypot(1.96 * se, held_s))
+    return Offset(difference, (difference - reach_s, difference + reach_s), p)
 
 
 def not_seen(session: Session, fit: Fit) -> dict[str, str]:

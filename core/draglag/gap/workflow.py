@@ -159,8 +159,9 @@ def close_gap(
             steps, fit = without_parts(steps, fit, first, unexplained, finding)
     if unexplained is None and not ages and not {s.effect for s in steps} & FOLLOW_ACCELERATION:
         unexplained = follows_another_speed(fit)
+    coarse = any(s.effect == "timestamp_quantisation" for s in (*seen, *strange))
     if unexplained is None and all(s.effect != "frame_batching" for s in seen):
-        unexplained = stalls(session)
+        unexplained = stalls(whole if coarse else session)  # two stamps alike on a coarse clock are no burst
     if unexplained is None and strange:
         # Seen in the streams, and there is no name for it to be given.
         unexplained = Candidate(None, COVARIATE[strange[0].effect], "latency", 0.0, 1, 1, 0.0)
@@ -244,15 +245,27 @@ def _stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fi
         )
 
 
+def _held_s(steps: list[Step], session: Session) -> float:
+    """By how much stamps that are held or rounded part taps from drags, if one waits and the other does not: on the
+    mean by half of the longest wait."""
+    size = {s.effect: next(iter(s.parameters.values()))[0] for s in steps}
+    frame_s = float(np.median([np.mean(np.diff(r.touch.t_s)) for r in session.runs if r.touch.t_s.size > 2]))
+    longest_s = (
+        size.get("timestamp_quantisation", 0.0),
+        1 / size["sample_hold"] if "sample_hold" in size else 0.0,
+        size.get("frame_batching", 0.0) * frame_s,
+    )
+    return 0.5 * max(longest_s)
+
+
 def _offset_step(session: Session, fit: Fit, steps: list[Step], allowed: frozenset[str]) -> list[Step]:
     if "clock_offset" not in allowed:
         return []
     creep = 0.0
     if any(s.effect == "thermal_drift" for s in steps):
         creep = -next((t.sizes[0] for t in fit.terms if t.effect == "clock_drift"), 0.0)
-    held = {"sample_hold", "frame_batching", "timestamp_quantisation"} & {s.effect for s in steps}
-    offset = clock_offset(session, fit, creep)
-    if offset is None or held:
+    offset = clock_offset(session, fit, creep, _held_s(steps, session))
+    if offset is None:
         return []
     # A low-pass delays as well as it shrinks: taps then lie below the asymptote by about its time constant.
     if any(s.effect == "smoothing_shrink" for s in steps) and offset.value_s < 0:
