@@ -80,7 +80,7 @@ def _batches(touches: list[TouchTrace]) -> StreamEffect | None:
     if size < 2:
         return None
     right = float(np.mean(np.array(sizes) == size))
-    if right < 0.6:
+    if right < 0.6 or (right < 0.995 and _exact_grid(touches)):
         return None
     return StreamEffect(
         "frame_batching",
@@ -91,6 +91,14 @@ def _batches(touches: list[TouchTrace]) -> StreamEffect | None:
         f"frames arrive {size} at a time in {100 * right:.0f} % of groups",
         right,
     )
+
+
+def _exact_grid(touches: list[TouchTrace]) -> bool:
+    """Whether stamps are multiples of one interval to a thousandth: a clock's ticks, not a digitiser's frames."""
+    apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
+    tick_s = float(np.median(apart_s[apart_s > 0.25 * np.mean(apart_s)]))
+    off_s = np.abs(apart_s - tick_s * np.round(apart_s / tick_s))
+    return bool(np.mean(off_s < 1e-3 * tick_s) > 0.95)
 
 
 def _spread(touch: TouchTrace, size: int) -> TouchTrace:
