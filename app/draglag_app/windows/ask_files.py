@@ -7,6 +7,9 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 
+_last = {"folder": ""}
+"""Where something was read or written last: the next thing without a place of its own begins there."""
+
 
 def start_folder(folder: str | Path) -> str:
     """The folder, or the nearest above it that is there: sessions may have none before the first."""
@@ -19,7 +22,14 @@ def start_folder(folder: str | Path) -> str:
 def ask_open(parent: QWidget, title: str, folder: str | Path, kind: str) -> Path | None:
     """A file to read; None when the operator changes their mind."""
     name, _ = QFileDialog.getOpenFileName(parent, title, start_folder(folder), kind)
-    return Path(name) if name else None
+    return _remembered(name)
+
+
+def _remembered(name: str) -> Path | None:
+    if not name:
+        return None
+    _last["folder"] = str(Path(name).parent)
+    return Path(name)
 
 
 def ask_folder(parent: QWidget, title: str, folder: str | Path) -> Path | None:
@@ -32,7 +42,7 @@ def ask_new_folder(parent: QWidget, title: str, start: Path) -> Path | None:
     """A folder to write into, which need not be there yet: its name can be typed, ``start`` is proposed."""
     proposed = str(Path(start_folder(start.parent)) / start.name)
     name, _ = QFileDialog.getSaveFileName(parent, title, proposed, "", "", QFileDialog.Option.DontConfirmOverwrite)
-    return Path(name) if name else None
+    return _remembered(name)
 
 
 def ask_save(parent: QWidget, title: str, start: str | Path, kind: str) -> Path | None:
@@ -41,10 +51,11 @@ def ask_save(parent: QWidget, title: str, start: str | Path, kind: str) -> Path 
     The dialog asks before a file is replaced that was named in full; this asks where the ending was added.
     """
     start = Path(start)
-    name, _ = QFileDialog.getSaveFileName(parent, title, str(Path(start_folder(start.parent)) / start.name), kind)
-    if not name:
+    folder = _last["folder"] or Path.home() if start.parent == Path() else start.parent
+    name, _ = QFileDialog.getSaveFileName(parent, title, str(Path(start_folder(folder)) / start.name), kind)
+    path = _remembered(name)
+    if path is None:
         return None
-    path = Path(name)
     if path.suffix == start.suffix:
         return path
     path = path.with_name(path.name + start.suffix)

@@ -102,7 +102,7 @@ class CalibrationPanel(Panel):
     def _show(self, known: CalibrationSettings, fit: AffineFit, screen: Screen) -> None:
         off_mm = np.hypot(*fit.residual_mm.T)
         text = self.tr("{device}: {n} targets, RMS {rms:.2f} mm, worst {worst:.2f} mm.").format(
-            device=known.device or known.address, n=len(off_mm), rms=fit.rms_mm, worst=fit.worst_mm
+            device=in_words(known.device or known.address), n=len(off_mm), rms=fit.rms_mm, worst=fit.worst_mm
         )
         level, doubt = "ok", size_doubt(fit, known.resolution)
         if not known.serves(self._space.settings.rig.touch):

@@ -41,6 +41,7 @@ class NoticeStrip(QFrame):
         self._slow.timeout.connect(self._show_progress)
         self.progress.hide()
         self.cancel.hide()
+        self.dismiss.hide()
         self.hide()
         tasks.changed.connect(self._tasks_changed)
         tasks.progressed.connect(lambda fraction, text: self.progress.setValue(round(1000 * fraction)))

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QCoreApplication, QPoint, Qt
-from PySide6.QtGui import QColor, QFocusEvent, QGuiApplication, QKeyEvent, QResizeEvent
+from PySide6.QtCore import QCoreApplication, QPoint, QRectF, Qt
+from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplication, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMenu, QMessageBox, QSizePolicy, QWidget
 
 from draglag.errors import DataError
 from draglag_app.windows.ask_files import ask_save
 from draglag_app.windows.plot_values import write_picture, write_text
-from draglag_app.windows.theme import theme
+from draglag_app.windows.theme import points, theme
 
 
 def tr(text: str) -> str:
     return QCoreApplication.translate("Plot", text)
+
+
+_BESIDE_PX = 16
 
 
 class PlotFrame(pg.PlotWidget):
@@ -32,6 +35,7 @@ class PlotFrame(pg.PlotWidget):
         self.file_name = file_name
         self.setAccessibleName(title or f"{y} / {x}")
         self._labels: tuple[str, str, str] = (title, x, y)
+        self._title: tuple[str, ...] = ()
         # Plots take what room there is instead of asking for the much that a graphics view would like.
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Ignored)
         self.setMinimumSize(160, 110)
@@ -73,23 +77,45 @@ class PlotFrame(pg.PlotWidget):
         super().focusOutEvent(event)
         self._ring.hide()
 
+    def _tick_font(self) -> QFont:
+        font = QFont(self.font())
+        font.setPointSizeF(float(points(9).removesuffix("pt")))
+        return font
+
     # --- legend and titles ----------------------------------------------------------------------------------
 
     def add_legend(self, offset: tuple[int, int] = (-10, 8), columns: int = 1) -> None:
         """Names of what is drawn, in a corner."""
-        self.legend = self.addLegend(offset=offset, labelTextSize="9pt", colCount=columns)
+        self.legend = self.addLegend(offset=offset, labelTextSize=points(9), colCount=columns)
         self.restyle()
         self._show_emptiness()
 
     def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = " &nbsp; ") -> None:
         """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend."""
         words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
-        lines = f"{title}{apart}{words}".split("<br>")
-        if len(lines) > 1:  # a title has no width of its own to centre lines in; a table has
-            rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
-            self.setTitle(f"<table cellspacing='0'>{rows}</table>", color=theme().text, size="10pt")
-            return
-        self.setTitle(lines[0], color=theme().text, size="10pt")
+        self.title_lines(f"{title}{apart}{words}".split("<br>"))
+
+    def title_lines(self, lines: Sequence[str]) -> None:
+        """A title of a line or more, each in the middle."""
+        self._title = tuple(lines)
+        self._write_title()
+
+    def _write_title(self) -> None:
+        """As large as there is room for: a title that asks for more would push the plot out of sight."""
+        plot, lines = self.getPlotItem(), self._title
+        # A title has no width of its own to centre lines in; a table has.
+        rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
+        text = f"<table cellspacing='0'>{rows}</table>" if len(lines) > 1 else "".join(lines)
+        plot.setTitle(text, color=theme().text, size=points(10))
+        asked = plot.titleLabel.item.boundingRect().width()
+        room = self.width() - plot.getAxis("left").width() - _BESIDE_PX
+        if asked > room:
+            plot.setTitle(text, color=theme().text, size=points(max(4.0, 9.8 * room / asked)))
+        if len(lines) > 1:
+            high = QFontMetrics(self._tick_font()).height() * len(lines) + 12
+            plot.titleLabel.setMaximumHeight(high)
+            plot.layout.setRowFixedHeight(0, high)
+        plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
 
     def keep_axes_drawn(self) -> None:
         """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
@@ -116,11 +142,12 @@ class PlotFrame(pg.PlotWidget):
         title, x, y = self._labels
         plot = self.getPlotItem()
         if title:
-            plot.setTitle(title, color=colours.text, size="10pt")
+            self.title_lines([title])
         for side, text in (("bottom", x), ("left", y)):
             axis = plot.getAxis(side)
             # Without ranges for prefixes: numbers below one would be shown a thousandfold, under an unchanged title.
-            axis.setLabel(text, siPrefixEnableRanges=(), **{"color": colours.text, "font-size": "10pt"})
+            axis.setLabel(text, siPrefixEnableRanges=(), **{"color": colours.text, "font-size": points(10)})
+            axis.setTickFont(self._tick_font())
             axis.setPen(pg.mkPen(colours.muted))
             axis.setTextPen(pg.mkPen(colours.text))
             axis.enableAutoSIPrefix(False)
@@ -150,6 +177,8 @@ class PlotFrame(pg.PlotWidget):
         if nothing is not None:  # the base class resizes itself while it is made
             nothing.setGeometry(self.rect())
             self._ring.setGeometry(self.rect())
+            if self._title:
+                self._write_title()
 
     # --- copy and export ------------------------------------------------------------------------------------
 

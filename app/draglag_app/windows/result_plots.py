@@ -38,7 +38,7 @@ class AlignmentPlot(Plot):
             found = estimate.alignment
         if found is None:
             name = estimate.id if estimate is not None else ""
-            self.setTitle(tr("No alignment for {run}").format(run=name), color=theme().text, size="10pt")
+            self.title_lines([tr("No alignment for {run}").format(run=name)])
             return
         marks = (
             ("✕", theme().muted, tr("as they came")),
@@ -99,7 +99,7 @@ class CostPlot(Plot):
             self.line(run.id, 1e3 * result.latency_s[finite], result.cost_mm2[finite], theme().blue, 2)
             if found.latency_s is not None:
                 self.upright(tr("estimate"), 1e3 * found.latency_s, theme().orange, f"{words.ms(found.latency_s)} ms")
-            self.setTitle(run.id, color=theme().text, size="10pt")
+            self.title_lines([run.id])
 
         tasks.start(tr("Scanning"), work, done, lambda text: self.clear_all())
 
@@ -139,7 +139,7 @@ class TapsPlot(Plot):
     def show_taps(self, taps: Mapping[str, TapSummary]) -> None:
         self.clear_all()
         if not taps:
-            self.setTitle(tr("No taps in this session"), color=theme().text, size="10pt")
+            self.title_lines([tr("No taps in this session")])
             return
         every = 1e3 * np.concatenate([summary.latency_s for summary in taps.values()])
         edges = np.histogram_bin_edges(every, 24)
@@ -157,7 +157,7 @@ class TapsPlot(Plot):
             titles.append(
                 tr("{name}: median {ms} ms of {n}").format(name=name, ms=words.ms(summary.median_s), n=summary.n)
             )
-        self.setTitle(" · ".join(titles), color=theme().text, size="10pt")
+        self.title_lines(titles)
 
 
 class ValidationView(QWidget):

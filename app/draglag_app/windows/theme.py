@@ -59,6 +59,16 @@ def theme() -> Theme:
     return _present
 
 
+def wide(size_px: int) -> int:
+    """A width that holds text, times the size of text the operator chose."""
+    return round(_scale * size_px)
+
+
+def points(size: float) -> str:
+    """A size of text for plots, "10pt", times the size the operator chose."""
+    return f"{_scale * size:g}pt"
+
+
 def apply_theme(application: QApplication, name: str, scale: float | None = None) -> Theme:
     """Draw everything in the theme of that name; "system" follows the desktop."""
     global _present, _scale

@@ -38,8 +38,10 @@ from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
-from draglag_app.windows.theme import apply_theme, theme
+from draglag_app.windows.theme import apply_theme, theme, wide
 from draglag_app.windows.workspace import Workspace
+
+_NAVIGATION_PX = 164
 
 
 class OperatorWindow(QMainWindow):
@@ -107,7 +109,7 @@ class OperatorWindow(QMainWindow):
     def _navigation(self) -> QWidget:
         bar = QFrame()
         bar.setObjectName("navigation")
-        bar.setFixedWidth(164)
+        bar.setFixedWidth(wide(_NAVIGATION_PX))
         box = QVBoxLayout(bar)
         box.setContentsMargins(0, 8, 0, 8)
         box.setSpacing(2)
@@ -118,7 +120,7 @@ class OperatorWindow(QMainWindow):
             tab.setText(title)
             tab.setCheckable(True)
             tab.setIconSize(QSize(22, 22))
-            tab.setFixedWidth(164)
+            tab.setFixedWidth(wide(_NAVIGATION_PX))
             action = self.actions_table.made.get(f"go_{name}")
             if action is not None:
                 tab.setToolTip(action.shortcut().toString())

@@ -36,7 +36,7 @@ class ComparePage(QWidget):
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._space = workspace
-        self._shown: list[Analysis] = []
+        self._shown: list[tuple[Analysis, str]] = []
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
@@ -78,11 +78,11 @@ class ComparePage(QWidget):
     def add_files(self, paths: list[Path]) -> None:
         """Read and analyse session files in a worker, then show them."""
 
-        def work(progress: Progress) -> list[Analysis]:
+        def work(progress: Progress) -> list[tuple[Analysis, str]]:
             out = []
             for k, path in enumerate(paths):
                 progress(k / len(paths), path.name)
-                out.append(analyze(read_session(path)))
+                out.append((analyze(read_session(path)), path.name))
             return out
 
         if paths:
@@ -92,10 +92,12 @@ class ComparePage(QWidget):
 
     def _add_present(self) -> None:
         if self._space.analysis is not None:
-            self._add([self._space.analysis])
+            path = self._space.path
+            self._add([(self._space.analysis, path.name if path is not None else "")])
 
-    def _add(self, analyses: list[Analysis]) -> None:
-        self._shown += [new for new in analyses if all(new is not old for old in self._shown)]
+    def _add(self, named: list[tuple[Analysis, str]]) -> None:
+        """Show more of them; sessions may have one name, so each comes with that of its file."""
+        self._shown += [new for new in named if all(new[0] is not old for old, _ in self._shown)]
         self._draw()
 
     def _remove(self) -> None:
@@ -108,14 +110,15 @@ class ComparePage(QWidget):
         self.apart.clear_all()
         self.table.setRowCount(0)
         self.empty.setVisible(len(self._shown) < 2)
-        for k, analysis in enumerate(self._shown):
-            self._show_one(k, analysis)
+        for k, (analysis, file) in enumerate(self._shown):
+            self._show_one(k, analysis, file)
 
-    def _show_one(self, k: int, analysis: Analysis) -> None:
+    def _show_one(self, k: int, analysis: Analysis, file: str) -> None:
         colour, symbol = theme().series[k % len(theme().series)], SYMBOLS[k % len(SYMBOLS)]
         name, curve = f"{k + 1}  {analysis.session}", analysis.curve
         self.table.insertRow(k)
-        cells = [name, *(words.DASH for _ in range(len(SPEEDS_MM_S) + 3))]
+        row = f"{name}  ({file})" if file else name
+        cells = [row, *(words.DASH for _ in range(len(SPEEDS_MM_S) + 3))]
         if curve is not None:
             self.curves.draw_curve(name, curve, colour)
             points = curve.points
@@ -126,10 +129,10 @@ class ComparePage(QWidget):
             predicted = 1e3 * curve.predict_s(speeds)
             inside = curve.inside(speeds)
             figures = [f"{ms:.1f} ms" if ok else words.DASH for ms, ok in zip(predicted, inside, strict=True)]
-            cells = [name, words.form_name(curve.form), *figures, f"{1e3 * curve.rms_s:.2f} ms", words.DASH]
+            cells = [row, words.form_name(curve.form), *figures, f"{1e3 * curve.rms_s:.2f} ms", words.DASH]
         for column, text in enumerate(cells):
             self.table.setItem(k, column, QTableWidgetItem(text))
-        first = self._shown[0].curve
+        first = self._shown[0][0].curve
         if k and curve is not None and first is not None:
             found = curve_difference(first, curve, speeds_of(curve))
             if found is not None:
