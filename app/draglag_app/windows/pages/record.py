@@ -105,11 +105,13 @@ class RecordPage(QWidget):
             row.addWidget(made)
         band.body.setSpacing(4)
         band.body.addLayout(row)
-        band.body.addWidget(self.small)
         self.progress = QProgressBar()
         self.progress.setTextVisible(False)
         self.progress.setRange(0, 1000)
-        band.body.addWidget(self.progress)
+        below = QHBoxLayout()
+        below.addWidget(self.small, 1)
+        below.addWidget(self.progress, 1)
+        band.body.addLayout(below)
         return band
 
     def _facts(self) -> QWidget:
