@@ -6,6 +6,7 @@ import pytest
 
 from app.session_rigs import Recording, Wrapped, fast_rig, of_role, protocol, replaced
 from draglag.presets import load_screen
+from draglag.recording import TouchTrace
 from draglag.store import read_session
 from draglag_app.session import events
 
@@ -57,3 +58,30 @@ def test_the_right_way_round_nothing_is_said(tmp_path):
     recording = Recording(protocol(60, 180, 900, duration_s=8.0), fast_rig(), tmp_path / "s.h5")
     assert recording.error is None
     assert told(recording) == []
+
+
+class Late(Turned):
+    """A turned touchscreen, and a hand that comes to it only some seconds after the target began to move."""
+
+    first_s = None
+
+    def read(self, timeout_s):
+        batch = super().read(timeout_s)
+        touch = batch.touch
+        if touch is None or not len(touch.t_s):
+            return batch
+        self.first_s = float(touch.t_s[0]) if self.first_s is None else self.first_s
+        keep = touch.t_s > self.first_s + 6.0
+        held = TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], touch.contact_id[keep])
+        return replace(batch, touch=held)
+
+
+def test_a_hand_that_comes_late_is_looked_at_again_and_told_once(tmp_path):
+    rig = fast_rig()
+    recording = Recording(
+        protocol(180, duration_s=16.0), replaced(rig, Late(of_role(rig, "touch"), True, True)), tmp_path / "s.h5"
+    )
+    assert recording.error is None
+    (notice,) = told(recording)
+    (run,) = read_session(recording.path).runs
+    assert 4.0 < notice.t_s - run.start_s < 12.0

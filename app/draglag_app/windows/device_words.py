@@ -192,6 +192,16 @@ NOTICES = (
     QT_TRANSLATE_NOOP("Device", "{n} edges of the laser were lost by the WALT; the gap is marked."),
     QT_TRANSLATE_NOOP("Device", "{n} line from the WALT could not be read."),
     QT_TRANSLATE_NOOP("Device", "{n} lines from the WALT could not be read."),
+    # what they say of themselves, and of their clocks
+    QT_TRANSLATE_NOOP("Device", "simulated {role}, {screen}"),
+    QT_TRANSLATE_NOOP("Device", "kernel stamps, simulated"),
+    QT_TRANSLATE_NOOP("Device", "own clock, compared with the host's once a second"),
+    QT_TRANSLATE_NOOP("Device", "kernel stamps, CLOCK_MONOTONIC"),
+    QT_TRANSLATE_NOOP("Device", "WALT's microseconds, compared with the host's by bounds"),
+    QT_TRANSLATE_NOOP("Device", "EtherCAT distributed clock, compared with the host's in every cycle"),
+    QT_TRANSLATE_NOOP("Device", "as recorded, moved to the start of the run"),
+    QT_TRANSLATE_NOOP("Device", "recording of {name}"),
+    QT_TRANSLATE_NOOP("Device", "{names} on {interface}, channel {channel}"),
     # what a look around this computer finds
     QT_TRANSLATE_NOOP("Device", "simulated rig (any screen of the presets)"),
     QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices"),

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 from draglag_app.session import events
 from draglag_app.windows import words
 from draglag_app.windows.full_texts import ElidedLabel
-from draglag_app.windows.library_words import fault_words, source_name
+from draglag_app.windows.library_words import fault_words, in_words, source_name
 from draglag_app.windows.widgets import Light, label, restyle
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
@@ -47,7 +47,7 @@ class Header(QFrame):
         row.addSpacing(14)
         row.addWidget(self.clock)
         bridge = workspace.bridge
-        bridge.device_opened.connect(lambda event: self.set_light(event.role, "live", event.description))
+        bridge.device_opened.connect(lambda event: self.set_light(event.role, "live", in_words(event.description)))
         bridge.device_fault.connect(self._fault)
         bridge.disk_status.connect(lambda event: self._show_disk(event.free_bytes))
         workspace.recording.began.connect(lambda order: self._show_name())

@@ -16,6 +16,8 @@ from draglag_app.session.readers import OpenFaults
 from draglag_app.windows.i18n import use_language
 from draglag_app.windows.library_words import fault_words, in_words, source_name
 from draglag_app.windows.window import OperatorWindow
+from draglag_devices.addresses import ROLES
+from draglag_devices.rig import make_rig
 from draglag_devices.source import DeviceError
 
 ROOMS = ("evdev_touch", "ethercat_laser", "walt")
@@ -125,3 +127,13 @@ def test_a_device_that_is_lost_is_told_in_dutch(open_window: Callable[..., Opera
     assert window.header.lights["walt"].toolTip() == wanted
     log = window.pages["log"][1].table
     assert log.item(log.rowCount() - 1, 3).text() == wanted
+
+
+def test_what_instruments_say_of_themselves_is_dutch(dutch: None) -> None:
+    for source in make_rig(dict.fromkeys(ROLES, "sim:"), "screen-1", fast=True).sources:
+        info = source.open()
+        source.close()
+        assert in_words(info.description) == f"gesimuleerd: {source_name(source.role)}, screen-1"
+        assert in_words(info.clock) != info.clock
+    assert in_words("EK1100, EL1252 on enp3s0, channel 1") == "EK1100, EL1252 aan enp3s0, kanaal 1"
+    assert in_words("a touchscreen of some maker") == "a touchscreen of some maker"

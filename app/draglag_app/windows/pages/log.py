@@ -63,7 +63,9 @@ class LogPage(QWidget):
         outer.addWidget(self.table, 1)
         bridge = workspace.bridge
         bridge.notice_raised.connect(lambda event: self.add(event.level, event.source, in_words(event.text)))
-        bridge.device_opened.connect(lambda event: self.add("info", event.role, f"{event.address} {event.description}"))
+        bridge.device_opened.connect(
+            lambda event: self.add("info", event.role, f"{event.address} {in_words(event.description)}")
+        )
         bridge.device_fault.connect(
             lambda event: self.add("error", event.role, fault_words(event.problem, event.remedy))
         )
