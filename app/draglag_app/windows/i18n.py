@@ -65,6 +65,4 @@ def use_language(application: QCoreApplication, setting: str) -> None:
     if table:
         dialogs = QTranslator()  # Qt's own words: those of file dialogs, of menus in fields
         dialogs.load(f"qtbase_{language}", QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath))
-        translator = TableTranslator(table, application, dialogs)
-        dialogs.setParent(translator)
-        application.installTranslator(translator)
+        application.installTranslator(TableTranslator(table, application, dialogs))
