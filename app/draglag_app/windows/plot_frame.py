@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QCoreApplication, QPoint, QRectF, Qt
+from PySide6.QtCore import QCoreApplication, QPoint, Qt
 from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplication, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMenu, QMessageBox, QSizePolicy, QWidget
 
@@ -101,7 +101,7 @@ class PlotFrame(pg.PlotWidget):
         self._write_title()
 
     def _write_title(self) -> None:
-        """As large as there is room for: a title that asks for more would push the plot out of sight."""
+        """As large as there is room for now: a title that asks for more would push the plot out of sight."""
         plot, lines = self.getPlotItem(), self._title
         # A title has no width of its own to centre lines in; a table has.
         rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
@@ -115,7 +115,6 @@ class PlotFrame(pg.PlotWidget):
             high = QFontMetrics(self._tick_font()).height() * len(lines) + 12
             plot.titleLabel.setMaximumHeight(high)
             plot.layout.setRowFixedHeight(0, high)
-        plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
 
     def keep_axes_drawn(self) -> None:
         """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
@@ -177,8 +176,6 @@ class PlotFrame(pg.PlotWidget):
         if nothing is not None:  # the base class resizes itself while it is made
             nothing.setGeometry(self.rect())
             self._ring.setGeometry(self.rect())
-            if self._title:
-                self._write_title()
 
     # --- copy and export ------------------------------------------------------------------------------------
 
