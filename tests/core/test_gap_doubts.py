@@ -93,3 +93,13 @@ def test_a_filter_that_switches_at_its_own_times_is_named_with_its_times() -> No
     assert report.gap_first_mm is not None
     assert report.gap_last_mm is not None
     assert report.gap_last_mm < 0.8 * report.gap_first_mm
+
+
+def test_coarse_stamps_hide_neither_a_lagging_law_nor_an_offset() -> None:
+    report = close_gap(simulated("timestamp_quantisation=0.006", "lagging_law=0.1", "clock_offset=0.015"))
+    named = {step.effect: step for step in report.steps}
+    assert set(named) == {"timestamp_quantisation", "lagging_law", "clock_offset"}
+    # Nobody knows whether taps or drags waited for the tick: half of it is in the interval.
+    _, (low, high) = named["clock_offset"].parameters["offset_s"]
+    assert low < 0.015 < high
+    assert high - low > 0.006

@@ -99,3 +99,12 @@ def test_the_speed_behind_a_warped_trace_is_given_back() -> None:
     back = _smoothed(shown.speed_mm_s, _kept(np.sqrt(800 * lag), 0.008))
     truth = np.interp(grid_s - 0.03, t_s, speed)
     assert np.std((back - truth)[middle]) < 0.1 * swing
+
+
+def test_two_frames_on_each_tick_of_an_exact_clock_are_no_batch(sound: Session) -> None:
+    # At 100 Hz nearly, not always, two frames fall on one tick.
+    quantum_s = 0.0193
+    session = with_touch(sound, lambda touch: replace(touch, t_s=quantum_s * np.floor(touch.t_s / quantum_s)))
+    (seen,) = inspect(session)[0]
+    assert seen.effect == "timestamp_quantisation"
+    assert seen.value == pytest.approx(quantum_s, rel=0.01)

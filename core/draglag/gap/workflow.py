@@ -38,7 +38,7 @@ from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
-UNEVEN_AGES = {"sample_hold", "frame_batching", "loss_of_contact"}  # they scatter edges
+UNEVEN_AGES = {"sample_hold"}  # it scatters edges; the stamps of other streams are evened
 FOLLOW_ACCELERATION = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
