@@ -13,7 +13,10 @@ from draglag.exchange import read_exchange
 from draglag.gap.stalls import stalls
 from draglag.gap.streams import inspect
 from draglag.gap.unwarped import Shown, _kept, _smoothed
+from draglag.protocols import load_protocol
 from draglag.recording import Session, TouchTrace
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effects
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
@@ -108,3 +111,14 @@ def test_two_frames_on_each_tick_of_an_exact_clock_are_no_batch(sound: Session) 
     (seen,) = inspect(session)[0]
     assert seen.effect == "timestamp_quantisation"
     assert seen.value == pytest.approx(quantum_s, rel=0.01)
+
+
+def test_fills_are_seen_in_positions_of_uneven_age_and_only_where_they_are() -> None:
+    def seen(*effects: str) -> dict[str, float]:
+        session = simulate_session("screen-1", load_protocol("demo"), effects=parse_effects(effects), seed=5)
+        return {found.effect: found.value for found in inspect(session)[0]}
+
+    both = seen("sample_hold=80", "loss_of_contact=24")
+    assert set(both) == {"sample_hold", "loss_of_contact"}
+    assert both["loss_of_contact"] == pytest.approx(24, rel=0.25)  # some fills are shorter than four stamps
+    assert set(seen("sample_hold=80")) == {"sample_hold"}

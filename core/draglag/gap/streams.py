@@ -53,7 +53,7 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     dropped = _drops(touches)
     if dropped is not None and batched is None and held is None and quantum is None:
         found.append(dropped)
-    lost, runs = _filled_losses(runs)
+    lost, runs = _filled_losses(runs, held is not None)
     if lost is not None:
         found.append(lost)
     return tuple(found), replace(session, runs=runs)
@@ -341,8 +341,12 @@ def _fastest(run: Run) -> float:
     return float(np.percentile(np.hypot(x[step:] - x[:-step], y[step:] - y[:-step]) / dt, 90))
 
 
-def _filled_losses(runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in."""
+def _filled_losses(runs: tuple[Run, ...], held: bool) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in.
+
+    ``held``: positions are of uneven age, so that only the straightness can tell, and has to last longer.
+    """
+    least = 4 if held else 3
     count, length_s, total_s = 0, [], 0.0
     out = []
     for run in runs:
@@ -355,6 +359,10 @@ def _filled_losses(runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Ru
         share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
         off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
         bend = np.hypot(*off)
+        if held:
+            # Positions of uneven age lie unevenly along the line, but on it.
+            chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
+            bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
         moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
         straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
         keep = np.ones(t.size, bool)
@@ -364,7 +372,7 @@ def _filled_losses(runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Ru
             if inside and start is None:
                 start = k
             elif not inside and start is not None:
-                if k - start >= 3:
+                if k - start >= least:
                     count += 1
                     length_s.append(float(t[k + 1] - t[start]))
                     keep[start + 1 : k + 1] = False
