@@ -28,8 +28,9 @@ from draglag.gap.naming import name as names_of
 from draglag.gap.parameters import parameters_of
 from draglag.gap.results import COVARIATE, TERM_OF, Step
 from draglag.gap.signatures import SIGNATURES
+from draglag.gap.stamps import StreamEffect
 from draglag.gap.state import Term
-from draglag.gap.streams import StreamEffect, inspect
+from draglag.gap.streams import inspect
 from draglag.gap.workflow import step_of
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS

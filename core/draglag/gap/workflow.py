@@ -31,7 +31,8 @@ from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
 from draglag.gap.soundness import excess_scatter, follows_another_speed
 from draglag.gap.stalls import stalls
-from draglag.gap.streams import StreamEffect, inspect
+from draglag.gap.stamps import StreamEffect
+from draglag.gap.streams import inspect
 from draglag.gap.together import name_two
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS

@@ -1,0 +1,263 @@
+"""How touch events are stamped: held by a host's loop, delivered in batches, rounded by a coarse clock, or missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.recording import TouchTrace
+
+FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
+UNEVEN_AGE = 0.03  # of the interval between stamps
+SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
+
+
+@dataclass(frozen=True)
+class StreamEffect:
+    """One effect seen in a stream: its size with a 95 % interval, where it shows, and the evidence in words."""
+
+    effect: str
+    parameter: str
+    value: float
+    ci95: tuple[float, float]
+    where: str
+    evidence: str
+    share: float
+
+
+def share_interval(k: int, n: int) -> tuple[float, float]:
+    p = k / n
+    reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) / n)
+    return max(p - reach, 0.0), min(p + reach, 1.0)
+
+
+def batches(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Frames delivered together: intervals of (nearly) nothing between long ones, in groups of one size."""
+    sizes: list[int] = []
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        typical = (touch.t_s[-1] - touch.t_s[0]) / max(dt.size, 1)
+        together = dt < 0.25 * typical
+        if np.mean(together) < 0.3:
+            return None
+        ends = np.flatnonzero(np.append(~together, True))
+        sizes += list(np.diff(np.append(-1, ends)))
+    size = int(np.median(sizes))
+    if size < 2:
+        return None
+    right = float(np.mean(np.array(sizes) == size))
+    if right < 0.6 or (right < 0.995 and _exact_grid(touches)):
+        return None
+    return StreamEffect(
+        "frame_batching",
+        "frames",
+        float(size),
+        (float(size), float(size)),
+        "every frame",
+        f"frames arrive {size} at a time in {100 * right:.0f} % of groups",
+        right,
+    )
+
+
+def _exact_grid(touches: list[TouchTrace]) -> bool:
+    """Whether stamps are multiples of one interval to a thousandth: a clock's ticks, not a digitiser's frames."""
+    apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
+    tick_s = float(np.median(apart_s[apart_s > 0.25 * np.mean(apart_s)]))
+    off_s = np.abs(apart_s - tick_s * np.round(apart_s / tick_s))
+    return bool(np.mean(off_s < 1e-3 * tick_s) > 0.95)
+
+
+def spread(touch: TouchTrace, size: int) -> TouchTrace:
+    """Give each frame of a batch its own time: the last one keeps the stamp, the others lie a frame apart before it."""
+    t = touch.t_s
+    if t.size < 3:
+        return touch
+    frame_s = (t[-1] - t[0]) / (t.size - 1)
+    last = np.append(np.diff(t) >= 0.25 * frame_s, True)
+    ends = np.flatnonzero(last)
+    which = np.searchsorted(ends, np.arange(t.size))
+    spread = t[ends[which]] - (ends[which] - np.arange(t.size)) * frame_s
+    return replace(touch, t_s=spread)
+
+
+def _repeats(touch: TouchTrace) -> np.ndarray:
+    return np.asarray((np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0))
+
+
+def hold(touches: list[TouchTrace]) -> StreamEffect | None:
+    """A host loop that writes the last event at each tick: even stamps, and positions that repeat or advance unevenly.
+
+    A loop faster than the touch repeats positions; a slower one skips events, now one, now two, so the path advances
+    unevenly at even stamps.
+    """
+    intervals = np.concatenate([np.diff(t.t_s) for t in touches])
+    period_s = float(np.median(intervals))
+    if period_s <= 0:
+        return None
+    whole = np.maximum(np.round(intervals / period_s), 1)
+    regular = np.abs(intervals - period_s * whole) < 0.015 * period_s
+    share = float(np.mean(np.concatenate([_repeats(t) for t in touches])))
+    age_s = _uneven_age_s(touches)
+    if float(np.mean(regular)) < 0.97 or not (share > 0.02 or age_s > UNEVEN_AGE * period_s):
+        return None
+    period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
+    spread = float(np.std(intervals[regular] / whole[regular])) / np.sqrt(intervals.size)
+    rate = 1 / period_s
+    reach = max(1.96 * spread * rate**2, 1e-4 * rate)
+    what = f"{100 * share:.0f} % of positions repeat the one before"
+    if share <= 0.02:
+        what = f"the age of their positions varies by {1e3 * age_s:.1f} ms"
+    return StreamEffect(
+        "sample_hold",
+        "rate_hz",
+        rate,
+        (rate - reach, rate + reach),
+        "every tick of the host's loop",
+        f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
+        max(share, age_s / period_s),
+    )
+
+
+def _uneven_age_s(touches: list[TouchTrace]) -> float:
+    """By how much the age of the positions varies from stamp to stamp, s (median over runs fast enough to tell; or 0).
+
+    A position of another age lies further along the path, not beside it: what third differences scatter by along the
+    motion beyond what they do across it, less what the stamps themselves scatter by.
+    """
+    ages = []
+    for touch in touches:
+        t_s, xy_mm = touch.t_s, np.column_stack([touch.x_mm, touch.y_mm])
+        frame_s = float(np.median(np.diff(t_s)))
+        third = xy_mm[3:] - 3 * xy_mm[2:-1] + 3 * xy_mm[1:-2] - xy_mm[:-3]
+        chord, span_s = xy_mm[3:] - xy_mm[:-3], t_s[3:] - t_s[:-3]
+        length = np.hypot(chord[:, 0], chord[:, 1])
+        whole = (np.abs(span_s - 3 * frame_s) < 0.3 * frame_s) & (length > 0)
+        if np.count_nonzero(whole) < 200:
+            continue
+        speed = float(np.median(length[whole] / span_s[whole]))
+        if speed < FAST_MM_S:
+            continue
+        ahead = chord[whole] / length[whole, None]
+        along = np.sum(third[whole] * ahead, axis=1)
+        across = third[whole, 0] * ahead[:, 1] - third[whole, 1] * ahead[:, 0]
+        # Where the motion turns, a latency that depends on direction jumps by itself.
+        straight = np.abs(ahead[:, 1]) > 0.4
+        along, across = along[straight], across[straight]
+        # 1 + 9 + 9 + 1: what third differences make of the variance of single events.
+        variance_s2 = (_calm_variance(along) - _calm_variance(across)) / 20 / speed**2
+        stamps_s2 = 0.5 * _calm_variance(np.diff(t_s)[np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s])
+        ages.append(float(np.sqrt(max(variance_s2 - stamps_s2, 0.0))))
+    return float(np.median(ages)) if ages else 0.0
+
+
+def _calm_variance(values: np.ndarray) -> float:
+    """Mean square about the median, far values brought in to six robust standard deviations."""
+    off = values - np.median(values)
+    far = 6 * 1.4826 * float(np.median(np.abs(off)))
+    return float(np.mean(np.clip(off, -far, far) ** 2))
+
+
+def evened(touch: TouchTrace) -> TouchTrace:
+    """Stamps of an even frame clock through coarse ones: frames counted, the stamps' slow course kept."""
+    t = touch.t_s
+    if t.size < 100:
+        return touch
+    frame_s = float((t[-1] - t[0]) / (t.size - 1))
+    typical = np.diff(t)
+    frame_s = float(np.mean(typical[typical < 2.5 * frame_s]))
+    count = np.concatenate([[0], np.cumsum(np.where(typical < 2.5 * frame_s, 1, np.round(typical / frame_s)))])
+    late = t - frame_s * count
+    slow = np.convolve(np.pad(late, 30, mode="edge"), np.full(61, 1 / 61), mode="valid")
+    even = frame_s * count + slow
+    return replace(touch, t_s=np.maximum.accumulate(even + 1e-9 * np.arange(t.size)))
+
+
+def first_of_repeats(touch: TouchTrace) -> TouchTrace:
+    keep = np.append(True, ~_repeats(touch))
+    ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
+    return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)
+
+
+def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Stamps that are multiples of one quantum while the intervals themselves vary: a coarse clock."""
+    intervals = np.concatenate([np.diff(t.t_s) for t in touches])
+    rounded = np.round(intervals, 7)
+    least = max(20, 5e-4 * intervals.size)
+    values, counts = np.unique(np.round(rounded / 2e-5).astype(int), return_counts=True)
+    common = values[counts > least] * 2e-5
+    common = common[common > 1e-4]
+    if common.size == 0 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
+        return None
+    common = np.sort(common)
+    gaps = np.diff(common)
+    gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
+    if np.mean(intervals < 1e-4) > 0.05:
+        gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
+    if gaps.size == 0:
+        return None
+    quantum_s = float(np.min(gaps))
+    typical = float(np.mean(intervals))
+    if quantum_s < 0.08 * typical or quantum_s > 2.5 * typical:
+        return None
+    # Refined on whole multiples, then every interval must be one.
+    whole = np.round(intervals / quantum_s)
+    good = whole > 0
+    quantum_s = float(np.sum(intervals[good]) / np.sum(whole[good]))
+    off = np.abs(intervals - quantum_s * np.round(intervals / quantum_s))
+    share = float(np.mean(off < 0.03 * quantum_s))
+    if share < 0.95 or np.mean(np.round(intervals / quantum_s) == np.round(typical / quantum_s)) > 0.999:
+        return None
+    if _reaches_further(touches) > 0.5:
+        return None  # frames are missing
+    return StreamEffect(
+        "timestamp_quantisation",
+        "quantum_s",
+        quantum_s,
+        (0.99 * quantum_s, 1.01 * quantum_s),
+        "every stamp",
+        f"{100 * share:.0f} % of intervals are multiples of {1e3 * quantum_s:.2f} ms",
+        share,
+    )
+
+
+def _reaches_further(touches: list[TouchTrace]) -> float:
+    """How much of a longer interval the stylus uses to go further: 1 where frames are missing, 0 where stamps are
+    coarse; median over the runs fast enough to tell, 0 without any."""
+    shares = []
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
+        short_s = float(np.median(dt))
+        short, long = np.abs(dt - short_s) < 0.2 * short_s, (dt > 1.4 * short_s) & (dt < 3.5 * short_s)
+        if min(np.count_nonzero(long), np.count_nonzero(short)) < 10 or float(step.sum() / np.sum(dt)) < FAST_MM_S:
+            continue
+        further = float(np.mean(step[long]) / np.mean(step[short])) - 1
+        shares.append(further / (float(np.mean(dt[long]) / np.mean(dt[short])) - 1))
+    return float(np.median(shares)) if shares else 0.0
+
+
+def drops(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Missing frames: intervals of two or more whole frames, far too many for losses of contact."""
+    lost, total = 0, 0
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        frame_s = float(np.median(dt))
+        if frame_s <= 0:
+            continue
+        whole = np.round(dt / frame_s)
+        near = np.abs(dt - whole * frame_s) < 0.2 * frame_s
+        lost += int(np.sum((whole - 1)[near & (whole >= 2) & (whole <= 6)]))
+        total += int(np.sum(whole[near & (whole <= 6)]))
+    share = lost / max(total, 1)
+    if share < 0.03:
+        return None
+    return StreamEffect(
+        "frame_drop",
+        "share",
+        share,
+        share_interval(lost, max(total, 1)),
+        "single frames, all through",
+        f"{100 * share:.1f} % of frames are missing",
+        share,
+    )
