@@ -5,13 +5,20 @@ that does anything else up to ten times as long.
 """
 
 from collections.abc import Callable
-from functools import wraps
+from functools import cache, wraps
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import threadpool_limits
+import scipy.linalg  # noqa: F401  (has a BLAS of its own, which is to be found beside numpy's)
+from threadpoolctl import ThreadpoolController
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Those of this process; to look for them takes milliseconds."""
+    return ThreadpoolController()
 
 
 def one_blas_thread(call: Callable[P, R]) -> Callable[P, R]:
@@ -19,7 +26,7 @@ def one_blas_thread(call: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(call)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _libraries().limit(limits=1, user_api="blas"):
             return call(*args, **kwargs)
 
     return limited
