@@ -122,3 +122,30 @@ def test_fills_are_seen_in_positions_of_uneven_age_and_only_where_they_are() -> 
     assert set(both) == {"sample_hold", "loss_of_contact"}
     assert both["loss_of_contact"] == pytest.approx(24, rel=0.25)  # some fills are shorter than four stamps
     assert set(seen("sample_hold=80")) == {"sample_hold"}
+
+
+def held_at(touch: TouchTrace, period_s: float) -> TouchTrace:
+    """What a loop writes that takes the newest event at each tick."""
+    tick_s = np.arange(touch.t_s[0] + period_s, touch.t_s[-1], period_s)
+    newest = np.searchsorted(touch.t_s, tick_s, side="right") - 1
+    fresh = tick_s - touch.t_s[newest] < 0.05
+    newest, tick_s = newest[fresh], tick_s[fresh]
+    return TouchTrace(tick_s, touch.x_mm[newest], touch.y_mm[newest])
+
+
+def test_the_age_of_held_positions_is_undone(sound: Session) -> None:
+    session = with_touch(sound, lambda touch: held_at(touch, 1 / 83))
+    (seen,), repaired = inspect(session)
+    assert seen.effect == "sample_hold"
+    assert seen.value == pytest.approx(83, rel=1e-3)
+    assert seen.undone
+
+    def unevenness_mm(touch: TouchTrace, original: TouchTrace) -> float:
+        inner = (touch.t_s > original.t_s[0] + 0.1) & (touch.t_s < original.t_s[-1] - 0.1)
+        late_s = [np.interp(touch.t_s[inner] - age, original.t_s, original.x_mm) for age in np.arange(0, 0.012, 5e-4)]
+        return min(float(np.median(np.abs(touch.x_mm[inner] - x))) for x in late_s)
+
+    fast = max(range(len(sound.runs)), key=lambda k: sound.runs[k].nominal_speed_mm_s or 0.0)
+    original = sound.runs[fast].touch
+    before = unevenness_mm(session.runs[fast].touch, original)
+    assert unevenness_mm(repaired.runs[fast].touch, original) < before / 5

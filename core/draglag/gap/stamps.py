@@ -15,7 +15,10 @@ SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
 @dataclass(frozen=True)
 class StreamEffect:
-    """One effect seen in a stream: its size with a 95 % interval, where it shows, and the evidence in words."""
+    """One effect seen in a stream: its size with a 95 % interval, where it shows, and the evidence in words.
+
+    ``undone``: whether the repaired session is free of what it does to the edges.
+    """
 
     effect: str
     parameter: str
@@ -24,6 +27,7 @@ class StreamEffect:
     where: str
     evidence: str
     share: float
+    undone: bool = True
 
 
 def share_interval(k: int, n: int) -> tuple[float, float]:

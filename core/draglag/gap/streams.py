@@ -17,6 +17,7 @@ from draglag.gap.stamps import (
     hold,
     spread,
 )
+from draglag.gap.unheld import unheld
 from draglag.recording import Run, Session
 
 
@@ -42,8 +43,10 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
         found.append(coarse)
         runs = tuple(replace(r, touch=evened(r.touch)) for r in runs)
     elif held is not None:
-        found.append(held)
-        runs = tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
+        first = [first_of_repeats(r.touch) for r in runs]
+        even = unheld(first, 1 / held.value)
+        found.append(replace(held, undone=even is not None))
+        runs = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
     dropped = drops(touches)
     if dropped is not None and batched is None and held is None and coarse is None:
         found.append(dropped)

@@ -39,7 +39,6 @@ from draglag.simulation.effects import EFFECTS
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
-UNEVEN_AGES = {"sample_hold"}  # it scatters edges; the stamps of other streams are evened
 FOLLOW_ACCELERATION = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
@@ -95,7 +94,8 @@ def close_gap(
     first_mm = steps[0].gap_before_mm if steps else gap_mm(fit)
     first = fit
     plateau = False
-    ages = bool({s.effect for s in (*seen, *strange)} & UNEVEN_AGES)
+    # Held positions scatter edges, unless the beat of loop and frames gives their ages away.
+    ages = any(s.effect == "sample_hold" and not (s.undone and seen) for s in (*seen, *strange))
     finding = find(fit, without=left_out(allowed) | beside((), ages))
     unexplained: Candidate | None = None
     grace: _Grace | None = None
