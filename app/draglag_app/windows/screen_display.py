@@ -111,7 +111,8 @@ def record_on_screen(
     window.show_on(screen)
     thread = threading.Thread(target=work, args=(display,), name="draglag-session")
     watch = QTimer()
-    watch.timeout.connect(lambda: None if thread.is_alive() else application.quit())
+    # Not quit(): that closes the window too, and the last window closed posts a wish to quit that outlives this loop.
+    watch.timeout.connect(lambda: None if thread.is_alive() else application.exit())
     watch.start(50)
     thread.start()
     application.exec()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt, QTimer
+from PySide6.QtCore import QEventLoop, Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
@@ -60,6 +60,10 @@ def test_escape_aborts_the_run_and_the_session_goes_on(tmp_path: Path, escape: t
     session = read_session(path)
     assert [run.outcome for run in session.runs] == ["aborted", "complete"]
     assert session.runs[0].duration_s < 60.0
+    # No wish to quit is left over, which would end whatever is opened next, a question say, before it is seen.
+    asking = QEventLoop()
+    QTimer.singleShot(0, lambda: asking.exit(7))
+    assert asking.exec() == 7
 
 
 def test_the_bench_tells_a_touchscreen_the_size_of_the_panel(monkeypatch: pytest.MonkeyPatch) -> None:
