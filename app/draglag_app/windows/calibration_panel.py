@@ -6,13 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from PySide6.QtWidgets import QHBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from draglag.calibration import AffineFit, target_places
 from draglag.errors import DraglagError
 from draglag.recording import Screen
 from draglag_app.calibrating import TARGETS, size_doubt
 from draglag_app.windows.ask_files import ask_save
+from draglag_app.windows.flow import Flow
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.settings import CalibrationSettings
@@ -45,7 +46,7 @@ class CalibrationPanel(Panel):
         self.body.addWidget(self.picture, 1)
         self.figures = label("", "hint", wrap=True)
         self.body.addWidget(self.figures)
-        row = QHBoxLayout()
+        row = Flow()
         self.begin = button(self.tr("Calibrate  Ctrl+K"), "primary")
         self.back = button(self.tr("One target back"))
         self.cancel = button(self.tr("Cancel"))
@@ -59,7 +60,6 @@ class CalibrationPanel(Panel):
         self.forget.clicked.connect(lambda: self._store(None))
         for made in (self.begin, self.back, self.cancel, self.save, self.forget):
             row.addWidget(made)
-        row.addStretch(1)
         self.body.addLayout(row)
         calibrating.changed.connect(self.refresh)
         calibrating.made.connect(self._store)

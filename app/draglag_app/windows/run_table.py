@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from PySide6.QtCore import QCoreApplication, Qt, Signal
 from PySide6.QtGui import QBrush, QColor
-from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
+from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
 from draglag.latency import RunEstimate
 from draglag.recording import Run
@@ -37,6 +37,13 @@ class RunTable(QTableWidget):
             if item is not None:
                 item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.itemSelectionChanged.connect(self._selected)
+
+    def tell_first(self) -> None:
+        """Latency and verdict beside the run, where not all columns find room: the others are scrolled to."""
+        header = self.horizontalHeader()
+        header.setSectionResizeMode(header.count() - 1, QHeaderView.ResizeMode.ResizeToContents)
+        for place, column in enumerate((0, 3, 5, 2, 1, 4)):
+            header.moveSection(header.visualIndex(column), place)
 
     def clear_runs(self) -> None:
         self.setRowCount(0)

@@ -24,10 +24,12 @@ from PySide6.QtWidgets import (
 )
 
 from draglag_app.windows.full_texts import WholeTexts
-from draglag_app.windows.theme import theme
+from draglag_app.windows.theme import theme, wide
 
 # Rows are chosen by finger too.
 ROW_PX = 44
+# Per cent: with text larger than this, small screens are too narrow for things that otherwise stand side by side.
+LARGE_TEXT = 120
 
 
 class Panel(QFrame):
@@ -59,6 +61,8 @@ class Form(QFormLayout):
         super().__init__()
         self.setVerticalSpacing(4)
         self.setHorizontalSpacing(16)
+        if wide(100) > LARGE_TEXT:
+            self.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
         self.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
 
     def row(self, text: str, field: QWidget | QLayout) -> None:

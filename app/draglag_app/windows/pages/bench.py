@@ -9,6 +9,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
+from draglag_app.windows.flow import Flow
 from draglag_app.windows.full_texts import whole_text, widen_list
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.session_thread import display_choices
@@ -132,8 +133,7 @@ class BenchPage(QWidget):
 
     def _surroundings(self) -> Panel:
         panel = Panel()
-        row = QHBoxLayout()
-        row.setSpacing(10)
+        row = Flow(10)
         row.addWidget(label(self.tr("Participant sees the target")))
         self.display = QComboBox()
         self.display.setAccessibleName(self.tr("Participant sees the target"))
@@ -144,18 +144,17 @@ class BenchPage(QWidget):
         whole_text(self.display)
         self.display.activated.connect(self._display_chosen)
         self.display.setMaximumWidth(_DISPLAY_PX)
-        row.addWidget(self.display, 1)
+        row.add_growing(self.display)
         self.fast = QCheckBox(self.tr("Simulated time, as fast as possible"))
         self.fast.clicked.connect(lambda on: self._change_rig(fast=on))
         row.addWidget(self.fast)
-        row.addStretch(0)
+        row.add_rest()
         look = button(self.tr("Look for devices"))
         look.clicked.connect(self.look)
         self.check_button = button(self.tr("Check the rig  F3"), "primary")
         self.check_button.clicked.connect(self.check)
         self._resting = Resting(self.check_button)
-        row.addWidget(look)
-        row.addWidget(self.check_button)
+        row.add_together(look, self.check_button)
         panel.body.addLayout(row)
         return panel
 

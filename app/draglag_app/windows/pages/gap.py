@@ -24,6 +24,7 @@ from draglag.model_file import LatencyModel, save_model
 from draglag_app.apart import close_gap_of, run_apart
 from draglag_app.windows.ask_files import ask_save
 from draglag_app.windows.effect_words import effect_meaning, effect_name
+from draglag_app.windows.flow import Flow
 from draglag_app.windows.gap_picture import GapPicture
 from draglag_app.windows.gap_steps import StepPlot, StepTable, remarks
 from draglag_app.windows.gap_words import followed
@@ -63,9 +64,9 @@ class GapPage(QWidget):
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
-        row = QHBoxLayout()
+        row = Flow()
         row.addWidget(label(self.tr("Gap between simulation and measurement"), "pageTitle"))
-        row.addStretch(1)
+        row.add_rest()
         self.close_button = button(self.tr("Find and close"), "primary", large=True)
         self.close_button.clicked.connect(self.start)
         self.leave_out = button(self.tr("Take it out again"))
@@ -84,10 +85,10 @@ class GapPage(QWidget):
         self._resting = Resting(self.close_button, self.leave_out, self.add_button, self.save_button)
         row.addWidget(self.close_button)
         outer.addLayout(row)
-        by_hand = QHBoxLayout()
+        by_hand = Flow()
         for widget in (self.choice, self.add_button, self.leave_out):
             by_hand.addWidget(widget)
-        by_hand.addStretch(1)
+        by_hand.add_rest()
         by_hand.addWidget(self.save_button)
         outer.addLayout(by_hand)
         self.verdict = label("", "verdict", wrap=True)

@@ -10,6 +10,8 @@ from draglag.errors import DraglagError
 from draglag.presets import load_screen_file
 from draglag.recording import Screen
 from draglag_app.windows.calibration_panel import CalibrationPanel
+from draglag_app.windows.flow import Flow
+from draglag_app.windows.full_texts import whole_text
 from draglag_app.windows.placement import shape_problem, turned_panel
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.ruler import BAR_MM, RulerWindow
@@ -56,6 +58,9 @@ class GeometryPage(QWidget):
         self.preset = QComboBox()
         for name in presets("screens"):
             self.preset.addItem(f"{name}  ({load_screen_file(name).description})", name)
+        self.preset.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.preset.setMinimumContentsLength(12)
+        whole_text(self.preset)
         self.preset.activated.connect(self._preset_chosen)
         form.row(self.tr("Preset"), self.preset)
         self.fields: dict[str, QDoubleSpinBox | QSpinBox] = {}
@@ -95,18 +100,17 @@ class GeometryPage(QWidget):
         panel.body.addWidget(self.verdict)
         text = self.tr("Show a bar of {mm:.0f} mm on the screen under test and lay a ruler on it.").format(mm=BAR_MM)
         panel.body.addWidget(label(text, "hint", wrap=True))
-        row = QHBoxLayout()
+        row = Flow()
         self.show_bar = button(self.tr("Show the bar"))
         self.show_bar.clicked.connect(self._toggle_ruler)
         row.addWidget(self.show_bar)
-        row.addWidget(label(self.tr("the ruler says")))
         self.measured = QDoubleSpinBox()
         self.measured.setAccessibleName(self.tr("the ruler says"))
         self.measured.setRange(10, 1000)
         self.measured.setDecimals(1)
         self.measured.setValue(BAR_MM)
         self.measured.setSuffix(" mm")
-        row.addWidget(self.measured)
+        row.add_together(label(self.tr("the ruler says")), self.measured)
         correct = button(self.tr("Correct"))
         correct.clicked.connect(self._correct)
         self.turn = button(self.tr("Turn"), tip=self.tr("The screen on its side: width becomes height"))

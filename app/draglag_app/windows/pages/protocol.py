@@ -17,11 +17,13 @@ from draglag.errors import DraglagError
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag_app.windows import words
 from draglag_app.windows.ask_files import ask_open, ask_save
+from draglag_app.windows.flow import Flow
 from draglag_app.windows.plan_editor import PlanEditor
 from draglag_app.windows.plan_preview import PlanPreview
 from draglag_app.windows.precision_preview import PrecisionPreview
 from draglag_app.windows.protocol_form import ProtocolForm
 from draglag_app.windows.protocol_text import to_toml
+from draglag_app.windows.theme import wide
 from draglag_app.windows.widgets import Panel, Scrolled, button, table
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import presets
@@ -105,7 +107,10 @@ class ProtocolPage(QWidget):
         for kind in KINDS:
             menu.addAction(words.target_name(kind)).triggered.connect(lambda checked=False, kind=kind: self._add(kind))
         add.setMenu(menu)
-        panel.top.addWidget(add)
+        buttons = Flow()
+        buttons.add_rest()
+        panel.top.addLayout(buttons)
+        buttons.addWidget(add)
         for text, action in (
             (self.tr("Copy"), self._copy),
             (self.tr("Remove"), self._remove),
@@ -117,7 +122,7 @@ class ProtocolPage(QWidget):
             if text in "↑↓":
                 made.setAccessibleName(self.tr("Move up") if text == "↑" else self.tr("Move down"))
                 made.setFixedWidth(48)
-            panel.top.addWidget(made)
+            buttons.addWidget(made)
             if action == self._remove:
                 self.remove = made
         titles = [self.tr("target"), self.tr("speeds (mm/s)"), self.tr("each (s)"), self.tr("repeats"), ""]
@@ -125,6 +130,7 @@ class ProtocolPage(QWidget):
         self.table.setAccessibleName(self.tr("Runs"))
         self.table.itemSelectionChanged.connect(self._selected)
         self.table.setMinimumHeight(140)
+        self.table.horizontalHeader().setMinimumSectionSize(wide(60))  # some speeds, with large text too
         panel.body.addWidget(self.table)
         return panel
 

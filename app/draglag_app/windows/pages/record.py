@@ -23,15 +23,18 @@ from draglag_app.windows import words
 from draglag_app.windows.bridge import Prompted
 from draglag_app.windows.curve_plot import CurvePlot
 from draglag_app.windows.full_texts import ElidedLabel
+from draglag_app.windows.heading import Heading
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.live_plots import SpeedPlot, TracePlot
 from draglag_app.windows.run_table import RunTable
-from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import Fact, Panel, button, label, restyle
+from draglag_app.windows.theme import theme, wide
+from draglag_app.windows.widgets import LARGE_TEXT, Fact, Panel, button, label, restyle
 from draglag_app.windows.workspace import Workspace
 
 # One of the two live plots is drawn this often, by turns: together they would cost the participant a frame.
 _REDRAW_MS = 100
+# Room for what is told in the largest letters; buttons give way to it.
+_BIG_PX = 260
 # The heading and four rows of the table.
 _LOWER_PX = 214
 
@@ -74,6 +77,8 @@ class RecordPage(QWidget):
         outer.addWidget(plots, 1)
         lower = QHBoxLayout()
         self.table = RunTable()
+        if wide(100) > LARGE_TEXT:
+            self.table.tell_first()
         lower.addWidget(self.table, 3)
         lower.addWidget(self._facts(), 2)
         outer.addLayout(lower)
@@ -86,11 +91,10 @@ class RecordPage(QWidget):
 
     def _state_band(self) -> QWidget:
         band = Panel()
-        row = QHBoxLayout()
-        row.setSpacing(8)
+        side, row = _row()
+        row.addStretch(1)
         self.big = ElidedLabel("big")
         self.small = ElidedLabel("medium")
-        row.addWidget(self.big, 1)
         self.buttons = {}
         for action, text, role in (
             ("start", self.tr("Start  F5"), "primary"),
@@ -103,15 +107,14 @@ class RecordPage(QWidget):
             made.clicked.connect(lambda checked=False, action=action: self.asks.emit(action))
             self.buttons[action] = made
             row.addWidget(made)
-        band.body.setSpacing(4)
-        band.body.addLayout(row)
         self.progress = QProgressBar()
         self.progress.setTextVisible(False)
         self.progress.setRange(0, 1000)
-        below = QHBoxLayout()
+        under, below = _row()
         below.addWidget(self.small, 1)
         below.addWidget(self.progress, 1)
-        band.body.addLayout(below)
+        self.heading = Heading(self.big, side, under, wide(_BIG_PX))
+        band.body.addWidget(self.heading)
         return band
 
     def _facts(self) -> QWidget:
@@ -154,8 +157,9 @@ class RecordPage(QWidget):
 
     def set_recording(self, recording: bool) -> None:
         """Show the buttons that make sense; called when a session begins and ends."""
-        for action, made in self.buttons.items():
-            made.setVisible((action == "start") != recording)
+        seen = {made: (action == "start") != recording for action, made in self.buttons.items()}
+        for made in sorted(seen, key=lambda made: seen[made]):  # those that go first: all at once widen the window
+            made.setVisible(seen[made])
         self.note.setEnabled(recording)
         self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
         if recording:
@@ -310,3 +314,11 @@ class RecordPage(QWidget):
         self._say(self.big.text(), self.small.text(), str(self.big.property("level") or ""), anew=True)
         self._draw_both()
         self._live_changed()
+
+
+def _row() -> tuple[QWidget, QHBoxLayout]:
+    made = QWidget()
+    row = QHBoxLayout(made)
+    row.setContentsMargins(0, 0, 0, 0)
+    row.setSpacing(8)
+    return made, row

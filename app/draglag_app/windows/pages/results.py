@@ -8,7 +8,6 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QHBoxLayout,
     QInputDialog,
     QSplitter,
     QTabWidget,
@@ -21,12 +20,14 @@ from draglag.curve import FORMS, CurveFit, fit_form
 from draglag.errors import EstimateError
 from draglag_app.windows import words
 from draglag_app.windows.curve_plot import CurvePlot
+from draglag_app.windows.flow import Flow
 from draglag_app.windows.full_texts import whole_text
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
 from draglag_app.windows.run_table import RunTable
 from draglag_app.windows.tasks import Progress
-from draglag_app.windows.widgets import button, label
+from draglag_app.windows.theme import wide
+from draglag_app.windows.widgets import LARGE_TEXT, button, label
 from draglag_app.windows.workspace import Workspace
 
 _RATES = (None, 60.0, 100.0, 120.0, 200.0)
@@ -46,14 +47,9 @@ class ResultsPage(QWidget):
         self.summary = label("", "medium", wrap=True)
         outer.addWidget(self.summary)
         outer.addLayout(self._choices())
-        across = QSplitter(Qt.Orientation.Horizontal)
-        left = QSplitter(Qt.Orientation.Vertical)
         self.curve = CurvePlot()
         self.table = RunTable()
         self.table.run_selected.connect(self.choose)
-        left.addWidget(self.curve)
-        left.addWidget(self.table)
-        left.setSizes([330, 240])
         self.tabs = QTabWidget()
         self.alignment = AlignmentPlot()
         self.cost = CostPlot()
@@ -69,10 +65,7 @@ class ResultsPage(QWidget):
         ):
             self.tabs.addTab(page, title)
         self.tabs.currentChanged.connect(lambda index: self._show_run())
-        across.addWidget(left)
-        across.addWidget(self.tabs)
-        across.setSizes([600, 500])
-        outer.addWidget(across, 1)
+        outer.addWidget(self._parts(), 1)
         self.flags = label("", "hint", wrap=True)
         self.flags.hide()
         outer.addWidget(self.flags)
@@ -80,9 +73,27 @@ class ResultsPage(QWidget):
         workspace.analysis_changed.connect(self._analysis_changed)
         self._session_changed()
 
-    def _choices(self) -> QHBoxLayout:
-        row = QHBoxLayout()
-        row.setSpacing(8)
+    def _parts(self) -> QSplitter:
+        """Curve above table, the chosen run beside both; with large text the table has the whole width."""
+        large = wide(100) > LARGE_TEXT
+        within, across = Qt.Orientation.Vertical, Qt.Orientation.Horizontal
+        inner = QSplitter(across if large else within)
+        outer = QSplitter(within if large else across)
+        inner.addWidget(self.curve)
+        outer.addWidget(inner)
+        if large:
+            inner.addWidget(self.tabs)
+            outer.addWidget(self.table)
+            outer.setSizes([280, 200])
+        else:
+            inner.addWidget(self.table)
+            inner.setSizes([330, 240])
+            outer.addWidget(self.tabs)
+        (inner if large else outer).setSizes([600, 500])
+        return outer
+
+    def _choices(self) -> Flow:
+        row = Flow()
         self.estimator = QComboBox()
         self.estimator.addItem(self.tr("Efficient"), "efficient")
         self.estimator.addItem(self.tr("As published"), "paper")
@@ -112,13 +123,12 @@ class ResultsPage(QWidget):
         self.show_rivals = QCheckBox(self.tr("Rivals"))
         self.show_rivals.clicked.connect(self._fit_rivals)
         row.addWidget(self.show_rivals)
-        row.addStretch(1)
+        row.add_rest()
         self.leave_out = button(self.tr("Leave out…"))
         self.leave_out.clicked.connect(self._toggle_chosen)
         self.keep = button(self.tr("Keep results"), tip=self.tr("Store them in the session's file"))
         self.keep.clicked.connect(self._space.keep_analysis)
-        row.addWidget(self.leave_out)
-        row.addWidget(self.keep)
+        row.add_together(self.leave_out, self.keep)
         return row
 
     # --- the session ----------------------------------------------------------------------------------------

@@ -1,0 +1,83 @@
+"""With text at 150 % everything is still there on a small screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from PySide6.QtCore import QPoint
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTableWidgetItem, QVBoxLayout, QWidget
+
+from draglag_app.windows.flow import Flow
+from draglag_app.windows.i18n import use_language
+from draglag_app.windows.theme import apply_theme
+from draglag_app.windows.window import OperatorWindow
+
+
+@pytest.fixture(params=["en", "nl"])
+def large(qapp: QApplication, open_window: Callable, request: pytest.FixtureRequest) -> object:
+    yield open_window(language=request.param, text_scale=1.5)
+    use_language(qapp, "en")
+    apply_theme(qapp, "dark", 1.0)
+
+
+def test_every_page_fits_a_small_screen_with_large_text(large: OperatorWindow, qapp: QApplication) -> None:
+    large.tell("error", "What happened, and what to do about it. " * 2)
+    for recording in (True, False):
+        large.record.set_recording(recording)
+        for name in large.pages:
+            large.go(name)
+            large.resize(1280, 800)
+            qapp.processEvents()
+            assert (large.width(), large.height()) == (1280, 800), (name, recording)
+            page = large.pages[name][1]
+            for seen in page.findChildren(QPushButton):
+                if seen.isVisible():
+                    left = seen.mapTo(page, QPoint(0, 0)).x()  # up and down, some pages scroll
+                    assert left >= 0, (name, seen.text())
+                    assert left + seen.width() <= page.width(), (name, seen.text())
+                    assert seen.width() >= seen.minimumSizeHint().width(), (name, seen.text())
+
+
+@pytest.mark.parametrize("page", ["results", "record"])
+def test_latency_and_verdict_are_whole(large: OperatorWindow, qapp: QApplication, page: str) -> None:
+    table = large.pages[page][1].table
+    table.insertRow(0)
+    for column, text in enumerate(("run-12", "multi-sine", "1000", "134.3 ± 11.7 ms", "1248 (+12)", "✓ good")):
+        table.setItem(0, column, QTableWidgetItem(text))
+    large.go(page)
+    large.resize(1280, 800)
+    qapp.processEvents()
+    for column in (0, 3, 5):
+        assert table.columnWidth(column) >= table.sizeHintForColumn(column)
+        assert table.columnViewportPosition(column) + table.sizeHintForColumn(column) <= table.viewport().width()
+
+
+def test_a_row_goes_on_in_the_next_line_and_its_right_part_stays_right(qapp: QApplication) -> None:
+    window = QWidget()
+    outer, row = QVBoxLayout(window), Flow(10)
+    outer.setContentsMargins(0, 0, 0, 0)
+    outer.addLayout(row)
+    outer.addStretch(1)
+    left, grows, right = QLabel("a"), QLabel("b"), QLabel("c")
+    for one in (left, grows, right):
+        one.setMinimumSize(100, 40)
+    grows.setMaximumWidth(150)
+    row.addWidget(left)
+    row.add_growing(grows)
+    row.add_rest()
+    row.addWidget(right)
+    window.resize(600, 200)
+    window.show()
+    qapp.processEvents()
+    assert [one.geometry().getRect() for one in (left, grows, right)] == [
+        (0, 0, 100, 40), (110, 0, 150, 40), (500, 0, 100, 40),
+    ]  # fmt: skip
+    window.resize(300, 200)
+    qapp.processEvents()
+    assert [one.geometry().getRect() for one in (left, grows, right)] == [
+        (0, 0, 100, 40), (110, 0, 150, 40), (200, 50, 100, 40),
+    ]  # fmt: skip
+    assert row.minimumSize().width() == 100
+    window.close()
+    window.deleteLater()
