@@ -23,6 +23,7 @@ from PySide6.QtWidgets import QWidget
 
 from draglag.recording import Screen
 from draglag.targets import Tap, Target
+from draglag_app.windows.beside import WIDE_PX, stand_beside
 from draglag_app.windows.frame_log import FrameLog
 from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
 
@@ -83,10 +84,14 @@ class ParticipantWindow(QWidget):
 
     # --- what to show ---------------------------------------------------------------------------------------
 
-    def show_on(self, screen: QScreen | None) -> None:
-        """Fill that screen; None opens an ordinary window."""
+    def show_on(self, screen: QScreen | None, operator: QWidget | None = None) -> None:
+        """Fill that screen; None opens an ordinary window, beside the operator's where there is one."""
         if screen is None:
-            self.resize(960, round(960 * self._screen.height_mm / self._screen.width_mm))
+            ratio = self._screen.height_mm / self._screen.width_mm
+            if operator is not None and operator.isVisible():
+                stand_beside(self, operator, ratio)
+                return
+            self.resize(WIDE_PX, round(WIDE_PX * ratio))
             self.show()
             return
         self._rate_hz = screen.refreshRate() if screen.refreshRate() >= 30 else 60.0

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QWidget
 
 from draglag.errors import DataError
 from draglag.protocols import PlannedRun, Protocol, expand
@@ -108,7 +109,7 @@ class Recording(QObject):
             screen = numbered_screen(int(order.display.split()[-1]))
         window = ParticipantWindow(order.options.screen)
         window.aborted.connect(self._aborted)
-        window.show_on(screen)
+        window.show_on(screen, operators_window(self))
         self.window = window
         return ScreenDisplay(window)
 
@@ -144,6 +145,14 @@ class Recording(QObject):
             self.window.deleteLater()
             self.window = None
         self.ended.emit(path if path is not None and path.exists() else None, problem)
+
+
+def operators_window(known: QObject) -> QWidget | None:
+    """The window that owns what steers a session; None where there is none."""
+    owner: QObject | None = known
+    while owner is not None and not isinstance(owner, QWidget):
+        owner = owner.parent()
+    return owner.window() if owner is not None else None
 
 
 def display_choices() -> list[tuple[str, str]]:

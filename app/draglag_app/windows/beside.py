@@ -1,0 +1,53 @@
+"""Where the participant's display opens in a window of its own: beside the operator's, which steps aside for it."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QPoint, QRect, QSize
+from PySide6.QtWidgets import QWidget
+
+# The participant's window is as wide as this where there is room; beside the operator's it may be narrower.
+WIDE_PX, _LEAST_PX = 960, 400
+_GAP_PX = 8
+# Over the operator's window, where there is no room beside it, the display is this share of the screen's width.
+_SHARE = 0.4
+
+
+def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]:
+    """Where the participant's window goes, and where the operator's, both with their frames.
+
+    ``screen`` is what of the desktop can be used, ``ratio`` the display's height over its width. Beside the operator's
+    window wherever that stands; else the operator's moves to the left edge, or to the top; where that is not enough
+    either, the display is small and in the lower right corner, over tables: what is going on and the buttons stay in
+    sight.
+    """
+    for corner in (operator.topLeft(), QPoint(screen.left(), operator.top()), QPoint(operator.left(), screen.top())):
+        moved = QRect(corner, operator.size())
+        rooms = (
+            screen.adjusted(moved.right() + 1 + _GAP_PX - screen.left(), 0, 0, 0),
+            screen.adjusted(0, 0, moved.left() - _GAP_PX - screen.right() - 1, 0),
+            screen.adjusted(0, moved.bottom() + 1 + _GAP_PX - screen.top(), 0, 0),
+            screen.adjusted(0, 0, 0, moved.top() - _GAP_PX - screen.bottom() - 1),
+        )
+        room, size = max(((room, _fit(room.size(), ratio)) for room in rooms), key=lambda pair: pair[1].width())
+        if size.width() >= _LEAST_PX:
+            top = min(max(moved.top(), room.top()), room.bottom() + 1 - size.height())
+            return QRect(QPoint(room.left(), top), size), corner
+    size = _fit(screen.size() * _SHARE, ratio)
+    return QRect(screen.bottomRight() + QPoint(1, 1) - QPoint(size.width(), size.height()), size), operator.topLeft()
+
+
+def _fit(room: QSize, ratio: float) -> QSize:
+    width = min(WIDE_PX, room.width(), round(room.height() / ratio))
+    return QSize(max(0, width), max(0, round(width * ratio)))
+
+
+def stand_beside(participant: QWidget, operator: QWidget, ratio: float) -> None:
+    """Open the participant's window where neither window hides what the other is for."""
+    screen = operator.screen().availableGeometry()
+    place, corner = places(screen, operator.frameGeometry(), ratio)
+    if corner != operator.pos() and not (operator.isMaximized() or operator.isFullScreen()):
+        operator.move(corner)
+    # The frame is not there before the window is: the operator's is as thick.
+    bar = operator.geometry().topLeft() - operator.frameGeometry().topLeft()
+    participant.setGeometry(place.adjusted(bar.x(), bar.y(), -bar.x(), -bar.x()))
+    participant.show()
