@@ -60,6 +60,12 @@ class RunData:
         return contact_losses(self.t_s)
 
     @cached_property
+    def smooth_mm(self) -> FloatArray:
+        """Positions of the path at its events, (n, 2): where the stylus was, but for what the panel adds to each."""
+        fit = local_fit(self.t_s, self.xy_mm, self.t_s, self.half_s)
+        return np.where(fit.ok[:, None], fit.xy_mm, self.xy_mm)
+
+    @cached_property
     def shown(self) -> Shown:
         """The speed that the trace shows, evenly spaced."""
         return shown_speed(
@@ -81,7 +87,7 @@ class Placed:
         stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
         ok: placed well enough to judge by. trace: where on the traces the edges lie.
         position_fit, speed_fit: of each run, at the edges; position_made, speed_made: where they were made, close by.
-        events_mm: the touch events of each run, (n, 2).
+        events_mm: the path of each run at its touch events, (n, 2).
     """
 
     run: IntArray
@@ -243,7 +249,7 @@ def place(
         speed_fit=tuple(speed_fits),
         position_made=tuple(position_made),
         speed_made=tuple(speed_made),
-        events_mm=tuple(d.xy_mm for d in runs),
+        events_mm=tuple(d.smooth_mm for d in runs),
         trace=Unwarped(runs, joined["run"], joined["t_s"] + joined["latency_s"]),
     )
 
