@@ -149,3 +149,11 @@ def test_the_age_of_held_positions_is_undone(sound: Session) -> None:
     original = sound.runs[fast].touch
     before = unevenness_mm(session.runs[fast].touch, original)
     assert unevenness_mm(repaired.runs[fast].touch, original) < before / 5
+
+
+def test_positions_held_by_a_fast_loop_are_even_again(sound: Session) -> None:
+    # A tick of 7 ms shows each frame of 10 ms once or twice: first showings alone would be stamps with holes.
+    _, repaired = inspect(with_touch(sound, lambda touch: held_at(touch, 1 / 143)))
+    for run, original in zip(repaired.runs, sound.runs, strict=True):
+        frame_s = float(np.median(np.diff(original.touch.t_s)))
+        assert np.mean(np.abs(np.diff(run.touch.t_s) - frame_s) < 0.1 * frame_s) > 0.9

@@ -8,7 +8,7 @@ speed; so α is the line that the runs' deviations along the path share, and φ 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -38,7 +38,7 @@ class _Deviation:
 
 
 def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
-    """Positions as if all were of the mean age; None where the beat cannot be seen.
+    """Positions as if all were of the mean age, or at times as if they were; None where the beat cannot be seen.
 
     Args:
         period_s: of the host's loop.
@@ -68,7 +68,13 @@ def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] |
             continue
         age_s = frame_s * np.mod(alpha * _ticks(touch.t_s, period_s) - fit.phase, 1.0)
         # Less half a frame, not less the run's own mean: where loop and frames nearly keep step, that differs by run.
-        out.append(_as_of(touch, touch.t_s - (age_s - 0.5 * frame_s), 4 * period_s))
+        own_s = touch.t_s - (age_s - 0.5 * frame_s)
+        if frame_s > period_s:
+            # A loop faster than the frames writes every one of them: at their own times they are even.
+            own_s = np.maximum.accumulate(own_s + 1e-9 * np.arange(own_s.size))
+            out.append(replace(touch, t_s=own_s))
+        else:
+            out.append(_as_of(touch, own_s, 4 * period_s))
     return out
 
 
