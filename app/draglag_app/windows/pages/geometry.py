@@ -39,7 +39,7 @@ class GeometryPage(QWidget):
         left.addWidget(self._numbers())
         left.addWidget(self._checks())
         left.addStretch(1)
-        row.addWidget(Scrolled(left), 2)
+        row.addWidget(Scrolled(left), 6)  # so wide that the ruler check is one row at 1280 px
         self.plot = Plot(self.tr("The screen, true to scale"), tr("x (mm)"), tr("y (mm)"), "geometry")
         self.plot.setAspectLocked(True)
         self.plot.getPlotItem().vb.invertY(True)
@@ -48,7 +48,7 @@ class GeometryPage(QWidget):
         right.addWidget(self.plot, 3)
         self.calibration = CalibrationPanel(workspace, self._calibrated)
         right.addWidget(self.calibration, 5)
-        row.addLayout(right, 3)
+        row.addLayout(right, 5)
         workspace.settings_changed.connect(self.refresh)
         self.refresh()
 
