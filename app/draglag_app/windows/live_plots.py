@@ -13,6 +13,8 @@ from draglag_app.windows.theme import theme
 
 # More points than this cannot be told apart on a screen, but cost time that the participant's target needs.
 _MOST_DRAWN = 1500
+# Around what a plot shows, as a share of it; and how much faster than the target a stylus may be and still be seen.
+_MARGIN, _FASTER = 0.03, 1.35
 
 
 def _thinned(table: np.ndarray) -> np.ndarray:
@@ -29,6 +31,7 @@ class TracePlot(Plot):
         self.setAspectLocked(True)
         self.getPlotItem().vb.invertY(True)
         self.keep_axes_drawn()
+        self._shown_mm = (0.0, 0.0)
         self.restyle()
 
     def restyle(self) -> None:
@@ -55,6 +58,10 @@ class TracePlot(Plot):
         if planned is not None:
             t_s = np.linspace(0, planned.duration_s, _MOST_DRAWN)
             self.line(tr("target"), *planned.target.position_mm(t_s), colours.line, 1)
+        if self._shown_mm != (screen.width_mm, screen.height_mm):
+            # Looking for the range each time, and drawing axes anew for it, would cost the participant frames.
+            self._shown_mm = (screen.width_mm, screen.height_mm)
+            self.setRange(xRange=(0, screen.width_mm), yRange=(0, screen.height_mm), padding=_MARGIN)
 
     def draw(self, live: LiveRun) -> None:
         """What has arrived."""
@@ -62,6 +69,10 @@ class TracePlot(Plot):
         if not len(trace):
             return
         thin = _thinned(trace)
+        if self._shown_mm != (0.0, 0.0) and _beyond(thin[:, 1:], self._shown_mm):
+            # Touches that are not on the screen are there to be seen, too.
+            self._shown_mm = (0.0, 0.0)
+            self.enableAutoRange()
         self.line(tr("touch"), thin[:, 1], thin[:, 2], colours.blue, 1)
         self.dots(tr("stylus"), trace[-1:, 1], trace[-1:, 2], colours.text, "+", 16, legend=False)
         edges = live.edges_on_screen()
@@ -85,14 +96,34 @@ class SpeedPlot(Plot):
     def restyle(self) -> None:
         super().restyle()
         self.name_above(tr("Speed"), (("╌", theme().muted, tr("target")), ("─", theme().blue, tr("stylus"))))
+        for name, columns in list(self.drawn.items()):
+            self._draw_line(name, *columns)
+
+    def begin(self, planned: PlannedRun | None) -> None:
+        """An empty run: what the target will do, and axes that stay as they are while it does."""
+        self.clear_all()
+        if planned is None:
+            return
+        t_s = np.linspace(0, planned.duration_s, 800)
+        target = np.hypot(*planned.target.velocity_mm_s(t_s))
+        self._draw_line(tr("target"), t_s, target)
+        fastest = max(1.0, float(target.max()))
+        self.setRange(xRange=(0, planned.duration_s), yRange=(0, _FASTER * fastest), padding=_MARGIN)
 
     def draw(self, live: LiveRun) -> None:
+        """What has arrived, of a run that was begun."""
         speed = live.speeds()
         if live.planned is None or not len(speed):
             return
-        t_s = np.linspace(0, live.planned.duration_s, 800)
-        target = live.target_speed_mm_s(t_s)
-        self.line(tr("target"), t_s, target, theme().muted, 2, dash=True)
         thin = _thinned(speed)
-        self.line(tr("stylus"), thin[:, 0], thin[:, 1], theme().blue, 1)
-        self.setYRange(0, 1.35 * float(target.max()), padding=0.02)
+        self._draw_line(tr("stylus"), thin[:, 0], thin[:, 1])
+
+    def _draw_line(self, name: str, t_s: np.ndarray, speed_mm_s: np.ndarray) -> None:
+        target = name == tr("target")
+        self.line(name, t_s, speed_mm_s, theme().muted if target else theme().blue, 2 if target else 1, dash=target)
+
+
+def _beyond(places_mm: np.ndarray, screen_mm: tuple[float, float]) -> bool:
+    """Whether any of them, (n, 2), lies off the screen by more than what is drawn around it."""
+    spare = _MARGIN * np.array(screen_mm)
+    return bool(((places_mm < -spare) | (places_mm > screen_mm + spare)).any())

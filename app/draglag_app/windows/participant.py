@@ -152,6 +152,10 @@ class ParticipantWindow(QWidget):
         next_s = (math.floor(now_s * self._rate_hz) + 1) / self._rate_hz
         self._timer.start(max(0, math.ceil(1e3 * (next_s - now_s))))
 
+    def next_frame_s(self) -> float:
+        """Time until the next frame is due, s; 0 where nothing moves."""
+        return max(0.0, 1e-3 * self._timer.remainingTime()) if self._timer.isActive() else 0.0
+
     def _elapsed_s(self) -> float:
         """Time the target has moved for."""
         if self._target is None:

@@ -52,14 +52,17 @@ class Plot(PlotFrame):
     ) -> None:
         """A line through points; NaN breaks it."""
         style = Qt.PenStyle.DashLine if dash else Qt.PenStyle.SolidLine
-        pen = pg.mkPen(colour, width=width, style=style)
+        look = (colour, width, dash)
         held = self._items.get(name)
         if held and isinstance(held[0], pg.PlotDataItem):
             held[0].setData(x, y, connect="finite")
-            held[0].setPen(pen)
+            if self._looks.get(name) != look:  # a pen of its own costs as much again as the data
+                held[0].setPen(pg.mkPen(colour, width=width, style=style))
         else:
             named = name if legend and self.legend is not None else None
+            pen = pg.mkPen(colour, width=width, style=style)
             self._keep(name, self.plot(x, y, pen=pen, name=named, connect="finite"))
+        self._looks[name] = look
         self._numbers[name] = (np.asarray(x), np.asarray(y))
         self._hover[name] = Series(np.asarray(x), np.asarray(y), joined=True)
 

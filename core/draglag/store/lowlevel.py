@@ -68,31 +68,43 @@ def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str)
 
 
 def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> None:
-    """Add rows at the end of every column: the scale last, so that rows it counts are always complete."""
+    """Add rows at the end of every column: the scale last, so that rows it counts are always complete.
+
+    Through h5py's low-level interface: five times a second, while the participant's target is drawn, the other one
+    takes as long to look at its arguments as to write.
+    """
     total = max((len(values) for values in rows.values()), default=0)
     if not total:
         return
-    scale = group[table.scale.name]
+    scale = _column(group, table.scale.name)
     before = scale.shape[0]
     for column in table.columns:
         values = rows.get(column.name, np.empty(0))
-        if column.name not in group:
+        if column.name.encode() not in group.id:
             if not len(values):
                 continue
-            make_column(group, column, table.chunk, before).dims[0].attach_scale(scale)
+            make_column(group, column, table.chunk, before).dims[0].attach_scale(group[table.scale.name])
         if len(values) not in (0, total):
             raise ValueError(f"{group.name}/{column.name}: {len(values)} rows beside {total}")
-        dataset = group[column.name]
-        dataset.resize((before + total,))
-        dataset[before:] = _as_stored(values if len(values) else np.full(total, column.fill), dataset)
+        _extend(_column(group, column.name), before, values if len(values) else np.full(total, column.fill))
     counted = np.arange(before, before + total)
-    scale.resize((before + total,))
-    scale[before:] = counted if table.scale.kind == "i" else rows[table.scale.name]
+    _extend(scale, before, counted if table.scale.kind == "i" else rows[table.scale.name])
 
 
-def _as_stored(values: NDArray[Any], dataset: Any) -> NDArray[Any]:
-    """HDF5 tells UTF-8 from ASCII by type: bytes must say which they are."""
-    return values.astype(dataset.dtype) if values.dtype.kind == "S" else values
+def _column(group: Any, name: str) -> Any:
+    return h5py.h5d.open(group.id, name.encode())
+
+
+def _extend(column: Any, before: int, values: NDArray[Any]) -> None:
+    """Rows after the first ``before``, of a column opened at the low level."""
+    count = len(values)
+    column.set_extent((before + count,))
+    # HDF5 tells UTF-8 from ASCII by type: bytes must say which they are.
+    stored = np.ascontiguousarray(values, column.dtype)
+    space = column.get_space()
+    space.select_hyperslab((before,), (count,))
+    kind = column.get_type() if stored.dtype.kind == "S" else None
+    column.write(h5py.h5s.create_simple((count,)), space, stored, kind)
 
 
 def put_node(file: Any, node: Node, start: str = "") -> None:

@@ -46,7 +46,7 @@ def test_recording(recorded: OperatorWindow) -> None:
     final = {run.id: run.latency_s for run in shown.runs}
     assert {run.id: run.latency_s for run in recorded.space.live.known} == final
     assert recorded.space.live.curve is not None
-    drawn_ms = np.sort(recorded.record.curve.drawn["runs"][1])
+    drawn_ms = np.sort(recorded.record.live.curve.drawn["runs"][1])
     assert drawn_ms == pytest.approx(np.sort([1e3 * v for v in final.values()]))
     # The record page lists every run with its verdict.
     assert column(recorded, "record", 0) == [f"run-0{k}" for k in range(1, N_RUNS + 1)]
@@ -54,9 +54,9 @@ def test_recording(recorded: OperatorWindow) -> None:
     assert recorded.record.facts["taps"].value.text() == "10 / 10"
     assert recorded.record.facts["lost"].value.text() == "0"
     # The live plots show touch, edges and speed of the last run, the chirp; the hand follows within a few per cent.
-    assert {"touch", "beam", "goes dark", "light returns"} <= set(recorded.record.trace.drawn)
-    t_s, mm_s = recorded.record.speed.drawn["stylus"]
-    target = np.interp(t_s, *recorded.record.speed.drawn["target"])
+    assert {"touch", "beam", "goes dark", "light returns"} <= set(recorded.record.live.trace.drawn)
+    t_s, mm_s = recorded.record.live.speed.drawn["stylus"]
+    target = np.interp(t_s, *recorded.record.live.speed.drawn["target"])
     good = np.isfinite(mm_s)
     assert np.median(np.abs(mm_s[good] - target[good]) / target[good]) < 0.1
     # The window shows the results.

@@ -5,34 +5,29 @@ from __future__ import annotations
 import time
 from datetime import datetime
 
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QLineEdit,
     QProgressBar,
-    QSplitter,
     QVBoxLayout,
     QWidget,
 )
 
-from draglag_app.live import LiveRun
 from draglag_app.session import events
 from draglag_app.session.machine import Phase
 from draglag_app.windows import words
 from draglag_app.windows.bridge import Prompted
-from draglag_app.windows.curve_plot import CurvePlot
 from draglag_app.windows.full_texts import ElidedLabel
 from draglag_app.windows.heading import Heading
 from draglag_app.windows.library_words import in_words
-from draglag_app.windows.live_plots import SpeedPlot, TracePlot
+from draglag_app.windows.live_view import LiveView
 from draglag_app.windows.run_table import RunTable
 from draglag_app.windows.theme import theme, wide
 from draglag_app.windows.widgets import LARGE_TEXT, Fact, Panel, button, label, restyle
 from draglag_app.windows.workspace import Workspace
 
-# One of the two live plots is drawn this often, by turns: together they would cost the participant a frame.
-_REDRAW_MS = 100
 # Room for what is told in the largest letters; buttons give way to it.
 _BIG_PX = 260
 # The heading and four rows of the table.
@@ -49,12 +44,9 @@ class RecordPage(QWidget):
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._space = workspace
-        self._live: LiveRun | None = None
-        self._fresh = False
         self._due_s = 0.0
         self._span_s = 0.0
         self._phase: Phase | None = None
-        self._turns: list[TracePlot | SpeedPlot] = []
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
@@ -62,19 +54,8 @@ class RecordPage(QWidget):
         self.clock_warning = label("", "warning", wrap=True)
         self.clock_warning.hide()
         outer.addWidget(self.clock_warning)
-        plots = QSplitter(Qt.Orientation.Horizontal)
-        self.trace = TracePlot()
-        right = QSplitter(Qt.Orientation.Vertical)
-        self.speed = SpeedPlot()
-        self.curve = CurvePlot(self.tr("Latency so far"), named_above=True)
-        self._turns = [self.trace, self.speed]
-        right.addWidget(self.speed)
-        right.addWidget(self.curve)
-        right.setSizes([200, 260])
-        plots.addWidget(self.trace)
-        plots.addWidget(right)
-        plots.setSizes([560, 520])
-        outer.addWidget(plots, 1)
+        self.live = LiveView(self.tr("Latency so far"), self._next_frame_s)
+        outer.addWidget(self.live, 1)
         lower = QHBoxLayout()
         self.table = RunTable()
         if wide(100) > LARGE_TEXT:
@@ -83,9 +64,7 @@ class RecordPage(QWidget):
         lower.addWidget(self._facts(), 2)
         outer.addLayout(lower)
         self.table.setFixedHeight(_LOWER_PX)
-        self._redraw = QTimer(self)
-        self._redraw.setInterval(_REDRAW_MS)
-        self._redraw.timeout.connect(self._draw)
+        self.live.drawing.connect(self._keep_time)
         self._listen()
         self.set_recording(False)
 
@@ -145,7 +124,7 @@ class RecordPage(QWidget):
         bridge = self._space.bridge
         bridge.state_changed.connect(self._state_changed)
         bridge.prompted.connect(self._prompted)
-        bridge.run_started.connect(self._run_started)
+        bridge.run_started.connect(self.live.begin_run)
         bridge.run_previewed.connect(lambda event: self.table.add_run(event.run))
         bridge.run_finished.connect(self._run_finished)
         bridge.samples_arrived.connect(self._samples_arrived)
@@ -164,23 +143,22 @@ class RecordPage(QWidget):
         self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
         if recording:
             self.table.clear_runs()
-            self.trace.clear_all()
-            self.speed.clear_all()
             self._losses: dict[str, int] = {}
             for fact in self.facts.values():
                 fact.show_text(words.DASH)
             self._enable(resting=False, running=False)
             self._say(self.tr("Opening the instruments"), "")
-            self._redraw.start()
+            self.live.begin_session()
         else:
-            self._redraw.stop()
+            self.live.end_session()
             self._phase = None
             self.progress.setValue(0)
             self._say(self.tr("Ready"), self.tr("F5 starts: {name}").format(name=self._space.protocol.name))
 
     def _say(self, big: str, small: str, level: str = "", anew: bool = False) -> None:
-        self.big.setText(big)
-        self.small.setText(small)
+        for shown, text in ((self.big, big), (self.small, small)):
+            if shown.text() != text:
+                shown.setText(text)
         if level == self.big.property("level") and not anew:
             return  # said ten times a second; its colour stays
         restyle(self.big, "level", level)
@@ -199,9 +177,7 @@ class RecordPage(QWidget):
             if planned.practice:
                 self._what += " · " + self.tr("practice")
         if event.phase is Phase.PREPARING:
-            self._live = LiveRun(event.run_id, planned, 0.0)
-            self.trace.begin(self._space.recording.order, planned)
-            self.speed.clear_all()
+            self.live.prepare(event.run_id, self._space.recording.order, planned)
         running = event.phase in (Phase.PREPARING, Phase.COUNTDOWN, Phase.RECORDING)
         self._enable(resting=not running, running=running)
         self._show_state()
@@ -242,40 +218,28 @@ class RecordPage(QWidget):
             self._say(self.tr("Saving"), self._what + again)
             self.progress.setValue(1000)
 
-    def _run_started(self, event: events.RunStarted) -> None:
-        self._live = LiveRun(event.run_id, event.planned, event.start_s)
-
     def _run_finished(self, event: events.RunFinished) -> None:
-        self._draw_both()
+        self.live.draw_all()
         self.table.add_run(event.run, event.outcome)
 
     # --- data -----------------------------------------------------------------------------------------------
 
     def _samples_arrived(self, event: events.SamplesArrived) -> None:
-        if self._live is not None:
-            self._live.add(event)
-        self._fresh = True
+        self.live.add(event)
         self._losses[event.role] = event.lost
         if event.role == "touch" and event.rate_hz:
             self.facts["touch_rate"].show_text(f"{event.rate_hz:.0f} /s")
             self.facts["touch_age"].show_text(f"{1e3 * max(0.0, event.age_s):.0f} ms")
         self.facts["lost"].show_text(str(sum(self._losses.values())))
-        if self._live is not None:
-            self.facts["edges"].show_text(str(self._live.n_edges))
+        self.facts["edges"].show_text(str(self.live.n_edges))
 
-    def _draw(self) -> None:
+    def _keep_time(self) -> None:
         if self._phase in (Phase.COUNTDOWN, Phase.RECORDING):
             self._show_state()
-        if self._fresh and self._live is not None and self.isVisible():
-            plot = self._turns.pop(0)
-            self._turns.append(plot)
-            plot.draw(self._live)
-            self._fresh = plot is not self.speed
 
-    def _draw_both(self) -> None:
-        if self._live is not None:
-            self.trace.draw(self._live)
-            self.speed.draw(self._live)
+    def _next_frame_s(self) -> float:
+        window = self._space.recording.window
+        return 0.0 if window is None else window.next_frame_s()
 
     def _live_changed(self) -> None:
         live = self._space.live
@@ -284,7 +248,7 @@ class RecordPage(QWidget):
         self.clock_warning.setText("▲ " + said)
         self.clock_warning.setStyleSheet(f"color: {theme().warning};")
         self.clock_warning.setVisible(bool(said))
-        self.curve.draw(live.known, live.curve)
+        self.live.curve.draw(live.known, live.curve)
         self.table.show_estimates(live.known, preliminary=live.preliminary)
 
     def _write_note(self) -> None:
@@ -309,10 +273,8 @@ class RecordPage(QWidget):
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""
-        for plot in (self.trace, self.speed, self.curve):
-            plot.restyle()
+        self.live.restyle()
         self._say(self.big.text(), self.small.text(), str(self.big.property("level") or ""), anew=True)
-        self._draw_both()
         self._live_changed()
 
 
