@@ -19,7 +19,7 @@ _Samples = TypeVar("_Samples", TouchTrace, LaserTrace, Taps, ClockBounds, Contac
 # How much simulated time one read covers when time runs as fast as the computer allows.
 CHUNK_S = 0.25
 # In real time a read returns at least this often, so that live plots move.
-_REAL_READ_S = 0.02
+_REAL_READ_S = 0.04
 
 
 def sample_times(

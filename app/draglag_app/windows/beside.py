@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QPoint, QRect, QSize
+from PySide6.QtCore import QObject, QPoint, QRect, QSize
 from PySide6.QtWidgets import QWidget
 
 # The participant's window is as wide as this where there is room; beside the operator's it may be narrower.
@@ -51,3 +51,11 @@ def stand_beside(participant: QWidget, operator: QWidget, ratio: float) -> None:
     bar = operator.geometry().topLeft() - operator.frameGeometry().topLeft()
     participant.setGeometry(place.adjusted(bar.x(), bar.y(), -bar.x(), -bar.x()))
     participant.show()
+
+
+def operators_window(known: QObject) -> QWidget | None:
+    """The window that owns what steers a session or a calibration; None where there is none."""
+    owner: QObject | None = known
+    while owner is not None and not isinstance(owner, QWidget):
+        owner = owner.parent()
+    return owner.window() if owner is not None else None

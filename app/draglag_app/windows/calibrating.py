@@ -12,6 +12,7 @@ from draglag.calibration import target_places
 from draglag.errors import DataError, DraglagError
 from draglag.recording import Screen
 from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches
+from draglag_app.windows.beside import operators_window
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.participant import ParticipantWindow
 from draglag_app.windows.screen_display import numbered_screen
@@ -104,7 +105,7 @@ class Calibrating(QObject):
         window.stepped_back.connect(self.back)
         self.window = window
         if settings.rig.display != "offscreen":
-            window.show_on(place)
+            window.show_on(place, operators_window(self))
         self._show()
         self._reader.thread = threading.Thread(
             target=self._read, args=(self._reader,), name="draglag-calibration", daemon=True

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QCoreApplication, QPoint, Qt
+from PySide6.QtCore import QCoreApplication, QPoint, QRectF, Qt, QTimer
 from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplication, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMenu, QMessageBox, QSizePolicy, QWidget
 
@@ -58,6 +58,10 @@ class PlotFrame(pg.PlotWidget):
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self._ring.hide()
         self._items: dict[str, list[Any]] = {}
+        # Not within the change of size itself, which has a layout of its own under way.
+        self._resized = QTimer(self)
+        self._resized.setSingleShot(True)
+        self._resized.timeout.connect(self._fit_title)
         self.restyle()
         self._show_emptiness()
 
@@ -115,6 +119,14 @@ class PlotFrame(pg.PlotWidget):
             high = QFontMetrics(self._tick_font()).height() * len(lines) + 12
             plot.titleLabel.setMaximumHeight(high)
             plot.layout.setRowFixedHeight(0, high)
+
+    def _fit_title(self) -> None:
+        """Write the title for the width there is now."""
+        plot = self.getPlotItem()
+        if self._title and plot is not None:  # a plot that was closed has none
+            self._write_title()
+            plot.layout.activate()
+            plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
 
     def keep_axes_drawn(self) -> None:
         """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
@@ -176,6 +188,8 @@ class PlotFrame(pg.PlotWidget):
         if nothing is not None:  # the base class resizes itself while it is made
             nothing.setGeometry(self.rect())
             self._ring.setGeometry(self.rect())
+            if event.oldSize().width() != event.size().width():
+                self._resized.start(0)
 
     # --- copy and export ------------------------------------------------------------------------------------
 

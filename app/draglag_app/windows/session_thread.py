@@ -8,12 +8,12 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QWidget
 
 from draglag.errors import DataError
 from draglag.protocols import PlannedRun, Protocol, expand
 from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
+from draglag_app.windows.beside import operators_window
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.i18n import translate
 from draglag_app.windows.participant import LOST_AFTER_S, ParticipantWindow
@@ -145,14 +145,6 @@ class Recording(QObject):
             self.window.deleteLater()
             self.window = None
         self.ended.emit(path if path is not None and path.exists() else None, problem)
-
-
-def operators_window(known: QObject) -> QWidget | None:
-    """The window that owns what steers a session; None where there is none."""
-    owner: QObject | None = known
-    while owner is not None and not isinstance(owner, QWidget):
-        owner = owner.parent()
-    return owner.window() if owner is not None else None
 
 
 def display_choices() -> list[tuple[str, str]]:

@@ -53,3 +53,15 @@ def test_a_session_opens_the_display_where_it_leaves_the_most_in_sight(open_wind
     assert expected.contains(participant.geometry())
     assert participant.geometry().width() >= expected.width() - 20
     window.ask("stop")
+
+
+def test_a_calibration_opens_it_there_too(open_window: Callable) -> None:
+    window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
+    screen, before = window.screen().availableGeometry(), window.frameGeometry()
+    window.ask("calibrate")
+    participant = window.space.calibrating.window
+    expected, corner = places(screen, before, 286.4 / 509.2)
+    assert window.pos() == corner
+    assert expected.contains(participant.geometry())
+    assert participant.geometry().width() >= expected.width() - 20
+    window.ask("cancel")

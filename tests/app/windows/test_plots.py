@@ -109,3 +109,20 @@ def test_a_long_title_takes_no_room_from_the_plot(plot: Plot) -> None:
         plot.title_lines(lines)
         QApplication.processEvents()
         assert plot.getPlotItem().vb.sceneBoundingRect().right() <= plot.width(), lines
+
+
+def test_a_title_follows_the_width_of_its_plot(plot: Plot, until: Callable) -> None:
+    plot.line("curve", np.array([0.0, 100.0]), np.array([0.0, 1.0]), "#ffffff")
+    title, item = plot.getPlotItem().titleLabel, plot.getPlotItem()
+    for lines in (["run-01 · 555 mm/s · 38.7 ± 0.1 ms, of a session with a long name"], ["short", "x" * 60]):
+        plot.resize(900, 300)
+        QApplication.processEvents()
+        plot.title_lines(lines)
+        QApplication.processEvents()
+        wide_px = title.item.boundingRect().width()
+        plot.resize(320, 300)
+        until(lambda: title.item.boundingRect().width() <= plot.width())
+        assert title.item.sceneBoundingRect().right() <= plot.width()
+        assert item.vb.sceneBoundingRect().right() <= plot.width()
+        plot.resize(900, 300)
+        until(lambda wide_px=wide_px: title.item.boundingRect().width() == pytest.approx(wide_px))
