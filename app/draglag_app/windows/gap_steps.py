@@ -47,7 +47,8 @@ class StepTable(QTableWidget):
         name = effect_name(step["effect"]) + (say(" (or {others})").format(others=others) if twins else "")
         size = ", ".join(_size(key, value) for key, value in step["parameters"].items())
         gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
-        chance = f"{step['evidence']['p_value']:.1e}"
+        p_value = step["evidence"]["p_value"]
+        chance = f"{p_value:.1e}" if p_value < 1e-3 else f"{p_value:.2g}"
         for column, text in enumerate((name, in_words(str(step.get("where", ""))), size, gap, chance)):
             item = QTableWidgetItem(text)
             item.setToolTip(effect_meaning(step["effect"]) if column == 0 else text)

@@ -22,6 +22,8 @@ def tr(text: str) -> str:
 
 
 _BESIDE_PX = 16
+# The keyboard was with a menu or with another window in the meantime.
+_AWAY = (Qt.FocusReason.PopupFocusReason, Qt.FocusReason.ActiveWindowFocusReason, Qt.FocusReason.MenuBarFocusReason)
 
 
 class PlotFrame(pg.PlotWidget):
@@ -57,6 +59,7 @@ class PlotFrame(pg.PlotWidget):
         self._ring.setObjectName("focusRing")
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self._ring.hide()
+        self._by_tab = False
         self._items: dict[str, list[Any]] = {}
         # Not within the change of size itself, which has a layout of its own under way.
         self._resized = QTimer(self)
@@ -66,8 +69,11 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def focusInEvent(self, event: QFocusEvent) -> None:
+        """The ring is for those who come by keyboard; it comes back after a menu or a dialog."""
         super().focusInEvent(event)
-        self._ring.setVisible(event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason))
+        if event.reason() not in _AWAY:
+            self._by_tab = event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason)
+        self._ring.setVisible(self._by_tab)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Return opens the menu, as the menu key does where a keyboard has one."""
@@ -214,6 +220,10 @@ class PlotFrame(pg.PlotWidget):
             self.save(path)
         except DataError as error:
             QMessageBox.warning(self, "draglag", str(error))
+        else:
+            tell = getattr(self.window(), "tell", None)  # the operator's window has a place for it
+            if tell is not None:
+                tell("info", tr("Saved: {path}").format(path=path))
 
     def save(self, path: Path) -> None:
         """Write a PNG, an SVG or a CSV, by the name's ending. Raises DataError where it cannot be written."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF, QResizeEvent
+from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QKeyEvent, QPainter, QPaintEvent, QPen, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QApplication,
@@ -30,6 +30,7 @@ from draglag_app.windows.theme import theme, wide
 ROW_PX = 44
 # Per cent: with text larger than this, small screens are too narrow for things that otherwise stand side by side.
 LARGE_TEXT = 120
+_ARROWS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_Home, Qt.Key.Key_End)
 
 
 class Panel(QFrame):
@@ -166,11 +167,25 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
     made.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     if single:
         made.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        made.installEventFilter(FirstRow(made))
     made.setItemDelegate(WholeTexts(made))
     header = made.horizontalHeader()
     header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
     header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
     header.setSectionResizeMode(stretch, QHeaderView.ResizeMode.Stretch)
+
+
+class FirstRow(QObject):
+    """Where no row of a table is chosen, an arrow key chooses the one it stands on: Qt's go on to the next, if any."""
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        made = self.parent()
+        if not isinstance(event, QKeyEvent) or event.type() != QEvent.Type.KeyPress or event.key() not in _ARROWS:
+            return False
+        if not isinstance(made, QTableWidget) or not made.rowCount() or made.selectionModel().hasSelection():
+            return False
+        made.selectRow(max(0, made.currentRow()))
+        return True
 
 
 class Scrolled(QScrollArea):

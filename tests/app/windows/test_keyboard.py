@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractSpinBox, QApplication, QComboBox, QInputDialog, QLineEdit, QWidget
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QApplication,
+    QComboBox,
+    QFileDialog,
+    QInputDialog,
+    QLineEdit,
+    QPushButton,
+    QWidget,
+)
 
+from draglag_app.windows.effect_words import effect_meaning
 from draglag_app.windows.pages.help import manual_text
 from draglag_app.windows.window import OperatorWindow
 
@@ -94,6 +105,122 @@ def test_the_manuals_first_try(window: OperatorWindow, until: Callable) -> None:
     until(lambda: space.analysis is not None and not space.tasks.running)
     assert window.stack.currentWidget() is window.pages["results"][1]
     assert space.analysis.curve is not None
+
+
+def test_runs_are_put_in_another_order_and_shuffled(open_window: Callable, until: Callable) -> None:
+    window = open_window()
+    come_back(window, until)
+    press(window, Key.Key_3, control=True)
+    page, space = window.pages["protocol"][1], window.space
+    first, second, *rest = space.protocol.runs
+    down = next(one for one in page.findChildren(QPushButton) if one.accessibleName() == "Move down")
+    tab_to(window, down)
+    press(window, Key.Key_Space)
+    assert space.protocol.runs == (second, first, *rest)
+    press(window, Key.Key_Return)  # the button keeps the keyboard, and the run that moves stays chosen
+    assert space.protocol.runs == (second, *rest, first)
+    before = space.protocol.shuffle
+    tab_to(window, page.form.shuffle)
+    press(window, Key.Key_Space)
+    assert space.protocol.shuffle is not before
+    tab_to(window, page.form.seed)
+    page.form.seed.selectAll()
+    QTest.keyClicks(page.form.seed, "77")
+    press(window, Key.Key_Return)
+    assert space.protocol.seed == 77
+    for _ in range(4):
+        press(window, Key.Key_Z, control=True)
+    assert space.protocol.runs == (first, second, *rest)
+    assert space.protocol.shuffle is before
+
+
+@pytest.mark.parametrize(("entry", "begins"), [("Save drawing (SVG)…", "<?xml"), ("Save numbers (CSV)…", "series,")])
+def test_a_plot_is_saved(opened: OperatorWindow, until: Callable, tmp_path: Path, entry: str, begins: str) -> None:
+    window = opened
+    come_back(window, until)
+    press(window, Key.Key_5, control=True)
+    plot = window.pages["results"][1].curve
+    tab_to(window, plot)
+    assert plot._ring.isVisible()
+    press(window, Key.Key_Return)
+    menu = QApplication.activePopupWidget()
+    names = [action.text() for action in menu.actions()]
+    path = tmp_path / f"curve.{entry[-5:-2].lower()}"
+
+    def name_file() -> None:
+        dialog = QApplication.activeModalWidget()
+        if not isinstance(dialog, QFileDialog):  # the menu comes first
+            QTimer.singleShot(10, name_file)
+            return
+        dialog.setDirectory(str(tmp_path))
+        field = dialog.findChild(QLineEdit, "fileNameEdit")
+        field.selectAll()
+        QTest.keyClicks(field, "curve")
+        QTest.keyClick(field, Key.Key_Return)
+
+    QTimer.singleShot(0, name_file)
+    choose(menu, names.index(entry))
+    until(path.exists)
+    assert path.read_text("utf-8").startswith(begins)
+    assert window.notice_text.text() == f"Saved: {path}"
+    come_back(window, until)
+    assert QApplication.focusWidget() is plot
+    assert plot._ring.isVisible()
+
+
+def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
+    opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the library finds is made up; what the keyboard asks of it is not."""
+    asked: list[tuple[str, ...]] = []
+
+    def fake(function: object, arguments: tuple, progress: object) -> dict[str, object]:
+        added = arguments[2]
+        asked.append(added)
+        steps = [
+            {
+                "effect": effect, "where": "", "parameters": {}, "gap_before_mm": 0.2, "gap_after_mm": 0.1,
+                "evidence": {"p_value": 0.5, "text": "by hand"}, "indistinguishable_from": [],
+            }
+            for effect in added
+        ]  # fmt: skip
+        return {
+            "verdict": "no_gap", "steps": steps, "gap_first_mm": 0.2, "noise_floor_mm": 0.1, "report": ("report", added)
+        }  # fmt: skip
+
+    monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+    window = opened
+    come_back(window, until)
+    press(window, Key.Key_6, control=True)
+    page = window.pages["gap"][1]
+
+    def settle() -> None:
+        until(lambda: not window.space.tasks.running)
+
+    tab_to(window, page.close_button)
+    press(window, Key.Key_Return)
+    settle()
+    assert QApplication.focusWidget() is page.close_button
+    tab_to(window, page.choice)
+    press(window, Key.Key_Down)
+    effect = page.choice.currentData()
+    assert effect_meaning(effect) in page.more.text()
+    tab_to(window, page.add_button)
+    press(window, Key.Key_Space)
+    settle()
+    assert asked == [(), (effect,)]
+    assert page.table.rowCount() == 1
+    assert page.table.item(0, 4).text() == "0.5"
+    assert QApplication.focusWidget() is page.add_button
+    tab_to(window, page.table)
+    press(window, Key.Key_Down)  # its only row
+    tab_to(window, page.leave_out)
+    press(window, Key.Key_Space)
+    settle()
+    assert page.table.rowCount() == 0
+    press(window, Key.Key_Z, control=True)
+    settle()
+    assert page.table.rowCount() == 1
 
 
 def test_a_run_is_left_out_and_taken_in_again(opened: OperatorWindow, until: Callable) -> None:
