@@ -53,6 +53,21 @@ def test_latency_and_verdict_are_whole(large: OperatorWindow, qapp: QApplication
         assert table.columnViewportPosition(column) + table.sizeHintForColumn(column) <= table.viewport().width()
 
 
+def test_the_protocols_plots_have_room(large: OperatorWindow, qapp: QApplication) -> None:
+    large.go("protocol")
+    large.resize(1280, 800)
+    qapp.processEvents()
+    page = large.pages["protocol"][1]
+    for plot in (page.preview.plot, page.precision.plot):
+        inside = plot.getPlotItem().vb.sceneBoundingRect()
+        assert inside.height() >= 110, plot.file_name
+        assert inside.width() >= 350, plot.file_name
+        title = plot.getPlotItem().titleLabel.item.sceneBoundingRect()
+        assert 0 <= title.left() < title.right() <= plot.width(), plot.file_name
+    order, precision = (plot.mapTo(page, QPoint(0, 0)).y() for plot in (page.preview.plot, page.precision.plot))
+    assert precision >= order + page.preview.plot.height()
+
+
 def test_a_row_goes_on_in_the_next_line_and_its_right_part_stays_right(qapp: QApplication) -> None:
     window = QWidget()
     outer, row = QVBoxLayout(window), Flow(10)

@@ -8,6 +8,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QMenu,
     QPushButton,
+    QSizePolicy,
     QTableWidgetItem,
     QVBoxLayout,
     QWidget,
@@ -24,10 +25,12 @@ from draglag_app.windows.precision_preview import PrecisionPreview
 from draglag_app.windows.protocol_form import ProtocolForm
 from draglag_app.windows.protocol_text import to_toml
 from draglag_app.windows.theme import wide
-from draglag_app.windows.widgets import Panel, Scrolled, button, table
+from draglag_app.windows.widgets import LARGE_TEXT, Panel, Scrolled, button, table
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import presets
 
+# Heights; that of a plot is for large text.
+_TABLE_PX, _PLOT_PX = 140, 160
 KINDS = ("circle", "chirp", "multisine", "step")
 
 
@@ -45,17 +48,29 @@ class ProtocolPage(QWidget):
         across.setSpacing(10)
         left = QVBoxLayout()
         left.setSpacing(10)
-        left.addWidget(self._list(), 3)
+        runs = self._list()
+        left.addWidget(runs, 3)
         self.preview = PlanPreview(workspace, self)
         left.addWidget(self.preview.words)
-        plots = QHBoxLayout()
-        plots.setSpacing(10)
         self.precision = PrecisionPreview(workspace)
-        plots.addWidget(self.preview.plot, 1)
-        plots.addWidget(self.precision, 1)
-        left.addLayout(plots, 3)
-        left.addWidget(self.precision.words)
-        across.addLayout(left, 3)
+        if wide(100) > LARGE_TEXT:  # one below the other, and the column scrolls
+            self.table.setFixedHeight(wide(_TABLE_PX))
+            for plot in (self.preview.plot, self.precision.plot):
+                plot.setFixedHeight(wide(_PLOT_PX))
+                plot.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
+            for widget in (self.preview.plot, self.precision, self.precision.words):
+                left.addWidget(widget)
+            left.setStretchFactor(runs, 0)
+            left.addStretch(1)
+            across.addWidget(Scrolled(left), 3)
+        else:
+            plots = QHBoxLayout()
+            plots.setSpacing(10)
+            plots.addWidget(self.preview.plot, 1)
+            plots.addWidget(self.precision, 1)
+            left.addLayout(plots, 3)
+            left.addWidget(self.precision.words)
+            across.addLayout(left, 3)
         right = QVBoxLayout()
         right.setSpacing(10)
         self.editor = PlanEditor()
@@ -129,7 +144,7 @@ class ProtocolPage(QWidget):
         self.table = table(titles, stretch=1)
         self.table.setAccessibleName(self.tr("Runs"))
         self.table.itemSelectionChanged.connect(self._selected)
-        self.table.setMinimumHeight(140)
+        self.table.setMinimumHeight(_TABLE_PX)
         self.table.horizontalHeader().setMinimumSectionSize(wide(60))  # some speeds, with large text too
         panel.body.addWidget(self.table)
         return panel
@@ -162,6 +177,8 @@ class ProtocolPage(QWidget):
                 item = QTableWidgetItem(text)
                 item.setToolTip(text)
                 self.table.setItem(k, column, item)
+        # An empty column would take room from the speeds.
+        self.table.setColumnHidden(self.table.columnCount() - 1, not any(plan.practice for plan in protocol.runs))
         self.table.blockSignals(False)
         if protocol.runs:
             self.table.selectRow(min(max(row, 0), len(protocol.runs) - 1))
