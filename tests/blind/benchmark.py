@@ -28,6 +28,8 @@ def run_benchmark(
 ) -> dict[str, Any]:
     """Run the benchmark and return its figures; with `out`, write blind.json and blind.png there.
 
+    Ctrl+C ends it with the sessions that are done: fewer ("sessions") than asked for ("asked").
+
     Raises Unavailable when there is no cluster where one is asked for, no workflow to judge, or nothing to do.
     """
     chosen = quick_tasks(seed) if quick else tasks(sessions, seed, only)
@@ -38,12 +40,16 @@ def run_benchmark(
         raise Unavailable(f"There is no workflow to judge: {why}", "Install the draglag of this checkout")
     package_on_path()
     outcomes: list[Outcome] = []
-    for outcome in run_all(chosen, jobs, scheduler):
-        outcomes.append(outcome)
-        if progress:
-            progress(len(outcomes), len(chosen))
+    try:
+        for outcome in run_all(chosen, jobs, scheduler):
+            outcomes.append(outcome)
+            if progress:
+                progress(len(outcomes), len(chosen))
+    except KeyboardInterrupt:
+        if not outcomes:
+            raise
     outcomes.sort(key=lambda o: (o.kind, o.row, o.scale, o.seed))
-    summary = score(outcomes) | {"seed": seed, "failures": failures(outcomes)}
+    summary = score(outcomes) | {"asked": len(chosen), "seed": seed, "failures": failures(outcomes)}
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         full = summary | {"outcomes": [asdict(o) for o in outcomes]}

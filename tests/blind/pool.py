@@ -2,12 +2,13 @@
 
 import importlib.util
 import os
+import signal
 import sys
 import tempfile
 import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 from .conditions import Task
@@ -25,16 +26,35 @@ class Unavailable(Exception):
 
 
 def run_all(tasks: list[Task], jobs: int, scheduler: str | None = None) -> Iterator[Outcome]:
-    """Outcomes as they come, in no order. One thread a worker: many small matrices, not a few large ones."""
+    """Outcomes as they come, in no order. One thread a worker: many small matrices, not a few large ones.
+
+    Ctrl+C ends the workers at once.
+    """
     if scheduler:
         yield from _on_cluster(tasks, scheduler)
         return
     for name in THREADS:
         os.environ[name] = "1"
-    # Fresh interpreters, so that the setting above is read before numpy is loaded.
-    with ProcessPoolExecutor(max(1, jobs), mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(run_task, task) for task in tasks]):
-            yield future.result()
+    before = set(active_children())
+    with tempfile.TemporaryDirectory(prefix="draglag-blind-") as scratch:
+        # Fresh interpreters, so that the setting above is read before numpy is loaded.
+        pool = ProcessPoolExecutor(max(1, jobs), get_context("spawn"), _begin_worker, (scratch,))
+        try:
+            for future in as_completed([pool.submit(run_task, task) for task in tasks]):
+                yield future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in set(active_children()) - before:
+                worker.terminate()
+            raise
+        finally:
+            pool.shutdown()
+
+
+def _begin_worker(scratch: str) -> None:
+    """The main process alone answers Ctrl+C, and clears away what an ended worker leaves."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tempfile.tempdir = scratch
 
 
 def _on_cluster(tasks: list[Task], address: str) -> Iterator[Outcome]:

@@ -1,9 +1,17 @@
 """`draglag blind` as people meet it, without running the workflow."""
 
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner
 
+from blind import benchmark
 from blind.conditions import Task
+from blind.judge import Outcome
 from blind.pool import Unavailable, run_all
 from draglag_app.cli import blind as command
 from draglag_app.cli import cli
@@ -30,3 +38,49 @@ def test_cluster_without_scheduler_is_one_sentence():
         list(run_all([Task("none", "none", 1.0, 1)], jobs=1, scheduler="tcp://127.0.0.1:9"))
     assert caught.value.remedy
     assert "\n" not in str(caught.value)
+
+
+START = "from draglag_app.cli.main import main; main()"
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def children(pid: int) -> list[int]:
+    return [int(text) for text in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's list of processes")
+def test_ctrl_c_ends_it_and_its_workers():
+    run = subprocess.Popen(
+        [sys.executable, "-c", START, "blind", "--only", "none", "--sessions", "200", "--jobs", "2"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2],
+    )  # fmt: skip
+    workers: list[int] = []
+    while len(workers) < 3 and run.poll() is None:  # two, and the one that looks after what they share
+        workers = children(run.pid)
+    run.send_signal(signal.SIGINT)  # to the main process alone
+    _, said = run.communicate(timeout=120)
+    assert run.returncode == 1, said
+    assert "Traceback" not in said
+    patience_s = time.monotonic() + 60
+    while any(map(alive, workers)):
+        assert time.monotonic() < patience_s, "workers left behind"
+
+
+def test_what_was_done_before_ctrl_c_is_told(monkeypatch):
+    done = Outcome("none", "none", 1.0, 1, {}, True, (), (), "no_gap", None, None, None, None, 0.2, 0.2, 0.2, 1.0)
+
+    def interrupted(chosen, jobs, scheduler):
+        yield done
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(benchmark, "run_all", interrupted)
+    result = CliRunner().invoke(cli, ["blind", "--only", "none", "--sessions", "3"])
+    assert result.exit_code == 1
+    assert "1 of 12 sessions were done" in result.stderr
+    assert "False alarms" in result.stdout

@@ -64,6 +64,9 @@ def blind(
         click.echo(benchmark.table(summary))
         for failure in summary["failures"]:
             click.echo(f"Below the promise: {failure}", err=True)
+    if summary["sessions"] < summary["asked"]:
+        click.echo(f"Stopped: {summary['sessions']} of {summary['asked']} sessions were done.", err=True)
+        raise click.exceptions.Exit(1)
     if summary["failures"]:
         raise click.exceptions.Exit(1)
 

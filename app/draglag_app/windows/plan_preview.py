@@ -70,7 +70,9 @@ class PlanPreview(QObject):
             colour = colours.get(kind, theme().text)
             self.plot.line(words.target_name(kind), table[:, 0], table[:, 1], colour, width, legend=False)
         self._key = "".join(
-            f" &nbsp; <span style='color:{colours.get(kind, theme().text)}'>■</span>&nbsp;{words.target_name(kind).replace(' ', '&nbsp;')}"
+            # The square and its words stay in one line.
+            f" &nbsp; <span style='color:{colours.get(kind, theme().text)}'>■</span>"
+            + f" {words.target_name(kind)}".replace(" ", "&nbsp;")
             for kind in parts
         )
         self.plot.autoRange(padding=0.04)
