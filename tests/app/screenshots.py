@@ -92,6 +92,7 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     shoot(window, out / "window-recording.png")
     participant = window.space.recording.window
     if participant is not None:
+        participant.resize(960, 540)  # off screen there is little room beside the operator's window
         shoot(participant, out / "participant.png")
     window.shut_down()
     wait(application, lambda: not window.space.recording.active)

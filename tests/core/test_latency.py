@@ -119,6 +119,18 @@ def test_hard_cases_are_right_or_say_so(case: dict[str, float], seed: int) -> No
     assert abs(found.latency_s - truth.mean_latency_s) < 6 * (found.latency_se_s or 0.0) + 5e-5 or found.flags
 
 
+@pytest.mark.parametrize("estimator", ["efficient", "paper"])
+@pytest.mark.parametrize("revolutions", [6.3, 12.5])
+@pytest.mark.parametrize(("travel", "little"), [(0.0, True), (0.1, True), (0.5, False), (1.0, False)])
+def test_a_circle_that_stays_where_it_is_is_told(
+    estimator: str, revolutions: float, travel: float, little: bool
+) -> None:
+    run, _, _, _ = circle_run(250.0, 2, rig_with_latency(0.08), revolutions=revolutions, travel_per_diameter=travel)
+    found = estimate_run(run, D_MM, estimator)
+    assert found.travel_per_diameter == pytest.approx(travel, abs=0.1)
+    assert ("little_travel" in found.flags) is little
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(
     speed=st.sampled_from([60.0, 150.0, 250.0, 600.0, 1000.0]),

@@ -12,6 +12,10 @@ from draglag.latency.estimate import FEW_EDGES, Alignment, Prepared, RunEstimate
 from draglag.motion import local_fit
 from draglag.recording import FloatArray
 
+# In diameters. Below it, up and down cross the beam at places of their own, and a slope looks like a latency: standard
+# errors are three times those of a whole diameter, and without any travel wrong by more than they say.
+LITTLE_TRAVEL = 0.25
+
 
 def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_slope: bool = True) -> Alignment:
     """Where each edge lies on the screen without and with its shift. Raises ValueError if one side is empty."""
@@ -82,11 +86,9 @@ def common_flags(
         flags.append("missed_edges")
     if ready.run.touch.gaps_s.size or ready.run.laser.gaps_s.size:
         flags.append("device_gap")
-    travel = None
-    if ready.run.radius_mm:
-        half = max(1, ready.touch.t_s.size // 10)
-        travel = float(abs(np.median(ready.touch.x_mm[-half:]) - np.median(ready.touch.x_mm[:half])))
-        travel /= 2 * ready.run.radius_mm
+    travel = _travel(ready)
+    if travel is not None and travel < LITTLE_TRAVEL:
+        flags.append("little_travel")
     known = list(dict.fromkeys(flags))
     if "unidentifiable" in known:
         return replace(
@@ -98,3 +100,21 @@ def common_flags(
             flags=tuple(known),
         )
     return replace(estimate, travel_per_diameter=travel, flags=tuple(known))
+
+
+def _travel(ready: Prepared) -> float | None:
+    """How far the circle's centre went along the beam, in diameters; None for other targets.
+
+    The circle itself is taken out by its harmonic: it need not have been gone round a whole number of times.
+    """
+    run, touch = ready.run, ready.touch
+    if not run.radius_mm or touch.t_s.size < 5:
+        return None
+    every = max(1, touch.t_s.size // 2000)
+    t_s, x_mm = touch.t_s[::every] - touch.t_s[0], touch.x_mm[::every]
+    columns = [np.ones_like(t_s), t_s]
+    if run.nominal_speed_mm_s:
+        angle = run.nominal_speed_mm_s / run.radius_mm * t_s
+        columns += [np.cos(angle), np.sin(angle)]
+    fit = np.linalg.lstsq(np.column_stack(columns), x_mm, rcond=None)[0]
+    return float(abs(fit[1]) * t_s[-1] / (2 * run.radius_mm))

@@ -8,7 +8,7 @@ MEANING = {
     "alias": "a latency half a circle's period away fits about as well",
     "spurious_edges": "more than a tenth of the edges were made by something other than the stylus",
     "lost_contact": "a tenth of the edges or more fell into a loss of contact",
-    "little_travel": "the circle's centre travels less than half a diameter: slope and latency are hard to tell apart",
+    "little_travel": "the circle's centre travels less than a quarter of its diameter: slope and latency look alike",
     "excess_scatter": "the edges scatter more than the touch noise explains",
     "missed_edges": "the sensor reported edges that it could not stamp",
     "device_gap": "a device was away during the run",
