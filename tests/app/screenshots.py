@@ -81,7 +81,9 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     window = OperatorWindow(settings, folder / "settings.toml")
     window.use_theme("dark")
     demo = load_protocol("demo")
-    fast = demo.runs[1].model_copy(update={"speeds_mm_s": (425.0, 760.0), "duration_s": 9.0})
+    # So fast sideways that even these short runs travel far enough.
+    brief = {"speeds_mm_s": (425.0, 760.0), "duration_s": 9.0, "sideways_px_s": 60.0}
+    fast = demo.runs[1].model_copy(update=brief)
     short = {"runs": (fast,), "taps": None, "clock_check": None, "rest_s": 1.0}
     window.space.set_protocol(demo.model_copy(update=short))
     window.show()

@@ -19,6 +19,7 @@ from draglag.store import add_analysis, read_session
 from draglag.store.write import PARTIAL
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.calibrating import Calibrating
+from draglag_app.windows.library_words import in_words
 from draglag_app.windows.live_estimates import LiveEstimates
 from draglag_app.windows.session_thread import Recording
 from draglag_app.windows.settings import Settings, save_settings
@@ -182,6 +183,7 @@ class Workspace(QObject):
         if problem:
             # A file that could not be closed keeps the ending it had while it was written.
             whole = path is not None and path.suffix != PARTIAL
-            self.noticed.emit("warning" if whole else "error", problem)
+            saved = " " + self.tr("Saved: {path}").format(path=path) if whole else ""
+            self.noticed.emit("warning" if whole else "error", in_words(problem) + saved)
         if path is not None:
             self.open(path)

@@ -170,7 +170,7 @@ class TestSteering:
         session = window.space.session
         assert [run.id for run in session.runs][:2] == ["run-01", "run-01-2"]
         assert any(entry.text == "the beam was wiped" for entry in session.notes)
-        assert "Stopped by the operator" in window.notice_text.text()
+        assert window.notice_text.text() == f"Stopped by the operator. Saved: {window.space.path}"
 
     def test_closing_while_recording_asks_first(
         self, open_window: Callable, until: Callable, monkeypatch: pytest.MonkeyPatch
