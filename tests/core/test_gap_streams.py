@@ -44,6 +44,13 @@ def test_stamps_coarser_than_the_frames_are_told_although_some_repeat(sound: Ses
     assert found[0].value == pytest.approx(0.016, rel=0.01)
 
 
+def test_stamps_hardly_coarser_than_the_frames_are_told_by_the_few_that_repeat(sound: Session) -> None:
+    # 100 frames a second on a clock of 10.3 ms: every thirtieth stamp twice.
+    found, _ = inspect(with_touch(sound, lambda touch: replace(touch, t_s=np.floor(touch.t_s / 0.0103) * 0.0103)))
+    assert [f.effect for f in found] == ["timestamp_quantisation"]
+    assert found[0].value == pytest.approx(0.0103, rel=0.01)
+
+
 def test_missing_frames_of_an_even_clock_are_not_taken_for_coarse_stamps(sound: Session) -> None:
     def thinned(touch: TouchTrace) -> TouchTrace:
         even_s = touch.t_s[0] + 0.01 * np.arange(touch.t_s.size)
@@ -133,11 +140,12 @@ def held_at(touch: TouchTrace, period_s: float) -> TouchTrace:
     return TouchTrace(tick_s, touch.x_mm[newest], touch.y_mm[newest])
 
 
-def test_the_age_of_held_positions_is_undone(sound: Session) -> None:
-    session = with_touch(sound, lambda touch: held_at(touch, 1 / 83))
+@pytest.mark.parametrize("rate_hz", [83, 95])  # the second beats with the frames five times a second only
+def test_the_age_of_held_positions_is_undone(sound: Session, rate_hz: int) -> None:
+    session = with_touch(sound, lambda touch: held_at(touch, 1 / rate_hz))
     (seen,), repaired = inspect(session)
     assert seen.effect == "sample_hold"
-    assert seen.value == pytest.approx(83, rel=1e-3)
+    assert seen.value == pytest.approx(rate_hz, rel=1e-3)
     assert seen.undone
 
     def unevenness_mm(touch: TouchTrace, original: TouchTrace) -> float:

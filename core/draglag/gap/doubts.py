@@ -21,6 +21,7 @@ from draglag.recording import Session
 
 ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
 LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
+DETAIL = 0.03
 STRETCHED = 2.0
 BEYOND_DOUBT = 1e-3
 CERTAIN = 80.0  # a structure this strong is there, whatever the held-out runs make of it
@@ -109,6 +110,13 @@ def still_there(fit: Fit, finding: Finding) -> Candidate | None:
         if shrinks_with(fit, columns):
             return candidate
     return None
+
+
+def a_detail(left: Candidate, steps: list[Step]) -> bool:
+    """Whether what is left follows what a named effect follows and is next to nothing beside it: its exact shape."""
+    return left.effect is None and any(
+        COVARIATE.get(step.effect) == left.covariate and left.score < DETAIL * step.gain for step in steps
+    )
 
 
 def passed_over(session: Session, fit: Fit, finding: Finding, allowed: frozenset[str]) -> tuple[PassedOver, ...]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from draglag.errors import EstimateError
 from draglag.gap.edges import Placed, RunData
 from draglag.gap.likelihood import cost_without_nuisances, likeliest, profile
 from draglag.gap.model import (
@@ -24,7 +25,8 @@ from draglag.gap.noise import (
     Scatter,
     scatter,
 )
-from draglag.gap.state import Term, look, stepped, term_signature, usable
+from draglag.gap.rates import best_rates
+from draglag.gap.state import State, Term, look, stepped, term_signature, usable
 from draglag.gap.unwarped import Unwarped
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
@@ -91,8 +93,9 @@ def fit_session(
     sizes: list[tuple[float, ...]] = [() for _ in terms]
     if start is not None and terms:
         less, sizes = _first_sizes(start, terms)
-    if law is None or (law.plateau_mm_s > 0) != plateau:
-        law = starting_law(runs, less, plateau)
+    laws = [law] if law is not None and (law.plateau_mm_s > 0) == plateau else [starting_law(runs, less, plateau)]
+    if law is None and start is not None and (start.law.plateau_mm_s > 0) == plateau:
+        laws.append(start.law)
     slopes = [(d.estimate.alignment.slope, d.estimate.alignment) for d in runs if d.estimate and d.estimate.alignment]
     slope = float(np.median([s for s, _ in slopes]))
     middle = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for _, a in slopes]))
@@ -100,30 +103,47 @@ def fit_session(
     placed: Placed | None = None
     active = [replace(t, sizes=t.sizes or q) for t, q in zip(terms, sizes, strict=True)]
     components = START
-    state = look(runs, law, geometry, active, width, None)
-    if any(t.sizes for t in active):
-        state = look(runs, law, geometry, state.terms, width, state)
-    use = usable(state, runs, loose=True) if start is None else start.use.copy()
+    states = []
+    for begin in laws:
+        state = look(runs, begin, geometry, active, width, None)
+        if any(t.sizes for t in active):
+            state = look(runs, begin, geometry, state.terms, width, state)
+        states.append(state)
+    use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
     use = use if only is None else use & only
+    state = states[0]
+    if not use.any():
+        raise EstimateError(f"{session.name}: no edge can be placed on the trace", "Begin from another law")
     settled = judged = False
     damping = 0.0
+    white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
+    if len(states) > 1 and _likelier(white, states[1], state, use):
+        state = states[1]
+        white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
     for iteration in range(12):
-        parts = scatter(runs, state.placed, use, state.blur_mm)
+        if iteration == 1:
+            state = _at_best_rates(state, white, use, runs, width)
+            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         if (iteration == 4 and not judged) or settled:
-            settled = False
-            judged = True
+            settled, judged, damping = False, True, 0.0
             use = use & usable(state, runs, loose=False) if start is None else use & state.placed.ok
+            if not use.any():
+                raise EstimateError(f"{session.name}: no edge lies where the law says", "Begin from another law")
             parts = scatter(runs, state.placed, use, state.blur_mm)
             # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
             likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (components,), rounds=1)
             components = replace(likely, run_s=min(likely.run_s, 1e-3), run_mm=min(likely.run_mm, 0.03))
-        white = whitener(parts, components)
+            white = whitener(parts, components)
+            better = _at_best_rates(state, white, use, runs, width)
+            if better is not state:
+                state = better
+                white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         a, b = white.apply(state.design[use]), white.apply(state.residual[use])
         calm = 1 / np.sqrt(np.maximum(1.0, np.abs(b) / 4))  # Huber: far edges pull, but not with their square
         normal = (a * calm[:, None]).T @ (a * calm[:, None])
         moment = (a * calm[:, None]).T @ (b * calm)
         cost = cost_without_nuisances(white, state, use)
-        for _ in range(6):
+        for attempt in range(6):
             # Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave.
             damped = normal + np.diag(state.prior + damping * np.diag(normal))
             step = np.linalg.pinv(damped, hermitian=True) @ moment
@@ -132,7 +152,8 @@ def fit_session(
             if np.count_nonzero(both) == np.count_nonzero(use):
                 new_cost = cost_without_nuisances(white, trial, use)
                 if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
-                    damping = damping / 10 if damping > 1e-5 else 0.0
+                    if attempt == 0:
+                        damping = damping / 10 if damping > 1e-5 else 0.0
                     break
             damping = max(10 * damping, 1e-3)
         else:
@@ -142,8 +163,11 @@ def fit_session(
             continue
         gained = cost - new_cost
         state = trial
-        if iteration < 4 and start is None:
-            use = usable(state, runs, loose=iteration < 2)
+        # Edges and weights follow the law, but not to the end: or the search would chase them.
+        if not judged:
+            if start is None:
+                use = usable(state, runs, loose=iteration < 2)
+            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         if judged and gained < 0.05:
             break
         settled = not judged and gained < 0.5 and iteration >= 2
@@ -176,6 +200,22 @@ def fit_session(
         width,
         state.blur_mm,
     )
+
+
+def _at_best_rates(state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float) -> State:
+    """The point of the grid's best rates, where that is likelier than this one."""
+    found = best_rates(state, white, use)
+    if found is None:
+        return state
+    there = stepped(state, found[1], runs, width, found[0])
+    return there if _likelier(white, there, state, use) else state
+
+
+def _likelier(white: Whitener, one: State, other: State, use: np.ndarray) -> bool:
+    """Whether one point explains the edges better than another, under the same scatter."""
+    if not np.isfinite(one.residual[use]).all():
+        return False
+    return cost_without_nuisances(white, one, use) < cost_without_nuisances(white, other, use)
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:

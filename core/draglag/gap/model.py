@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit
 
 from draglag.beam import sides
 from draglag.curve import CurvePoints, fit_form
@@ -21,6 +22,7 @@ FOLLOWS_LATER_SD = 0.07
 FLATTENING_SD = 0.5
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
 BENT_SD_S2 = 1.5e-5  # as a low-pass of some 5 ms bends
+CORNER = 0.02  # of the plateau's speed
 N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 
 
@@ -36,12 +38,12 @@ class LawParameters:
     plateau_mm_s: float = 0.0
 
     def __call__(self, speed_mm_s: FloatArray) -> FloatArray:
-        v = np.maximum(speed_mm_s, self.plateau_mm_s)
+        v = self.counted_mm_s(speed_mm_s)
         return self.a1_s * np.exp(-self.a2_s_mm * v) + self.a4_s * np.exp(-self.a5_s_mm * v) + self.a7_s
 
     def columns(self, speed_mm_s: FloatArray) -> FloatArray:
         """∂L/∂(a1, ln a2, a4, ln a5, a7[, plateau]), (m, 5 or 6) s."""
-        v = np.maximum(speed_mm_s, self.plateau_mm_s)
+        v, below = self._held(speed_mm_s)
         slow, fast = np.exp(-self.a2_s_mm * v), np.exp(-self.a5_s_mm * v)
         out = [
             slow,
@@ -52,8 +54,24 @@ class LawParameters:
         ]
         if self.plateau_mm_s > 0:
             slope = -self.a1_s * self.a2_s_mm * slow - self.a4_s * self.a5_s_mm * fast
-            out.append(np.where(speed_mm_s < self.plateau_mm_s, slope, 0.0))
+            out.append(slope * below)
         return np.column_stack(out)
+
+    def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
+        """The speed that counts: held at the plateau's below it."""
+        return self._held(speed_mm_s)[0]
+
+    def _held(self, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The speed that counts, and its derivative by the plateau's speed.
+
+        Rounded by what a speed is unsure by: an edge a little below the corner may as well be one above it.
+        """
+        if self.plateau_mm_s <= 0:
+            return speed_mm_s, np.zeros_like(speed_mm_s)
+        width = CORNER * self.plateau_mm_s
+        z = (speed_mm_s - self.plateau_mm_s) / width
+        above = np.logaddexp(0.0, z)
+        return self.plateau_mm_s + width * above, expit(-z) + CORNER * (above - z * expit(z))
 
     def moved(self, step: FloatArray) -> LawParameters:
         """The law after a Gauss–Newton step in the order of ``columns``; rates move by their logarithm."""

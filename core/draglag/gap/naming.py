@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,8 @@ SMALLEST = {
     "direction_asymmetry": 0.2,
 }
 SETTLING = 4
+DELAYS = np.geomspace(0.5, 2.5, 7)  # of what the acceleration alone makes of a lagging law's delay
+LEAST_DELAY_S, MOST_DELAY_S = 0.005, 0.3
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
@@ -99,6 +101,20 @@ def possible(effect: str, fit: Fit) -> bool:
         if spec.name in numbers and not spec.lower <= numbers[spec.name][0] <= spec.upper:
             return False
     return True
+
+
+def with_the_delay_itself(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
+    """A lagging law by the speed of that time, where that is likelier than by the acceleration's share."""
+    fit = name.fit
+    which, size_s = next((t.theta[0], t.sizes[0]) for t in fit.terms if t.effect == "lagging_law")
+    rest = [t for t in fit.terms if t.effect != "lagging_law"]
+    delays = np.unique(np.clip(DELAYS * abs(size_s), LEAST_DELAY_S, MOST_DELAY_S)) * np.sign(size_s)
+    options = [[*rest, Term("lagging_law", (which, float(d)), (size_s,))] for d in delays]
+    better = refit(session, before, most_promising(before, options, fit.law), plateau, fit.law)
+    if better is None or not possible("lagging_law", better):
+        return name
+    more = gained(fit, better) - 2 * np.log(delays.size)
+    return replace(name, fit=better, gain=name.gain + more, gap_after_mm=gap_mm(better)) if more > 0 else name
 
 
 def sure_jump(fit: Fit, finding: Finding) -> Candidate | None:
@@ -187,6 +203,9 @@ def name(
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
     names = [n for n in names if n.gain > least and n.improves]
+    if names and names[0].effect == "lagging_law":
+        # Only once it is chosen: the speed of another time is a smoother one too, which helps with any law.
+        names[0] = with_the_delay_itself(session, before, names[0], plateau)
     nameless = [c for c in finding.significant if c.effect is None]
     unnamed = next(
         (c for c in nameless if shrinks_with(before, unnamed_columns(before.view, c.covariate, c.role, c.theta))), None

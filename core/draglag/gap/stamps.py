@@ -196,7 +196,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
     common = np.sort(common)
     gaps = np.diff(common)
     gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
-    if np.mean(intervals < 1e-4) > 0.05:
+    if np.mean(intervals < 1e-4) > 0.01:
         gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
     if gaps.size == 0:
         return None

@@ -63,7 +63,7 @@ def look(
     view = view_of(placed, law, geometry, width_mm)
     lag = next((t.theta[0] for t in terms if t.effect == "acceleration_lag" and t.theta), 0.0)
     if lag > 0:
-        view = replace(view, accel=view.trace.acceleration_mm_s2(lag))
+        view = replace(view, accel=view.trace.acceleration(lag)[0])
     signatures = tuple(term_signature(t, view) for t in terms)
     residual = residual_mm(placed, geometry) - total(signatures, terms, view, "offset")
     columns = [s.columns(view) for s in signatures]
@@ -93,10 +93,13 @@ def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, place
     return blur
 
 
-def stepped(state: State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float) -> State:
+def stepped(
+    state: State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float, law: LawParameters | None = None
+) -> State:
+    """The point a step away. law: to be there instead of the stepped one."""
     n = base_prior(state.law).size
     beam = n - N_NUISANCES - 2
-    law = state.law.moved(step[:beam])
+    law = law or state.law.moved(step[:beam])
     geometry = replace(
         state.geometry,
         slope=state.geometry.slope + step[beam],

@@ -110,17 +110,20 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
 
 
 def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
-    """α, from runs that show it well."""
-    best = (-np.inf, 0.5)
-    # A spectrum tells a sawtooth neither from its mirror image nor always from its own harmonics.
-    for near in (half for line in _beats(fast) for half in (line, line / 2, (line + 1) / 2)):
-        finer = [_finer(run, near) for run in fast[:2]]
-        for mirrored in (False, True):
-            turns = [1 - one if mirrored else one for one in finer]
-            pairs = zip(fast[:2], turns, strict=True)
-            share = sum(_sawtooth(run, one, PHASES[::4]).share for run, one in pairs) / len(turns)
-            best = max(best, (share, float(turns[0])))
-    return float(np.median([_finer(run, best[1]) for run in fast]))
+    """α, from runs that show it well.
+
+    A spectrum tells a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow to
+    show by itself shows by those: a line may be α's double.
+    """
+    best: tuple[float, list[float]] = (-np.inf, [0.5])
+    for line in _beats(fast):
+        lines = np.array([_finer(run, line) for run in fast])
+        for turns in (lines, lines / 2, (lines + 1) / 2):
+            for one in (turns, 1 - turns):
+                pairs = zip(fast[:2], one[:2], strict=True)
+                share = float(np.mean([_sawtooth(run, float(alpha), PHASES[::2]).share for run, alpha in pairs]))
+                best = max(best, (share, [float(alpha) for alpha in one]))
+    return float(np.median(best[1]))
 
 
 def _beats(runs: Sequence[_Deviation]) -> list[float]:

@@ -48,18 +48,33 @@ class Unwarped:
     def __getitem__(self, use: np.ndarray) -> Unwarped:
         return replace(self, run=self.run[use], at_s=self.at_s[use])
 
-    def acceleration_mm_s2(self, lag_s3_mm: float) -> FloatArray:
-        """Tangential acceleration (m,) of the stylus when the latency grows by ``lag_s3_mm`` times it (s per mm/s²)."""
-        out = np.zeros(self.at_s.size)
+    def acceleration(self, lag_s3_mm: float) -> tuple[FloatArray, FloatArray]:
+        """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
+        ``lag_s3_mm`` times it (s per mm/s²)."""
+        out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k
             keep = _kept(np.sqrt(max(shown.mean_mm_s * lag_s3_mm, 0.0)), shown.step_s)
             speed = _smoothed(shown.speed_mm_s, keep)
             at = self.at_s[own]
-            later = np.interp(at + shown.apart_s, shown.grid_s, speed)
-            earlier = np.interp(at - shown.apart_s, shown.grid_s, speed)
+            earlier, now, later = (np.interp(at + j * shown.apart_s, shown.grid_s, speed) for j in (-1, 0, 1))
             out[own] = (later - earlier) / (2 * shown.apart_s)
-        return out
+            change[own] = (later - 2 * now + earlier) / shown.apart_s**2
+        return out, change
+
+    def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Speed and its change that the trace shows another ``before_s`` (m,) before each edge (negative: after it),
+        (m,) mm/s and mm/s²."""
+        speed, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
+        for k in np.unique(self.run):
+            shown, own = self.runs[k].shown, self.run == k
+            at = self.at_s[own] - before_s[own]
+            apart_s = shown.apart_s
+            slower, now, faster = (
+                np.interp(at + aside, shown.grid_s, shown.speed_mm_s) for aside in (-apart_s, 0.0, apart_s)
+            )
+            speed[own], change[own] = now, (faster - slower) / (2 * apart_s)
+        return speed, change
 
 
 def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:

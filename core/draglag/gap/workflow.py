@@ -10,6 +10,7 @@ import numpy as np
 from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
 from draglag.gap.doubts import (
+    a_detail,
     beside,
     contradicted_by_taps,
     covariate_of,
@@ -113,7 +114,7 @@ def close_gap(
         if better is not None and not closes and gained(fit, better) > SAME_MODEL_BETTER:
             # The model itself had not found its best point: an effect must not be named for that.
             retries -= 1
-            fit = better
+            looked, fit = PLATEAU not in allowed, better
             first, first_mm = (first, first_mm) if steps else (fit, gap_mm(fit))
             finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
             continue
@@ -153,6 +154,8 @@ def close_gap(
         fit, steps = without, [s for s in steps if s.effect != MODE]
         finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
         unexplained = next((c for c in finding.significant if c.effect is None and c.covariate == "speed"), None)
+    if unexplained is not None and a_detail(unexplained, steps):
+        unexplained = None
     steps = [_settled(step, fit) for step in steps]
     if unexplained is None and not ages:
         unexplained = excess_scatter(fit) or (None if steps else strained(fit, finding))

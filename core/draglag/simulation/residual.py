@@ -18,8 +18,13 @@ LineGains = Callable[[FloatArray], FloatArray]
 class Trace(Protocol):
     """The touch trace about m edges."""
 
-    def acceleration_mm_s2(self, lag_s3_mm: float) -> FloatArray:
-        """Tangential acceleration (m,) of the stylus when the latency grows by ``lag_s3_mm`` times it (s per mm/s²)."""
+    def acceleration(self, lag_s3_mm: float) -> tuple[FloatArray, FloatArray]:
+        """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
+        ``lag_s3_mm`` times it (s per mm/s²)."""
+        ...
+
+    def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Speed and its change that the trace shows another ``before_s`` (m,) before each edge, (m,) mm/s and mm/s²."""
         ...
 
     def __getitem__(self, use: np.ndarray) -> Trace: ...

@@ -12,7 +12,7 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
-LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5)  # sizes to begin from
+LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5, 3e-5)  # sizes to begin from
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class AccelerationLag(Effect):
 
     id: ClassVar[str] = "acceleration_lag"
     meaning: ClassVar[str] = "The latency grows in proportion to the tangential acceleration of the stylus."
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_s_per_mm_s2", "s per mm/s²", -2e-05, 2e-05, 2e-06),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_s_per_mm_s2", "s per mm/s²", -5e-05, 5e-05, 2e-06),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "lagging_law",
@@ -41,5 +41,9 @@ class AccelerationLag(Effect):
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
         lag_s3_mm = theta[0] if theta else 0.0
-        accel = view.trace.acceleration_mm_s2(lag_s3_mm) if lag_s3_mm > 0 else view.accel
-        return Signature(latency=column(accel), theta=(lag_s3_mm,), n_grid=len(LAGS_S3_MM))
+        if lag_s3_mm <= 0:
+            return Signature(latency=column(view.accel), theta=(0.0,), n_grid=len(LAGS_S3_MM))
+        accel, change = view.trace.acceleration(lag_s3_mm)
+        # A trace whose latency grows shows a speed too low, and the law is asked at that speed.
+        late = accel + view.law_slope * view.speed * change
+        return Signature(latency=column(late), theta=(lag_s3_mm,), n_grid=len(LAGS_S3_MM))

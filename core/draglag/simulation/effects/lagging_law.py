@@ -12,6 +12,8 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
+USUAL_LATENCY_S = 0.05  # a delay of minus this is the present speed
+
 
 @dataclass(frozen=True)
 class LaggingLaw(Effect):
@@ -38,5 +40,18 @@ class LaggingLaw(Effect):
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         # A speed some time ago; or (negative) one towards the present, which is a latency later than the edge's own.
         past = -view.law_slope * view.accel
-        present = past * view.latency_s / 0.05
+        present = past * view.latency_s / USUAL_LATENCY_S
         return [Signature(latency=column(c), theta=(k,), n_grid=2) for k, c in enumerate((past, present))]
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        """At theta = (which, delay) the speed of that time itself: round a fast circle it is not v − a · delay."""
+        if len(theta) < 2:
+            return super().signature_at(theta, view)
+        which, delay_s = theta
+        before_s = delay_s * (view.latency_s / USUAL_LATENCY_S if which else np.ones(view.latency_s.size))
+        shown, _ = view.trace.earlier(before_s)
+        _, change = view.trace.earlier(2 * before_s)
+        # A trace whose latency falls shows a speed too high: v = u (1 + dL/dt), and that latency lags as well.
+        then = shown * (1 + np.clip(view.law_slope * change, -0.3, 0.3))
+        return Signature(latency=column(view.law_slope * (then - view.speed) / delay_s), theta=theta, n_grid=2)

@@ -1,0 +1,88 @@
+"""The joint fit finds the law wherever it begins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from draglag.errors import EstimateError
+from draglag.gap import close_gap
+from draglag.gap.edges import gather
+from draglag.gap.fit import Fit, fit_session
+from draglag.gap.model import LawParameters
+from draglag.protocols import load_protocol
+from draglag.recording import Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
+
+LIKELY = 4.0  # a difference of log-likelihood that means nothing
+
+
+def simulated(*effects: str) -> Session:
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind == "circle")
+    protocol = demo.model_copy(update={"runs": runs, "taps": None})
+    return simulate_session("screen-2", protocol, effects=[parse_effect(e) for e in effects], seed=11)
+
+
+@pytest.fixture(scope="module")
+def plain() -> tuple[Session, Fit]:
+    session = simulated()
+    return session, fit_session(session, gather(session))
+
+
+@pytest.mark.parametrize(
+    ("slow", "fast"), [(0.002, 0.004), (0.009, 0.14), (0.012, 0.013)], ids=["both slow", "both fast", "both alike"]
+)
+def test_poor_rates_to_begin_with_do_not_matter(plain: tuple[Session, Fit], slow: float, fast: float) -> None:
+    session, best = plain
+    poor = replace(best.law, a1_s=0.06, a2_s_mm=slow, a4_s=0.06, a5_s_mm=fast)
+    again = fit_session(session, best.runs, start=best, law=poor)
+    assert again.log_likelihood == pytest.approx(best.log_likelihood, abs=LIKELY)
+
+
+def test_a_law_that_no_edge_can_be_placed_by_is_refused(plain: tuple[Session, Fit]) -> None:
+    session, best = plain
+    hopeless = replace(best.law, a7_s=3.0)
+    with pytest.raises(EstimateError, match="no edge"):
+        fit_session(session, best.runs, start=best, law=hopeless)
+
+
+def test_a_plateau_is_found_from_either_side() -> None:
+    session = simulated("low_speed_plateau=150")
+    runs = gather(session)
+    fits = [
+        fit_session(session, runs, plateau=True, law=replace(law, plateau_mm_s=law.plateau_mm_s * share))
+        for law in [fit_session(session, runs, plateau=True).law]
+        for share in (0.75, 1.3)
+    ]
+    for fit in fits:
+        se_mm_s = fit.covariance[5, 5] ** 0.5
+        assert fit.law.plateau_mm_s == pytest.approx(150, abs=4 * se_mm_s)
+        assert se_mm_s < 5
+
+
+def test_the_corner_of_a_plateau_is_rounded_by_less_than_a_speed_is_unsure() -> None:
+    law = LawParameters(0.0, 0.004, 0.2, 0.02, 0.03, 100.0)
+    sharp = replace(law, plateau_mm_s=0.0)
+    speed = np.array([20.0, 90.0, 110.0, 300.0])
+    assert law(speed) == pytest.approx(sharp(np.maximum(speed, 100.0)), abs=2e-5)
+    gradient = law.columns(speed)[:, 5]
+    moved = replace(law, plateau_mm_s=100.01)(speed) - law(speed)
+    assert gradient == pytest.approx(moved / 0.01, rel=0.02, abs=1e-9)
+
+
+def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
+    """By the acceleration's share alone its delay reads a fifth short on runs whose speed changes quickly."""
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("lagging_law=0.1")], seed=5)
+    report = close_gap(session)
+    (step,) = report.steps
+    assert step.effect == "lagging_law"
+    delay_s, (low_s, high_s) = step.parameters["delay_s"]
+    assert delay_s == pytest.approx(0.1, abs=high_s - low_s)
+    assert high_s - low_s < 0.03
+    assert report.gap_first_mm is not None
+    assert report.gap_last_mm is not None
+    assert report.gap_last_mm < 0.9 * report.gap_first_mm
