@@ -17,6 +17,8 @@ from draglag_app.windows.session_thread import Order
 
 # One of the two live plots is drawn this often, by turns: together they would cost the participant a frame.
 _REDRAW_MS = 100
+# A frame that was late itself leaves less than this until the next: the plot waits for that one, but not for ever.
+_ROOM_S, _MOST_WAITS = 0.010, 3
 
 
 class LiveView(QSplitter):
@@ -48,6 +50,7 @@ class LiveView(QSplitter):
         self._frame_drawn.setSingleShot(True)
         for timer in (self._due, self._frame_drawn):
             timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._waits = 0
         self._due.timeout.connect(self._wait_for_frame)
         self._frame_drawn.timeout.connect(self._draw)
 
@@ -99,6 +102,11 @@ class LiveView(QSplitter):
         self._frame_drawn.start(math.ceil(1e3 * self._next_frame_s()))
 
     def _draw(self) -> None:
+        self._waits += 1
+        if 0 < self._next_frame_s() < _ROOM_S and self._waits <= _MOST_WAITS:
+            self._wait_for_frame()
+            return
+        self._waits = 0
         self.drawing.emit()
         if self._fresh and self._run is not None and self.isVisible():
             plot = self._turns.pop(0)
