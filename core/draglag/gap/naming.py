@@ -26,6 +26,7 @@ TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
 REFITTED = 6
 NEARLY = 0.05
+HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will not overtake it
 RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
 PLATEAU, MODE = "low_speed_plateau", "second_filter_mode"
 # Of an effect's typical size, 0.1 where not said: less is of no use to anybody, and a proxy more likely than itself.
@@ -154,13 +155,14 @@ def name(
     """Names best first, and the smooth term that beats them all (or None).
 
     Every significant library effect among the best few, and the plateau always (as a change of the law it has no
-    column to be found by), is refitted jointly with the rest of the model.
+    column to be found by), is refitted jointly with the rest of the model, but for those hopeless beside a sure name.
     """
     significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
     jump = sure_jump(before, finding)
     if jump is not None:
         return [], jump
     tries = [(c.effect, c.theta, c.n_columns, c.n_grid) for c in significant[:REFITTED] if c.effect]
+    scores = {c.effect: c.score for c in significant}
     step = None
     if MODE in candidates and not plateau and all(t.effect != MODE for t in before.terms):
         step = find_step(before.runs, latency_of_terms(before))
@@ -175,7 +177,10 @@ def name(
         tries.append((PLATEAU, (), 1, 8))
     before_mm = gap_mm(before)
     names = []
+    sure = 0.0
     for effect, theta, n_columns, n_grid in tries:
+        if effect not in (MODE, PLATEAU) and scores[effect] < HOPELESS * sure:
+            continue
         if effect == PLATEAU:
             fit = refit(session, before, before.terms, True)
         elif effect == MODE and switching is not None and theta == switching.theta:
@@ -196,6 +201,8 @@ def name(
             continue
         gain = gained(before, fit) - 6 * n_columns - 2 * np.log(n_grid)
         names.append(Name(effect, fit, float(gain), before_mm, gap_mm(fit), improves(before, fit)))
+        if names[-1].improves:
+            sure = max(sure, names[-1].gain)
     names.sort(key=lambda n: -n.gain)
     # Where likelihoods all but agree, the name that closes the gap on held-out runs is the better one.
     near = [n for n in names if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)]
