@@ -159,6 +159,14 @@ def test_the_age_of_held_positions_is_undone(sound: Session, rate_hz: int) -> No
     assert unevenness_mm(repaired.runs[fast].touch, original) < before / 5
 
 
+@pytest.mark.parametrize("rate_hz", [49.6, 98.6])
+def test_ages_whose_beat_is_too_slow_are_owned_up_to(sound: Session, rate_hz: float) -> None:
+    # 100 frames a second: the beat takes more than sixty ticks; another line must not be taken for it.
+    (seen,), _ = inspect(with_touch(sound, lambda touch: held_at(touch, 1 / rate_hz)))
+    assert seen.effect == "sample_hold"
+    assert not seen.undone
+
+
 def test_positions_held_by_a_fast_loop_are_even_again(sound: Session) -> None:
     # A tick of 7 ms shows each frame of 10 ms once or twice: first showings alone would be stamps with holes.
     _, repaired = inspect(with_touch(sound, lambda touch: held_at(touch, 1 / 143)))

@@ -10,6 +10,7 @@ from draglag.recording import TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
 UNEVEN_AGE = 0.03  # of the interval between stamps
+STILL = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
 
@@ -121,6 +122,12 @@ def hold(touches: list[TouchTrace]) -> StreamEffect | None:
         f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
         max(share, age_s / period_s),
     )
+
+
+def still_uneven(held: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
+    """Whether positions of uneven age are hardly evener after their ages were undone."""
+    before_s = _uneven_age_s(held)
+    return before_s > UNEVEN_AGE * period_s and _uneven_age_s(even) > STILL * before_s
 
 
 def _uneven_age_s(touches: list[TouchTrace]) -> float:

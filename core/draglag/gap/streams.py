@@ -16,6 +16,7 @@ from draglag.gap.stamps import (
     first_of_repeats,
     hold,
     spread,
+    still_uneven,
 )
 from draglag.gap.unheld import unheld
 from draglag.recording import Run, Session
@@ -45,6 +46,8 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     elif held is not None:
         first = [first_of_repeats(r.touch) for r in runs]
         even = unheld(first, 1 / held.value)
+        if even is not None and still_uneven(first, even, 1 / held.value):
+            even = None  # another beat was taken for theirs
         found.append(replace(held, undone=even is not None))
         runs = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
     dropped = drops(touches)
