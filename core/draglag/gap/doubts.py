@@ -11,7 +11,7 @@ from draglag.gap.fit import Fit
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.model import base_prior
 from draglag.gap.naming import MODE, PLATEAU, UNNAMED_MARGIN, Name, gained, name, possible, refit
-from draglag.gap.noise import UNEVEN
+from draglag.gap.noise import EDGE_MM, UNEVEN
 from draglag.gap.parameters import parameters_of
 from draglag.gap.results import COVARIATE, TERM_OF, PassedOver, Step
 from draglag.gap.separate import clock_offset
@@ -146,12 +146,16 @@ def without_parts(
     """Steps and fit before the first name that was only a part of what is left.
 
     A structure without a name that is large beside what a name explained had that name as its part. A step of the law
-    that leaves much in the speed itself was a law bent otherwise.
+    that leaves much in the speed itself was a law bent otherwise. An effect of the acceleration that leaves edges
+    scattered as widely as can be took the trace's own jumps for changes of speed.
     """
     left = max([unexplained.score, *(c.score for c in finding.significant if c.effect is None)])
     for k, step in enumerate(steps):
         share = LEFT_IN_SPEED if step.effect == MODE and unexplained.covariate == "speed" else LEFT
-        if step.fit is not None and left > share * step.gain:
+        if step.fit is None:
+            continue
+        scattered = step.fit.whiteners[step.fit.best].components.edge_mm >= max(EDGE_MM)
+        if left > share * step.gain or (scattered and COVARIATE.get(step.effect) == "acceleration"):
             return steps[:k], next((s.fit for s in reversed(steps[:k]) if s.fit is not None), first)
     return steps, fit
 
