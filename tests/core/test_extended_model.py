@@ -88,7 +88,11 @@ def test_the_law_of_a_fit_is_the_same_law_as_a_file() -> None:
     fit = fit_session(session, gather(session), plateau=True)
     curve = law_of_fit(fit)
     speed = np.geomspace(40, 900, 50)
-    assert curve.predict_s(speed) == pytest.approx(fit.law(speed), abs=1e-9)
+    corner = np.abs(np.log(speed / fit.law.plateau_mm_s)) < 0.2
+    assert curve.predict_s(speed[~corner]) == pytest.approx(fit.law(speed[~corner]), abs=1e-6)
+    # The file's corner is sharp; the fit's is rounded by 2 % of its speed, 1.4 % where they differ most.
+    slope = np.ptp(curve.predict_s(fit.law.plateau_mm_s * np.array([1.0, 1.05]))) / 0.05
+    assert curve.predict_s(speed) == pytest.approx(fit.law(speed), abs=0.016 * slope)
     low, high = curve.band_s(np.array([200.0]))
     assert 0 < high[0] - low[0] < 0.01
 

@@ -17,6 +17,8 @@ from draglag.recording import Session
 def law_of_fit(fit: Fit) -> CurveFit:
     """The law of a joint fit as a curve, its covariance beside beam and effects: Eq. 5, with a plateau if it has one.
 
+    The plateau's corner, which the fit rounds by what a speed is unsure by, is sharp here.
+
     rms_s and between_runs_s are of the runs' own latencies about the law.
     """
     plateau = fit.law.plateau_mm_s > 0
