@@ -5,15 +5,18 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 import zipfile
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from pathlib import Path
 
 from .conditions import Task
 from .judge import Outcome, run_task
 
+LOOK_S = 0.2  # Ctrl+C is looked for this often
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -36,12 +39,17 @@ def run_all(tasks: list[Task], jobs: int, scheduler: str | None = None) -> Itera
     for name in THREADS:
         os.environ[name] = "1"
     before = set(active_children())
-    with tempfile.TemporaryDirectory(prefix="draglag-blind-") as scratch:
+    with tempfile.TemporaryDirectory(prefix="draglag-blind-") as scratch, _noted_interrupt() as asked:
         # Fresh interpreters, so that the setting above is read before numpy is loaded.
         pool = ProcessPoolExecutor(max(1, jobs), get_context("spawn"), _begin_worker, (scratch,))
         try:
-            for future in as_completed([pool.submit(run_task, task) for task in tasks]):
-                yield future.result()
+            pending = {pool.submit(run_task, task) for task in tasks}
+            while pending:
+                done, pending = wait(pending, LOOK_S, FIRST_COMPLETED)
+                if asked.is_set():
+                    raise KeyboardInterrupt
+                for future in done:
+                    yield future.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in set(active_children()) - before:
@@ -49,6 +57,20 @@ def run_all(tasks: list[Task], jobs: int, scheduler: str | None = None) -> Itera
             raise
         finally:
             pool.shutdown()
+
+
+@contextmanager
+def _noted_interrupt() -> Iterator[threading.Event]:
+    """Ctrl+C as an event: as an exception it may come in the pool's own book-keeping, where Python drops it."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    former = signal.signal(signal.SIGINT, lambda *_: asked.set())
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, former)
 
 
 def _begin_worker(scratch: str) -> None:
