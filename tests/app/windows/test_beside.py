@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from PySide6.QtCore import QPoint, QRect
+from PySide6.QtWidgets import QWidget
 
 from draglag_app.windows.beside import places
 
@@ -42,16 +43,19 @@ def test_without_room_beside_it_the_state_and_the_buttons_stay_in_sight() -> Non
     assert place.width() > 400
 
 
+def assert_beside(window: QWidget, participant: QWidget, screen: QRect, before: QRect) -> None:
+    expected, corner = places(screen, before, 286.4 / 509.2)
+    assert window.pos() == corner
+    assert expected.contains(participant.geometry())
+    assert participant.geometry().width() >= expected.width() - 20
+
+
 def test_a_session_opens_the_display_where_it_leaves_the_most_in_sight(open_window: Callable) -> None:
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
     window.space.set_protocol(window.space.protocol.model_copy(update={"taps": None}))
     screen, before = window.screen().availableGeometry(), window.frameGeometry()
     window.ask("start")
-    participant = window.space.recording.window
-    expected, corner = places(screen, before, 286.4 / 509.2)
-    assert window.pos() == corner
-    assert expected.contains(participant.geometry())
-    assert participant.geometry().width() >= expected.width() - 20
+    assert_beside(window, window.space.recording.window, screen, before)
     window.ask("stop")
 
 
@@ -59,9 +63,5 @@ def test_a_calibration_opens_it_there_too(open_window: Callable) -> None:
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
     screen, before = window.screen().availableGeometry(), window.frameGeometry()
     window.ask("calibrate")
-    participant = window.space.calibrating.window
-    expected, corner = places(screen, before, 286.4 / 509.2)
-    assert window.pos() == corner
-    assert expected.contains(participant.geometry())
-    assert participant.geometry().width() >= expected.width() - 20
+    assert_beside(window, window.space.calibrating.window, screen, before)
     window.ask("cancel")
