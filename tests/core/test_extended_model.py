@@ -15,9 +15,9 @@ from draglag.correction import corrected, corrected_touch
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.edges import gather
 from draglag.gap.extended import extended_model, law_of_fit
 from draglag.gap.fit import fit_session
+from draglag.gap.run_data import gather
 from draglag.gap.state import Term
 from draglag.model_file import LatencyModel, ModelEffect, load_model, save_model
 from draglag.protocols import Protocol, load_protocol

@@ -9,9 +9,9 @@ import pytest
 
 from draglag.errors import EstimateError
 from draglag.gap import close_gap
-from draglag.gap.edges import gather
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.model import LawParameters
+from draglag.gap.run_data import gather
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from draglag.exchange import read_exchange
-from draglag.gap.edges import gather
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.realised import OF_FREE_SHAPE, effects_of_fit, made
 from draglag.gap.replay import Replay, replay
+from draglag.gap.run_data import gather
 from draglag.gap.state import Term, term_signature
 from draglag.protocols import load_protocol
 from draglag.recording import Session

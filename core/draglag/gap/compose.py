@@ -17,7 +17,6 @@ import numpy as np
 from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.doubts import left_out
-from draglag.gap.edges import gather
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.finding import find as find_in
 from draglag.gap.fit import Fit, fit_session
@@ -27,6 +26,7 @@ from draglag.gap.naming import PLATEAU, gained
 from draglag.gap.naming import name as names_of
 from draglag.gap.parameters import parameters_of
 from draglag.gap.results import COVARIATE, TERM_OF, Step
+from draglag.gap.run_data import gather
 from draglag.gap.signatures import SIGNATURES
 from draglag.gap.stamps import StreamEffect
 from draglag.gap.state import Term

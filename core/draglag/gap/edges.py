@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from draglag.errors import EstimateError
-from draglag.gap.steep import wide_enough
-from draglag.gap.unwarped import Shown, Unwarped, shown_speed
+from draglag.gap.run_data import RunData
+from draglag.gap.unwarped import Unwarped
 from draglag.inversion import stylus_speed, stylus_time_s
-from draglag.latency.estimate import RunEstimate, estimate_run, prepare
 from draglag.motion import (
     LocalFit,
-    best_half_width_s,
-    contact_losses,
     in_contact,
     local_fit,
     sample_interval_s,
     speed_half_widths_s,
 )
-from draglag.recording import FloatArray, IntArray, Run, Session
+from draglag.recording import FloatArray, IntArray
 
 Law = Callable[[FloatArray], FloatArray]
 STRAIGHT_S = 0.001  # so near, a velocity and its rate of change say what a new fit would
@@ -33,44 +28,6 @@ NEAR_S = 0.004  # so near, the accelerations of a hand are the same
 # hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
 APART_S, WIDTH_S = 0.12, 0.13
 FEWEST = 6  # edges a run must give to count
-
-
-@dataclass(frozen=True)
-class RunData:
-    """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise."""
-
-    run: Run
-    t_s: FloatArray
-    xy_mm: FloatArray
-    edge_t_s: FloatArray
-    falling: np.ndarray
-    half_s: float
-    speed_half_s: FloatArray
-    noise_mm: float
-    estimate: RunEstimate | None
-    guess_s: FloatArray
-
-    @property
-    def steady(self) -> bool:
-        return self.estimate is not None
-
-    @cached_property
-    def losses_s(self) -> FloatArray:
-        """Contact losses, (k, 2) first and last time of each."""
-        return contact_losses(self.t_s)
-
-    @cached_property
-    def smooth_mm(self) -> FloatArray:
-        """Positions of the path at its events, (n, 2): where the stylus was, but for what the panel adds to each."""
-        fit = local_fit(self.t_s, self.xy_mm, self.t_s, self.half_s)
-        return np.where(fit.ok[:, None], fit.xy_mm, self.xy_mm)
-
-    @cached_property
-    def shown(self) -> Shown:
-        """The speed that the trace shows, evenly spaced."""
-        return shown_speed(
-            self.t_s, self.xy_mm, self.run.radius_mm, self.estimate.speed_mm_s if self.estimate else None
-        )
 
 
 @dataclass(frozen=True)
@@ -119,43 +76,6 @@ class Placed:
 
     def __len__(self) -> int:
         return int(self.t_s.size)
-
-
-def gather(session: Session) -> tuple[RunData, ...]:
-    """Runs with enough usable edges, de-chattered, outliers of steady runs removed."""
-    out = []
-    for run in session.runs:
-        try:
-            ready = prepare(run, session.stylus.diameter_mm)
-        except EstimateError:
-            continue
-        edges, estimate = ready.edges, None
-        if edges.t_s.size < FEWEST:
-            continue
-        if run.protocol in ("circle", "free"):
-            estimate = estimate_run(run, session.stylus.diameter_mm, window_s=(-0.15, 0.45))
-            if estimate.latency_s is None or estimate.alignment is None:
-                continue
-            keep = np.isin(edges.t_s, estimate.alignment.edge_t_s)
-            edges = edges.take(keep)
-        if edges.t_s.size < FEWEST:
-            continue
-        xy_mm = ready.xy_mm
-        guess = 0.06 if estimate is None or estimate.latency_s is None else estimate.latency_s
-        half_s, noise_mm = best_half_width_s(ready.touch.t_s, xy_mm[:, 1:], edges.t_s + guess)
-        if not np.isfinite(noise_mm):
-            continue
-        if estimate is None:
-            half_s = min(half_s, max(0.05, 4.5 * ready.dt_s))
-        elif run.radius_mm and estimate.speed_mm_s:
-            # A cubic over ω h = 0.85 rad of a circle is true to 0.2 % of the way off its centre line.
-            half_s = min(half_s, max(0.85 * run.radius_mm / estimate.speed_mm_s, 4.5 * ready.dt_s))
-        guess_s = np.full(edges.t_s.size, guess)
-        wide = speed_half_widths_s(ready.touch.t_s, xy_mm, edges.t_s + guess_s, noise_mm)
-        out.append(
-            RunData(run, ready.touch.t_s, xy_mm, edges.t_s, edges.falling, half_s, wide, noise_mm, estimate, guess_s)
-        )
-    return wide_enough(tuple(out))
 
 
 def place(

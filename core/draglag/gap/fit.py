@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.edges import Placed, RunData
+from draglag.gap.edges import Placed
 from draglag.gap.likelihood import cost_without_nuisances, likeliest, profile
 from draglag.gap.model import (
     Geometry,
@@ -26,12 +26,14 @@ from draglag.gap.noise import (
     scatter,
 )
 from draglag.gap.rates import best_rates
+from draglag.gap.run_data import RunData, as_shown, without_ripple
 from draglag.gap.state import State, Term, look, stepped, term_signature, usable
 from draglag.gap.unwarped import Unwarped
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
 from draglag.simulation.residual import Averaged, View
 
+RIPPLE = "pitch_ripple"
 START = Components(0.05, 0.01, 0.1, 0.0003, 0.03)
 
 
@@ -89,6 +91,7 @@ def fit_session(
     Raises EstimateError when the session cannot carry the law.
     """
     width = session.screen.width_mm
+    runs, terms = _on_flat_traces(runs, terms)
     less = None
     sizes: list[tuple[float, ...]] = [() for _ in terms]
     if start is not None and terms:
@@ -200,6 +203,18 @@ def fit_session(
         width,
         state.blur_mm,
     )
+
+
+def _on_flat_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
+    """A ripple among the terms is taken from the traces, if they show it: what its term keeps is what is left of it."""
+    if all(term.effect != RIPPLE for term in terms):
+        return as_shown(runs), terms
+    flat = without_ripple(runs)
+    lattice = flat[0].lattice
+    if lattice is None or flat is runs:
+        return flat, terms
+    left = Term(RIPPLE, (lattice.pitch_mm, 1.0), (0.0,) * 4)
+    return flat, [left if term.effect == RIPPLE else term for term in terms]
 
 
 def _at_best_rates(state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float) -> State:

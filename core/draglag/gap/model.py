@@ -10,7 +10,8 @@ from scipy.special import expit
 from draglag.beam import sides
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import EstimateError
-from draglag.gap.edges import Placed, RunData
+from draglag.gap.edges import Placed
+from draglag.gap.run_data import RunData
 from draglag.recording import FloatArray
 
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.

@@ -13,7 +13,8 @@ from itertools import product
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from draglag.gap.edges import Placed, RunData, Windows, joined_rows
+from draglag.gap.edges import Placed, Windows, joined_rows
+from draglag.gap.run_data import RunData
 from draglag.recording import FloatArray, IntArray
 
 EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)

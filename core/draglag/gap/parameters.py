@@ -6,6 +6,7 @@ import numpy as np
 
 from draglag.gap.fit import Fit
 from draglag.gap.model import base_prior
+from draglag.gap.state import Term
 
 Parameters = dict[str, tuple[float, tuple[float, float]]]
 # effect → (parameter, factor from the term's size, sign kept)
@@ -23,6 +24,13 @@ LINEAR = {
 }
 
 
+def whole_sizes(term: Term, fit: Fit) -> np.ndarray:
+    """A term's sizes (k,) across the beam, with what was undone of it in the traces."""
+    lattice = fit.runs[0].lattice
+    sizes = np.array(term.sizes)
+    return sizes + lattice.sizes_mm[:, 1] if term.effect == "pitch_ripple" and lattice is not None else sizes
+
+
 def parameters_of(effect: str, fit: Fit) -> Parameters:
     """Sizes of an effect in a fit, in the units of its class in the simulation."""
     if effect == "low_speed_plateau":
@@ -35,7 +43,7 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
         k = len(term.sizes)
         if term.effect == term_id:
             own = slice(at, at + k)
-            return _named(effect, fit, np.array(term.sizes), fit.covariance[own, own], term.theta)
+            return _named(effect, fit, whole_sizes(term, fit), fit.covariance[own, own], term.theta)
         at += k
     return {}
 

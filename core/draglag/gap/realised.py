@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.gap.fit import Fit
-from draglag.gap.parameters import parameters_of
+from draglag.gap.parameters import parameters_of, whole_sizes
 from draglag.gap.state import Term
 from draglag.recording import Beam, FloatArray, Session
 from draglag.simulation.effects import EFFECTS, Effect, Parameter
@@ -31,7 +31,8 @@ class FittedShape(Effect):
 
     ``value``: its amplitude, mm (the filter: s).
 
-    about: the panel coordinate (−1 … +1) about which the polynomial's square has no mean.
+    sizes: of the shape's parts across the beam; a ripple's then along it, where known. about: the panel coordinate
+    (−1 … +1) about which the polynomial's square has no mean.
     """
 
     id: ClassVar[str] = "fitted_shape"
@@ -61,14 +62,15 @@ class FittedShape(Effect):
             return x_mm, y_mm
         if self.effect == "pitch_ripple":
             waves = [2 * np.pi * at / self.theta[0] for at in (k.motion.x_mm, k.motion.y_mm)]
-            shape = [f(wave) for wave in waves for f in (np.sin, np.cos)][: len(self.sizes)]
+            shape = [f(wave) for wave in waves for f in (np.sin, np.cos)]
+            x_mm = x_mm + sum((size * part for size, part in zip(self.sizes[4:], shape, strict=False)), 0.0)
         else:
             u = 2 * k.motion.x_mm / k.width_mm - 1
             if self.theta:
                 shape = [np.sin(self.theta[0] * np.pi * u), np.cos(self.theta[0] * np.pi * u)]
             else:
                 shape = [u**2 - self.about, u**3, u**4]
-        for size, part in zip(self.sizes, shape, strict=True):
+        for size, part in zip(self.sizes, shape, strict=False):
             y_mm = y_mm + size * part
         return x_mm, y_mm
 
@@ -102,9 +104,12 @@ def has_free_shape(term: Term) -> bool:
 def fitted_shape(term: Term, fit: Fit) -> FittedShape:
     """The term as a displacement of its own shape."""
     panel_x = 2 * fit.placed.xy_mm[:, 0] / fit.width_mm - 1
-    amplitude = float(np.linalg.norm(term.sizes[:2]))
+    sizes = tuple(float(size) for size in whole_sizes(term, fit))
+    lattice = fit.runs[0].lattice
+    along = () if lattice is None or term.effect != "pitch_ripple" else tuple(map(float, lattice.sizes_mm[:, 0]))
+    amplitude = float(np.linalg.norm(sizes[:2]))
     about = 0.0 if term.effect == "second_filter_mode" else float(panel_x.mean())
-    return FittedShape(amplitude, term.effect, term.theta, term.sizes, about)
+    return FittedShape(amplitude, term.effect, term.theta, (*sizes, *along), about)
 
 
 def made(name: str, numbers: Mapping[str, float]) -> Effect:

@@ -16,11 +16,12 @@ from scipy.signal import savgol_filter
 
 from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
-from draglag.gap.edges import Placed, RunData, gather, place
+from draglag.gap.edges import Placed, place
 from draglag.gap.fit import Fit, restrict
 from draglag.gap.model import residual_mm
 from draglag.gap.realised import effects_of_fit, held_s, rig_of
 from draglag.gap.results import GapReport
+from draglag.gap.run_data import RunData, gather
 from draglag.gap.signatures import view_of
 from draglag.gap.streams import inspect
 from draglag.latency.estimate import RunEstimate

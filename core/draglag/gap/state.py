@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.gap.edges import Placed, RunData, place
+from draglag.gap.edges import Placed, place
 from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.noise import timing_mm, touch_variances
+from draglag.gap.run_data import RunData
 from draglag.gap.signatures import view_of
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS

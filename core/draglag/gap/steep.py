@@ -14,7 +14,7 @@ import numpy as np
 from draglag.motion import local_fit
 
 if TYPE_CHECKING:
-    from draglag.gap.edges import RunData
+    from draglag.gap.run_data import RunData
 
 WIDTHS_S = (0.05, 0.07, 0.095, 0.13, 0.18, 0.25)
 NOISE_S = 2e-4  # of latency, that noise of the speed may make: a third of what runs differ by anyway

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from draglag.gap.edges import RunData
 from draglag.gap.model import LawParameters
+from draglag.gap.run_data import RunData
 from draglag.recording import FloatArray
 
 RATES_S_MM = np.geomspace(8e-4, 0.06, 24)

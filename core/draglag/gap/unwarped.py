@@ -17,7 +17,7 @@ from draglag.motion import local_fit, sample_interval_s
 from draglag.recording import FloatArray
 
 if TYPE_CHECKING:
-    from draglag.gap.edges import RunData
+    from draglag.gap.run_data import RunData
 
 # Half the window of a speed, and half the span of a change of speed: a hand speeds up and slows down at 1–4 Hz, its
 # tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.

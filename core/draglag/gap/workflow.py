@@ -22,13 +22,13 @@ from draglag.gap.doubts import (
     without_parts,
     without_proxies,
 )
-from draglag.gap.edges import gather
 from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks
 from draglag.gap.naming import MODE, PLATEAU, TOO_CLOSE, Name, gained, name, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, GapReport, Step
+from draglag.gap.run_data import gather
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
 from draglag.gap.soundness import excess_scatter, follows_another_speed
 from draglag.gap.stalls import stalls

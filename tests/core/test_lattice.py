@@ -1,0 +1,102 @@
+"""The electrodes' lattice seen in the streams of a sound session that a known ripple was added to, and undone there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import savgol_filter
+
+from draglag.correction import corrected
+from draglag.exchange import read_exchange
+from draglag.gap import close_gap
+from draglag.gap.extended import extended_model
+from draglag.gap.lattice import Lattice, lattice_of
+from draglag.gap.realised import effects_of_fit
+from draglag.gap.run_data import as_shown, gather, without_ripple
+from draglag.recording import FloatArray, Run, Session
+
+SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+PITCH_MM = 5.3
+COLUMNS_MM, ROWS_MM = 0.4, 0.15
+
+
+@pytest.fixture(scope="module")
+def sound() -> Session:
+    return read_exchange(SAMPLES / "none-A")
+
+
+def displacement_mm(x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    turn = 2 * np.pi / PITCH_MM
+    return (
+        COLUMNS_MM * np.sin(turn * x_mm + 2.0) + ROWS_MM * np.sin(turn * y_mm + 0.3),
+        COLUMNS_MM * np.sin(turn * x_mm + 1.0) + ROWS_MM * np.sin(turn * y_mm + 4.0),
+    )
+
+
+def rippled(run: Run) -> Run:
+    # The events are a quarter of a millimetre unsure; the ripple is that of where the stylus was.
+    x_mm, y_mm = run.touch.x_mm, run.touch.y_mm
+    dx, dy = displacement_mm(savgol_filter(x_mm, 13, 5), savgol_filter(y_mm, 13, 5))
+    return replace(run, touch=replace(run.touch, x_mm=x_mm + dx, y_mm=y_mm + dy))
+
+
+@pytest.fixture(scope="module")
+def ripple(sound: Session) -> Session:
+    return replace(sound, runs=tuple(rippled(run) for run in sound.runs))
+
+
+def lattice_in(session: Session) -> Lattice | None:
+    return lattice_of([(data.t_s, data.xy_mm) for data in gather(session)])
+
+
+def test_a_sound_session_shows_no_lattice(sound: Session) -> None:
+    assert lattice_in(sound) is None
+
+
+def test_pitch_amplitudes_and_phases_are_those_of_the_ripple(ripple: Session) -> None:
+    seen = lattice_in(ripple)
+    assert seen is not None
+    assert seen.pitch_mm == pytest.approx(PITCH_MM, rel=3e-4)  # 0.02 turns from one side of the panel to the other
+    columns = seen.sizes_mm[0] + 1j * seen.sizes_mm[1]
+    rows = seen.sizes_mm[2] + 1j * seen.sizes_mm[3]
+    assert np.abs(columns - COLUMNS_MM * np.exp(1j * np.array([2.0, 1.0]))).max() < 0.05 * COLUMNS_MM
+    assert np.abs(rows - ROWS_MM * np.exp(1j * np.array([0.3, 4.0]))).max() < 0.05 * COLUMNS_MM
+
+
+def test_undone_traces_are_as_quiet_as_they_were_and_lie_where_they_did(sound: Session, ripple: Session) -> None:
+    was, shown = gather(sound), gather(ripple)
+    flat = without_ripple(shown)
+    assert [data.run.id for data in flat] == [data.run.id for data in was]
+    quick = [k for k, data in enumerate(was) if (data.run.nominal_speed_mm_s or 0) > 150]
+    louder = [shown[k].noise_mm / was[k].noise_mm for k in quick]
+    left = [flat[k].noise_mm / was[k].noise_mm for k in quick]
+    assert np.median(louder) > 1.3
+    assert max(left) < 1.1
+    off_mm = np.concatenate([flat[k].xy_mm - was[k].xy_mm for k in quick])
+    assert np.sqrt(np.mean(off_mm**2)) < 0.15 * np.hypot(COLUMNS_MM, ROWS_MM)
+    assert as_shown(flat) == shown
+
+
+def test_the_workflow_names_the_ripple_and_leaves_what_a_sound_session_has(sound: Session, ripple: Session) -> None:
+    floor_mm = close_gap(sound, max_effects=0).gap_last_mm
+    report = close_gap(ripple)
+    assert report.verdict == "explained"
+    (step,) = report.steps
+    assert step.effect == "pitch_ripple"
+    value, (low, high) = step.parameters["amplitude_mm"]
+    assert low < COLUMNS_MM < high
+    assert high - low < 0.3 * COLUMNS_MM
+    assert step.parameters["pitch_mm"][0] == pytest.approx(PITCH_MM, rel=1e-3)
+    assert floor_mm is not None
+    assert report.gap_last_mm is not None
+    assert report.gap_last_mm < 1.10 * floor_mm < 0.8 * (report.gap_first_mm or 0.0)
+    # The model has the ripple whole, not what is left of it in the traces.
+    assert report.last is not None
+    (effect,) = effects_of_fit(report.last)
+    assert effect.value == pytest.approx(value)
+    freed, _ = corrected(ripple, extended_model(ripple, report))
+    for was, now in zip(gather(sound), gather(freed), strict=True):
+        assert now.noise_mm < 1.15 * was.noise_mm  # along the beam as well as across it
