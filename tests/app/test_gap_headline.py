@@ -1,8 +1,14 @@
 """The headline of a gap report does not call noise what the line below it says is beyond chance."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from draglag.gap.results import GapReport, PassedOver
+from draglag.gap.separate import not_seen
+from draglag.gap.state import Term
 from draglag.report.gap import headline
 from draglag_app.cli.gap import _tell
 
@@ -28,3 +34,31 @@ def test_only_noise_is_called_noise(verdict, capsys):
 
 def test_what_stays_unexplained_stays_so():
     assert headline(report("unexplained", RIPPLE)) == headline(report("unexplained"))
+
+
+def test_what_a_gap_follows_is_told_in_words(capsys):
+    made = replace(report("unexplained"), unexplained_by="normal_acceleration")
+    _tell(made, None)
+    for said in (capsys.readouterr().out, headline(made)):
+        assert said.startswith("Unexplained: a gap remains that follows the normal acceleration;")
+
+
+def test_scatter_is_not_told_as_something_that_a_gap_follows(capsys):
+    made = replace(report("unexplained"), unexplained_by="scatter")
+    _tell(made, None)
+    for said in (capsys.readouterr().out, headline(made)):
+        assert said.startswith("Unexplained: single edges scatter more than those of a sound rig")
+
+
+def test_what_is_left_of_a_covariate_is_told_in_words(capsys):
+    _tell(report("no_gap", PassedOver("time_in_run", 1e-5, "too little")), None)
+    assert "but left: the time in the run, too little." in capsys.readouterr().out
+
+
+def test_a_wider_shadow_is_not_told_twice():
+    """An effect that a step names as one it may be is not listed as one that could not have been seen."""
+    session = SimpleNamespace(taps=None)
+    view = SimpleNamespace(x_mm=np.array([0.0, 400.0]))
+    for terms, listed in (((), True), ((Term("beam_width", ()),), False)):
+        fit = SimpleNamespace(terms=terms, runs=(), view=view, width_mm=500.0, run_index=np.zeros(0, int))
+        assert ("scale_error" in not_seen(session, fit)) is listed

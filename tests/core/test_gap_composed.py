@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -107,3 +108,22 @@ def test_a_gap_without_a_name_is_closed_provisionally() -> None:
 
 def test_without_a_gap_there_is_no_provisional_term(whole: GapReport) -> None:
     assert provisional_term(whole) is None
+
+
+def test_nothing_is_looked_for_that_the_library_does_not_have(before: Gap) -> None:
+    with pytest.raises(DataError, match="unknown effect 'split_panel'"):
+        name(before, ["low_speed_plateau", "split_panel"])
+    # A single id is that effect, not its letters.
+    assert [step.effect for step in name(before, "low_speed_plateau")] == ["low_speed_plateau"]
+
+
+@pytest.mark.parametrize("values", [{}, {"drift_ppm": float("nan")}, {"drift_ppm": 1e9}])
+def test_an_effect_is_held_at_sizes_of_its_bounds_only(values: dict[str, float]) -> None:
+    with pytest.raises(DataError, match="clock_drift"):
+        Model().with_effect("clock_drift", values)
+
+
+def test_gaps_of_two_sessions_are_not_compared(session: Session, before: Gap) -> None:
+    other = find(replace(session, name="another"), Model())
+    with pytest.raises(DataError, match="two sessions"):
+        shrinkage(before, other)

@@ -9,7 +9,7 @@ import click
 from draglag.errors import DataError, EstimateError
 from draglag.gap.extended import extended_model
 from draglag.gap.provisional import Provisional, provisional_term
-from draglag.gap.results import GapReport
+from draglag.gap.results import GapReport, followed, unexplained_in_words
 from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model
 from draglag.simulation.effects import EFFECTS
@@ -43,6 +43,7 @@ from draglag_app.cli.common import (
     help="Close what stays unexplained by a smooth term without a name.",
 )
 @click.option(
+    "--save-model",
     "--model",
     "model_path",
     type=click.Path(path_type=Path),
@@ -67,7 +68,7 @@ def gap(
         draglag gap session.h5
         draglag gap exchange-folder --json
         draglag gap session.h5 --report gap.html
-        draglag gap session.h5 --model extended.json
+        draglag gap session.h5 --save-model extended.json
     """
     unknown = [effect for effect in without if effect not in EFFECTS]
     if unknown:
@@ -91,7 +92,9 @@ def gap(
         more = {"provisional": None if unnamed is None else unnamed.to_dict()} if provisional else {}
         print_json({**result.to_dict(), **more})
     if result.verdict is None:
-        raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", "Record what is missing")
+        told = any(". " in words for words in result.missing)  # an estimate's own refusal says what to do
+        remedy = "" if told else "Record what is missing"
+        raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     if not as_json:
         _tell(result, report)
         if provisional:
@@ -122,7 +125,7 @@ def _tell(result: GapReport, report: Path | None) -> None:
     words = {
         "no_gap": "No gap: what is left is noise.",
         "explained": "Explained: with these effects only noise is left.",
-        "unexplained": f"Unexplained: a gap remains that follows {result.unexplained_by}; no known effect makes it.",
+        "unexplained": unexplained_in_words(result.unexplained_by),
     }
     if result.passed_over:  # told below
         words["no_gap"] = "No gap worth a name: what is left beyond chance is too little for one."
@@ -133,7 +136,7 @@ def _tell(result: GapReport, report: Path | None) -> None:
         f"noise floor {result.noise_floor_mm:.3f} mm."
     )
     for left in result.passed_over:
-        click.echo(f"Beyond chance (p {left.p_value:.1g}) but left: {left.what}, {left.text}.")
+        click.echo(f"Beyond chance (p {left.p_value:.1g}) but left: {followed(left.what)}, {left.text}.")
     for step in result.steps:
         if step.extra_run:
             click.echo(f"To be sure of {step.effect}: {step.extra_run}.")

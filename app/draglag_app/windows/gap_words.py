@@ -18,8 +18,26 @@ GAP = (
     QT_TRANSLATE_NOOP("Library", "taps timed on the same clock show it"),
     QT_TRANSLATE_NOOP("Library", "circles that travel across the whole width show it"),
     QT_TRANSLATE_NOOP("Library", "{n} circle runs with edges: at least 5 are needed"),
+    QT_TRANSLATE_NOOP("Library", "1 circle run with edges: at least 5 are needed"),
     QT_TRANSLATE_NOOP("Library", "{n} drag speeds: at least 4, spread over a factor of 3, are needed"),
+    QT_TRANSLATE_NOOP("Library", "1 drag speed: at least 4, spread over a factor of 3, are needed"),
     QT_TRANSLATE_NOOP("Library", "{n} edges: at least 80 are needed"),
+    QT_TRANSLATE_NOOP(
+        "Library", "no circle run shows where the stylus was: its touch positions are missing or not numbers"
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "edges and touch events of {n} of {of} circle runs lie at different times: both have to be on one clock",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "touch times of {runs} go back or are no numbers: exported and imported again they are put in order",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "runs that give a latency: {n}, at least 5 are needed. See with draglag analyze why the others give none, or "
+        "record circles at more speeds.",
+    ),
     QT_TRANSLATE_NOOP("Library", "the circles hardly travel sideways: slope and latency cannot be told apart"),
     QT_TRANSLATE_NOOP("Library", "{sizes}; gap on held-out runs {before} → {after} mm: too little for a name"),
     QT_TRANSLATE_NOOP(

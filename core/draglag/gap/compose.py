@@ -27,6 +27,7 @@ from draglag.gap.naming import name as names_of
 from draglag.gap.parameters import parameters_of
 from draglag.gap.results import COVARIATE, TERM_OF, Step
 from draglag.gap.run_data import gather
+from draglag.gap.separate import times_out_of_order
 from draglag.gap.signatures import SIGNATURES
 from draglag.gap.stamps import StreamEffect
 from draglag.gap.state import Term
@@ -60,7 +61,8 @@ class Model:
     def with_effect(self, effect_id: str, values: Mapping[str, float] | None = None) -> Model:
         """The model with one more effect: of fitted size, or held at ``values``.
 
-        Raises DataError for an unknown effect or parameter, one that is there already, or one that cannot be held.
+        Raises DataError for an unknown effect or parameter, one that is there already, one that cannot be held, and for
+        values that are missing, no number or beyond what the library allows.
         """
         if effect_id not in EFFECTS:
             raise DataError(f"unknown effect '{effect_id}'", f"Known are {', '.join(EFFECTS)}")
@@ -74,7 +76,7 @@ class Model:
         unknown = set(values) - known
         if unknown:
             raise DataError(f"{effect_id} has no parameter '{min(unknown)}'", f"Known are {', '.join(sorted(known))}")
-        _check_held(effect_id)
+        _check_held(effect_id, values)
         return replace(self, held=(*self.held, (effect_id, tuple(sorted(values.items())))))
 
     def without_effect(self, effect_id: str) -> Model:
@@ -154,11 +156,14 @@ def find(session: Session, model: Model | None = None) -> Gap:
     Raises EstimateError when the session cannot carry the model.
     """
     model = model or Model()
-    streams, repaired = inspect(session)
-    streams = tuple(s for s in streams if s.effect not in model.effects)
-    ready = _without_held(repaired if any(e in STREAMS for e in model.effects) else session, model.held)
     start = model.fit
+    disorder = times_out_of_order(session)
+    if disorder:
+        raise EstimateError(f"{session.name}: {disorder}", "Export and import it")
     try:
+        streams, repaired = inspect(session)
+        streams = tuple(s for s in streams if s.effect not in model.effects)
+        ready = _without_held(repaired if any(e in STREAMS for e in model.effects) else session, model.held)
         if start is None or any(e in STREAMS for e in model.effects[-1:]) or model.held:
             start = fit_session(ready, gather(ready))
         fit = start
@@ -180,12 +185,17 @@ def find(session: Session, model: Model | None = None) -> Gap:
 
 
 @one_blas_thread
-def name(gap: Gap, candidates: Collection[str] | None = None) -> tuple[Step, ...]:
+def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Step, ...]:
     """Effects that explain a gap, best first, each refitted jointly with the model; empty when nothing does.
 
     Effects that the streams give away by themselves come first: they have to be repaired before edges can be judged.
+
+    Args:
+        candidates: ids of the effects to look among; None = the whole library.
+
+    Raises DataError for a candidate that the library does not have.
     """
-    allowed = frozenset(EFFECTS) if candidates is None else frozenset(candidates)
+    allowed = _known(candidates)
     seen = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
     if seen:
         return seen
@@ -196,7 +206,15 @@ def name(gap: Gap, candidates: Collection[str] | None = None) -> tuple[Step, ...
 
 @one_blas_thread
 def shrinkage(before: Gap, after: Gap) -> Shrinkage:
-    """How much smaller the gap on held-out runs is after an effect was added."""
+    """How much smaller the gap on held-out runs is after an effect was added.
+
+    Raises DataError where the two gaps are not of one session.
+    """
+    if _of(before.session) != _of(after.session):
+        raise DataError(
+            f"the gaps are of two sessions, {before.session.name} and {after.session.name}",
+            "Compare two models on the same session",
+        )
     old, new = _by_run(before.fit), _by_run(after.fit)
     shared = sorted(old.keys() & new.keys())
     draws = np.random.default_rng(20260101).integers(0, max(len(shared), 1), (1000, max(len(shared), 1)))
@@ -215,11 +233,31 @@ def shrinkage(before: Gap, after: Gap) -> Shrinkage:
     )
 
 
-def _check_held(effect_id: str) -> None:
+def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
     from draglag.correction import OF_THE_LASER, OF_THE_TOUCH
 
     if effect_id not in (*OF_THE_LASER, *OF_THE_TOUCH):
         raise DataError(f"{effect_id} cannot be held at a value", "Leave its values out: then it is fitted")
+    specs = EFFECTS[effect_id].parameters
+    if not values:
+        names = ", ".join(spec.name for spec in specs)
+        raise DataError(f"{effect_id} has no value to be held at", f"Give {names}, or leave values out: it is fitted")
+    for spec in specs:
+        value = values.get(spec.name, spec.typical)
+        if not spec.lower <= value <= spec.upper:  # nor is nan
+            bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
+            raise DataError(f"{effect_id} cannot be held at {spec.name} {value:g}", f"Give {bounds}")
+
+
+def _known(candidates: Collection[str] | str | None) -> frozenset[str]:
+    """Ids of effects that may be named. Raises DataError for one that the library does not have."""
+    if candidates is None:
+        return frozenset(EFFECTS)
+    allowed = frozenset((candidates,) if isinstance(candidates, str) else candidates)
+    unknown = sorted(allowed - set(EFFECTS))
+    if unknown:
+        raise DataError(f"unknown effect '{unknown[0]}'", f"Known are {', '.join(EFFECTS)}")
+    return allowed
 
 
 def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, float], ...]]]) -> Session:
@@ -242,6 +280,11 @@ def theta_of(fit: Fit, effect: str) -> tuple[float, ...]:
     found = find_in(fit, only={effect}).candidates
     best = [c for c in found if c.effect == effect]
     return best[0].theta if best else ()
+
+
+def _of(session: Session) -> tuple[object, ...]:
+    """What a session keeps however its streams are repaired."""
+    return session.name, session.started_utc, tuple((run.id, run.start_s) for run in session.runs)
 
 
 def _by_run(fit: Fit) -> dict[int, tuple[float, int]]:

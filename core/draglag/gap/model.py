@@ -100,7 +100,10 @@ def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: 
         rows.append((e.speed_mm_s, e.latency_s - (0.0 if less_s is None else less_s[k]), np.hypot(e.curve_se_s, 3e-4)))
     points = CurvePoints(*np.array(rows, float).reshape(-1, 3).T)
     if points.speed_mm_s.size < 5:
-        raise EstimateError(f"{points.speed_mm_s.size} runs with a latency, 5 needed", "Record circles at more speeds")
+        raise EstimateError(
+            f"runs that give a latency: {points.speed_mm_s.size}, at least 5 are needed",
+            "See with draglag analyze why the others give none, or record circles at more speeds",
+        )
     shift = max(0.0, 0.02 - float(points.latency_s.min()))  # Eq. 5's amplitudes are positive; a clock offset is not
     points = replace(points, latency_s=points.latency_s + shift)
     form = "double_exponential_plateau" if plateau else "double_exponential"

@@ -16,8 +16,27 @@ COVARIATE = {
     "frame_drop": "frame", "loss_of_contact": "frame", "laser_bounce": "kind_of_edge",
 }  # fmt: skip
 
-
+# What a gap may follow, as people call it.
+FOLLOWS = {
+    "speed": "the drag speed", "session_time": "the session time", "x": "the place along x",
+    "time_in_run": "the time in the run", "acceleration": "the acceleration",
+    "normal_acceleration": "the normal acceleration", "kind_of_edge": "the kind of edge",
+    "direction": "the direction of travel", "direction_angle": "the direction of travel", "taps": "the taps",
+    "host_tick": "the ticks of the host", "frame": "the frames of the panel",
+}  # fmt: skip
 TERM_OF = {"thermal_drift": "clock_drift", "scale_error": "beam_width"}
+
+
+def followed(covariate: str) -> str:
+    """What a gap follows, in words; an effect's id stays."""
+    return FOLLOWS.get(covariate, covariate)
+
+
+def unexplained_in_words(covariate: str | None) -> str:
+    """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate: it follows none."""
+    if covariate == "scatter":
+        return "Unexplained: single edges scatter more than those of a sound rig, and no known effect makes them."
+    return f"Unexplained: a gap remains that follows {followed(covariate or '')}; no known effect makes it."
 
 
 @dataclass(frozen=True)

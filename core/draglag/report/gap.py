@@ -14,7 +14,7 @@ from draglag.errors import DataError, DraglagError
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import noise_variance_mm2
 from draglag.gap.replay import Replay, replays
-from draglag.gap.results import GapReport
+from draglag.gap.results import GapReport, followed, unexplained_in_words
 from draglag.recording import FloatArray, Session
 from draglag.report import replayed
 from draglag.report.style import (
@@ -40,7 +40,6 @@ table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35re
 _WORDS = {
     "no_gap": "No gap: what is left is noise.",
     "explained": "Explained: with the effects below only noise is left.",
-    "unexplained": "Unexplained: a gap remains that follows {covariate} and has no name in the library.",
 }
 # Where something is beyond chance and yet too little for a name.
 _WORDS_PASSED_OVER = {
@@ -52,8 +51,10 @@ _BINS = 12
 
 def headline(report: GapReport) -> str:
     """The verdict in a sentence; nothing that is beyond chance is called noise."""
+    if report.verdict == "unexplained":
+        return unexplained_in_words(report.unexplained_by)
     words = _WORDS | (_WORDS_PASSED_OVER if report.passed_over else {})
-    return words[report.verdict or "no_gap"].format(covariate=report.unexplained_by)
+    return words[report.verdict or "no_gap"]
 
 
 def write_gap_report(
@@ -94,7 +95,7 @@ def write_gap_report(
     )
     body.append(_table(report))
     for left in report.passed_over:
-        told = f"<b>{escape(left.what)}</b>, {escape(left.text)}"
+        told = f"<b>{escape(followed(left.what))}</b>, {escape(left.text)}"
         body.append(f"<p>Beyond chance (p {_p(left.p_value)}) but left: {told}.</p>")
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
     for figure, caption in figures:

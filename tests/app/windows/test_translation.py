@@ -20,6 +20,7 @@ from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import FORMS
 from draglag.gap.by_hand import BY_HAND
 from draglag.gap.parameters import where_of
+from draglag.gap.results import FOLLOWS
 from draglag.gap.separate import EXTRA_RUN
 from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
@@ -28,6 +29,7 @@ from draglag.recording import ClockBounds, Session, empty_touch
 from draglag.simulation.effects import EFFECTS
 from draglag_app.windows.effect_words import EFFECT_NAMES, PARAMETERS, effect_meaning, effect_name, size_words
 from draglag_app.windows.gap_steps import remarks
+from draglag_app.windows.gap_words import _FOLLOWS
 from draglag_app.windows.i18n import language_of, table_of, use_language
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.window import OperatorWindow
@@ -128,7 +130,15 @@ def test_unknown_languages_are_english() -> None:
 
 
 def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
+    assert {k: _FOLLOWS[k] for k in FOLLOWS} == FOLLOWS
     reasons = set(EXTRA_RUN.values()) | {
+        "1 circle run with edges: at least 5 are needed",
+        "1 drag speed: at least 4, spread over a factor of 3, are needed",
+        "no circle run shows where the stylus was: its touch positions are missing or not numbers",
+        "edges and touch events of 7 of 12 circle runs lie at different times: both have to be on one clock",
+        "touch times of run-01, run-02 go back or are no numbers: exported and imported again they are put in order",
+        "runs that give a latency: 0, at least 5 are needed. See with draglag analyze why the others give none, or "
+        "record circles at more speeds.",
         "a fixed trail hides in the latency law: a tap or a second stylus shows it",
         "taps timed on the same clock show it",
         "circles that travel across the whole width show it",

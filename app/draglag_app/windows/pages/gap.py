@@ -271,7 +271,9 @@ class GapPage(QWidget):
             ),
             "unexplained": (
                 "warning",
-                self.tr("A gap remains that no known effect explains; it follows {covariate}.").format(
+                self.tr("Single edges scatter more than those of a sound rig; no known effect makes them.")
+                if report.get("unexplained_by") == "scatter"
+                else self.tr("A gap remains that no known effect explains; it follows {covariate}.").format(
                     covariate=followed(str(report.get("unexplained_by")))
                 ),
             ),

@@ -1,0 +1,75 @@
+"""Sessions too poor to judge: a plain statement of what is missing, never a verdict and never an exception."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from draglag.errors import EstimateError
+from draglag.gap import close_gap, find
+from draglag.protocols import load_protocol
+from draglag.recording import Run, Session
+from draglag.simulation import simulate_session
+
+
+@pytest.fixture(scope="module")
+def sound() -> Session:
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 12.0}) for r in demo.runs if r.kind == "circle")
+    return simulate_session("screen-1", demo.model_copy(update={"runs": runs, "taps": None}), seed=4)
+
+
+def of_runs(session: Session, change) -> Session:  # type: ignore[no-untyped-def]
+    return replace(session, runs=tuple(change(run) for run in session.runs))
+
+
+def touch_times(run: Run, change) -> Run:  # type: ignore[no-untyped-def]
+    return replace(run, touch=replace(run.touch, t_s=change(run.touch.t_s)))
+
+
+def laser(run: Run, **changed: np.ndarray) -> Run:
+    return replace(run, laser=replace(run.laser, **changed))
+
+
+def test_one_of_a_thing_is_told_in_the_singular(sound: Session) -> None:
+    fastest = max(sound.runs, key=lambda run: run.nominal_speed_mm_s or 0.0)
+    missing = close_gap(replace(sound, runs=(fastest,))).missing
+    assert "1 circle run with edges: at least 5 are needed" in missing
+    assert "1 drag speed: at least 4, spread over a factor of 3, are needed" in missing
+
+
+def test_times_that_are_no_numbers_or_go_back_are_told_by_run(sound: Session) -> None:
+    def holed(t_s: np.ndarray) -> np.ndarray:
+        return np.where(np.arange(t_s.size) % 50 == 7, np.nan, t_s)
+
+    for change in (holed, lambda t_s: t_s[::-1]):
+        poor = of_runs(sound, lambda run, change=change: touch_times(run, change))
+        report = close_gap(poor)
+        assert report.verdict is None
+        assert len(report.missing) == 1
+        first = ", ".join(run.id for run in sound.runs[:3])
+        assert report.missing[0].startswith(f"touch times of {first} and {len(sound.runs) - 3} more go back or are no")
+        with pytest.raises(EstimateError, match="touch times of"):
+            find(poor)
+
+
+def test_streams_on_two_clocks_are_told_as_such(sound: Session) -> None:
+    report = close_gap(of_runs(sound, lambda run: laser(run, t_s=run.laser.t_s - 1.7e9)))
+    assert report.verdict is None
+    n = len(sound.runs)
+    assert report.missing == (
+        f"edges and touch events of {n} of {n} circle runs lie at different times: both have to be on one clock",
+    )
+
+
+def test_edges_that_give_no_latency_are_not_blamed_on_the_speeds(sound: Session) -> None:
+    report = close_gap(of_runs(sound, lambda run: laser(run, light=1 - run.laser.light)))
+    assert report.verdict is None
+    said = "runs that give a latency: 0, at least 5 are needed. See with draglag analyze why the others give none"
+    assert report.missing[0].startswith(said)
+
+
+def test_a_sound_session_misses_nothing(sound: Session) -> None:
+    assert close_gap(sound, max_effects=0).missing == ()
