@@ -2,7 +2,8 @@
 
 One circle is recorded from the simulated rig in real time, its digitiser at 1 kHz, with the participant's window and
 the Record page in sight. Run it under Xvfb (``xvfb-run -s "-screen 0 1920x1080x24"``) for a window system that costs
-something; ``QT_QPA_PLATFORM=offscreen`` measures drawing alone.
+something; ``QT_QPA_PLATFORM=offscreen`` measures drawing alone. Before every late frame of the target stands what the
+program did, and beside them what a process misses that does nothing else.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from late_frames import LateFrames
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QApplication
 
@@ -87,7 +89,9 @@ def measure(duration_s: float) -> None:
             first_start=False, folder=str(folder / "sessions"),
             rig=RigSettings(touch="sim:", laser="sim:", display="window"), panel=PanelSettings(preset=str(screen)),
         )  # fmt: skip
+        late_frames = LateFrames()
         application = make_application(["bench"], settings)
+        late_frames.listen()
         window = OperatorWindow(settings, folder / "settings.toml")
         demo = load_protocol("demo")
         circle = demo.runs[0].model_copy(update={"speeds_mm_s": (240.0,), "duration_s": duration_s, "practice": False})
@@ -102,9 +106,11 @@ def measure(duration_s: float) -> None:
         def begun(event: events.RunStarted) -> None:
             marks["wall"], marks["cpu"] = time.monotonic(), time.process_time()
             pulse.begin()
+            late_frames.begin(event.start_s)
 
         def over(event: events.RunFinished) -> None:
             pulse.end()
+            late_frames.end()
             marks["wall"] = time.monotonic() - marks["wall"]
             marks["cpu"] = time.process_time() - marks["cpu"]
             marks["end"] = event.run.start_s + event.run.duration_s
@@ -136,6 +142,7 @@ def measure(duration_s: float) -> None:
         print(f"touch events saved: {len(run.touch.t_s)} in {run.duration_s:.0f} s; lost: {run.touch.dropped}")
         frames = 0 if run.display is None else len(run.display.t_s)
         print(f"frames drawn: {frames}; missed slots: {0 if run.display is None else run.display.missed} (bar: 0)")
+        print(late_frames.told())
         print(f"CPU of the whole process: {100 * marks['cpu'] / marks['wall']:.1f} % of one core (bar: 15)")
         p50, p99 = np.percentile(late_ms, [50, 99])
         print(f"event loop late, p50 / p99 / max: {p50:.1f} / {p99:.1f} / {late_ms.max():.1f} ms (bar: p99 30)")

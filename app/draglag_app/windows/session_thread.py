@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,6 +86,10 @@ class Recording(QObject):
             except Exception as error:  # told by the bridge; the window decides what to say
                 self._bridge.failed(error)
 
+        # A look for garbage among all that the windows are made of takes as long as several of the target's frames:
+        # now, and then not until the end. What the session makes itself is looked at all the same.
+        gc.collect()
+        gc.freeze()
         self._thread = threading.Thread(target=work, name="draglag-session")
         self._thread.start()
         self.began.emit(order)
@@ -139,6 +144,7 @@ class Recording(QObject):
             return
         self._thread.join()
         self._thread = None
+        gc.unfreeze()
         self.control = None
         if self.window is not None:
             self.window.close()
