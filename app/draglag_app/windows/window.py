@@ -6,12 +6,10 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QSize, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QCloseEvent, QKeyEvent
 from PySide6.QtWidgets import (
     QApplication,
-    QButtonGroup,
-    QFrame,
     QHBoxLayout,
     QMainWindow,
     QMessageBox,
@@ -27,9 +25,9 @@ from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
 from draglag_app.windows.field_keys import FieldKeys
 from draglag_app.windows.header import Header
-from draglag_app.windows.icons import icon
 from draglag_app.windows.keyboard import Keyboard
 from draglag_app.windows.library_words import fault_words, in_words, source_name
+from draglag_app.windows.navigation import Navigation
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
@@ -38,10 +36,8 @@ from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
-from draglag_app.windows.theme import apply_theme, theme, wide
+from draglag_app.windows.theme import apply_theme, theme
 from draglag_app.windows.workspace import Workspace
-
-_NAVIGATION_PX = 164
 
 
 class OperatorWindow(QMainWindow):
@@ -80,7 +76,6 @@ class OperatorWindow(QMainWindow):
         bridge.device_fault.connect(lambda fault: self.tell("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.tell)
         record.noted.connect(self.keyboard.give_back)
-        self._paint_icons()
         self._recording_changed(False)
         self.go("bench" if settings.first_start else "record")
 
@@ -95,7 +90,10 @@ class OperatorWindow(QMainWindow):
         outer.addWidget(self.header)
         row = QHBoxLayout()
         row.setSpacing(0)
-        row.addWidget(self._navigation())
+        titles = {name: title for name, (title, _) in self.pages.items()}
+        self.navigation = Navigation(titles, self.actions_table.made)
+        self.navigation.chosen.connect(self.go)
+        row.addWidget(self.navigation)
         self.stack = QStackedWidget()
         for _, page in self.pages.values():
             self.stack.addWidget(page)
@@ -105,32 +103,6 @@ class OperatorWindow(QMainWindow):
         self.notice_text = self.notice.text
         outer.addWidget(self.notice)
         return middle
-
-    def _navigation(self) -> QWidget:
-        bar = QFrame()
-        bar.setObjectName("navigation")
-        bar.setFixedWidth(wide(_NAVIGATION_PX))
-        box = QVBoxLayout(bar)
-        box.setContentsMargins(0, 8, 0, 8)
-        box.setSpacing(2)
-        group = QButtonGroup(self)
-        self.tabs: dict[str, QPushButton] = {}
-        for name, (title, _) in self.pages.items():
-            tab = self.tabs[name] = QPushButton()
-            tab.setText(title)
-            tab.setCheckable(True)
-            tab.setIconSize(QSize(22, 22))
-            tab.setFixedWidth(wide(_NAVIGATION_PX))
-            action = self.actions_table.made.get(f"go_{name}")
-            if action is not None:
-                tab.setToolTip(action.shortcut().toString())
-            tab.clicked.connect(lambda checked=False, name=name: self.go(name))
-            group.addButton(tab)
-            box.addWidget(tab)
-            if name in ("record", "compare"):
-                box.addSpacing(10)
-        box.addStretch(1)
-        return bar
 
     # --- asking ---------------------------------------------------------------------------------------------
 
@@ -178,7 +150,7 @@ class OperatorWindow(QMainWindow):
     def go(self, name: str) -> None:
         """Show a page."""
         page = self.pages[name][1]
-        self.tabs[name].setChecked(True)
+        self.navigation.tabs[name].setChecked(True)
         if self.stack.currentWidget() is page and page.isAncestorOf(self.focusWidget() or self):
             return  # the keyboard stays where it is
         self.notice.forget_done()
@@ -268,15 +240,11 @@ class OperatorWindow(QMainWindow):
         application = QApplication.instance()
         assert isinstance(application, QApplication)
         apply_theme(application, name)
-        self._paint_icons()
+        self.navigation.paint_icons()
         for _, page in self.pages.values():
             redraw = getattr(page, "restyle_plots", None)
             if redraw is not None:
                 redraw()
-
-    def _paint_icons(self) -> None:
-        for name, tab in self.tabs.items():
-            tab.setIcon(icon(name, theme().text))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Return presses the button that has the keyboard, as in dialogs; here Qt gives that to the space bar alone."""

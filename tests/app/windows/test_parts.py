@@ -113,7 +113,7 @@ class TestActions:
         for name, (title, page) in window.pages.items():
             window.ask(f"go_{name}")
             assert window.stack.currentWidget() is page
-            assert window.tabs[name].text() == title
+            assert window.navigation.tabs[name].text() == title
 
 
 class TestThreads:

@@ -112,7 +112,7 @@ def test_what_the_library_says_is_dutch_too(qapp: QApplication, opened: Operator
 def test_windows_speak_dutch(qapp: QApplication, open_window: Callable) -> None:
     try:
         window = open_window(language="nl")
-        assert window.tabs["record"].text() == table_of("nl")["Record"]
+        assert window.navigation.tabs["record"].text() == table_of("nl")["Record"]
         assert window.actions_table.made["start"].text() == table_of("nl")["Start measuring"]
         assert (
             window.actions_table.made["go_bench"].shortcut().toString(QKeySequence.SequenceFormat.NativeText)

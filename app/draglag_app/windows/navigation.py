@@ -1,0 +1,52 @@
+"""The column of pages at the left of the operator's window."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from PySide6.QtCore import QSize, Signal
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import QButtonGroup, QFrame, QPushButton, QVBoxLayout
+
+from draglag_app.windows.icons import icon
+from draglag_app.windows.theme import theme, wide
+
+_WIDTH_PX, _ICON_PX = 164, 22
+# After these comes a little room: to set up, to judge, to look things up.
+_LAST_OF_A_GROUP = ("record", "compare")
+
+
+class Navigation(QFrame):
+    """One button a page; ``titles`` are name → title, ``actions`` those whose keys the tips tell (``go_<name>``)."""
+
+    chosen = Signal(str)
+
+    def __init__(self, titles: Mapping[str, str], actions: Mapping[str, QAction]) -> None:
+        super().__init__()
+        self.setObjectName("navigation")
+        self.setFixedWidth(wide(_WIDTH_PX))
+        box = QVBoxLayout(self)
+        box.setContentsMargins(0, 8, 0, 8)
+        box.setSpacing(2)
+        group = QButtonGroup(self)
+        self.tabs: dict[str, QPushButton] = {}
+        for name, title in titles.items():
+            tab = self.tabs[name] = QPushButton(title)
+            tab.setCheckable(True)
+            tab.setIconSize(QSize(_ICON_PX, _ICON_PX))
+            tab.setFixedWidth(wide(_WIDTH_PX))
+            action = actions.get(f"go_{name}")
+            if action is not None:
+                tab.setToolTip(action.shortcut().toString())
+            tab.clicked.connect(lambda checked=False, name=name: self.chosen.emit(name))
+            group.addButton(tab)
+            box.addWidget(tab)
+            if name in _LAST_OF_A_GROUP:
+                box.addSpacing(10)
+        box.addStretch(1)
+        self.paint_icons()
+
+    def paint_icons(self) -> None:
+        """In the present theme."""
+        for name, tab in self.tabs.items():
+            tab.setIcon(icon(name, theme().text))
