@@ -11,6 +11,7 @@ from PySide6.QtGui import QAction, QKeySequence, QUndoStack
 from PySide6.QtWidgets import QMenuBar, QWidget
 
 from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
+from draglag_app.windows.letter_menu import LetterMenu
 
 CONTEXT = "Actions"
 
@@ -77,6 +78,10 @@ ELSEWHERE = (
     ),
     (QT_TRANSLATE_NOOP("Actions", "Space"), QT_TRANSLATE_NOOP("Actions", "press the button, tick the box")),
     (QT_TRANSLATE_NOOP("Actions", "Return"), QT_TRANSLATE_NOOP("Actions", "on a plot: copy or save it")),
+    (
+        QT_TRANSLATE_NOOP("Actions", "Letters"),
+        QT_TRANSLATE_NOOP("Actions", "in a menu or a box: the entry that begins so"),
+    ),
     (QT_TRANSLATE_NOOP("Actions", "Alt+letter"), QT_TRANSLATE_NOOP("Actions", "open a menu, by its underlined letter")),
 )
 """Keys that belong to no action."""
@@ -105,7 +110,8 @@ class Actions(QObject):
     def fill(self, bar: QMenuBar) -> None:
         """Menus in the order of the table."""
         for name, title in MENUS.items():
-            menu = bar.addMenu(say(title))
+            menu = LetterMenu(say(title), bar)
+            bar.addMenu(menu)
             for spec in ACTIONS:
                 if spec.menu == name and spec.id in self.made:
                     menu.addAction(self.made[spec.id])

@@ -9,10 +9,11 @@ from typing import Any
 import pyqtgraph as pg
 from PySide6.QtCore import QCoreApplication, QPoint, QRectF, Qt, QTimer
 from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplication, QKeyEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMenu, QMessageBox, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMessageBox, QSizePolicy, QWidget
 
 from draglag.errors import DataError
 from draglag_app.windows.ask_files import ask_save
+from draglag_app.windows.letter_menu import LetterMenu
 from draglag_app.windows.plot_values import write_picture, write_text
 from draglag_app.windows.theme import points, theme
 
@@ -200,7 +201,7 @@ class PlotFrame(pg.PlotWidget):
     # --- copy and export ------------------------------------------------------------------------------------
 
     def _menu(self, at: QPoint) -> None:
-        menu = QMenu(self)
+        menu = LetterMenu(self)
         for text, action in (
             (tr("Show all"), self.autoRange),
             (tr("Copy picture"), lambda: QGuiApplication.clipboard().setPixmap(self.grab())),

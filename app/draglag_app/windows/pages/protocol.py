@@ -6,7 +6,6 @@ from pathlib import Path
 
 from PySide6.QtWidgets import (
     QHBoxLayout,
-    QMenu,
     QPushButton,
     QSizePolicy,
     QTableWidgetItem,
@@ -19,6 +18,7 @@ from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag_app.windows import words
 from draglag_app.windows.ask_files import ask_open, ask_save
 from draglag_app.windows.flow import Flow
+from draglag_app.windows.letter_menu import LetterMenu
 from draglag_app.windows.plan_editor import PlanEditor
 from draglag_app.windows.plan_preview import PlanPreview
 from draglag_app.windows.precision_preview import PrecisionPreview
@@ -89,7 +89,7 @@ class ProtocolPage(QWidget):
         row.setSpacing(8)
         # A menu, not a box: the arrow keys of a closed box would load every preset they pass.
         self.preset = button(self.tr("Preset…"))
-        menu = QMenu(self.preset)
+        menu = LetterMenu(self.preset)
         for name in presets("protocols"):
             menu.addAction(name).triggered.connect(lambda checked=False, name=name: self._preset_chosen(name))
         self.preset.setMenu(menu)
@@ -118,7 +118,7 @@ class ProtocolPage(QWidget):
     def _list(self) -> Panel:
         panel = Panel(self.tr("Runs"))
         add = button(self.tr("Add"))
-        menu = QMenu(add)
+        menu = LetterMenu(add)
         for kind in KINDS:
             menu.addAction(words.target_name(kind)).triggered.connect(lambda checked=False, kind=kind: self._add(kind))
         add.setMenu(menu)
