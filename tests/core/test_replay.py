@@ -16,6 +16,7 @@ from draglag.gap.run_data import gather
 from draglag.gap.state import Term, term_signature
 from draglag.protocols import load_protocol
 from draglag.recording import Session
+from draglag.report.replayed import binned
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS
 
@@ -115,3 +116,16 @@ def test_a_fitted_effect_moves_simulated_edges_as_it_moves_measured_ones(name: s
 
 def test_sizes_beyond_an_effect_s_bounds_are_held_at_them() -> None:
     assert made("clock_drift", {"drift_ppm": 1e6}).value == EFFECTS["clock_drift"].parameters[0].upper
+
+
+def test_an_edge_of_a_stylus_that_stands_still_does_not_hide_the_others() -> None:
+    """One of 200 edges, at 5 mm/s and off by 60 mm, reads as a latency of 12 s."""
+    rng = np.random.default_rng(3)
+    speed = np.where(np.arange(200) == 50, 5.0, 100.0)
+    off_mm = np.where(np.arange(200) == 50, 60.0, 0.005 * speed + 0.05 * rng.standard_normal(200))
+    late_ms = 1e3 * off_mm / speed
+    limits = np.array([0.0, 1.0])
+    middle, mean, reach = binned(np.full(200, 0.5), late_ms, limits, speed**2)
+    assert middle.tolist() == [0.5]
+    assert mean[0] == pytest.approx(5.0, abs=0.3)
+    assert abs(mean[0] - 5.0) < reach[0] < 0.5

@@ -15,7 +15,7 @@ from draglag.gap.fit import Fit
 from draglag.gap.heldout import noise_variance_mm2
 from draglag.gap.replay import Replay, replays
 from draglag.gap.results import GapReport, followed, unexplained_in_words
-from draglag.recording import FloatArray, Session
+from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.style import (
     BLUE,
@@ -46,7 +46,6 @@ _WORDS_PASSED_OVER = {
     "no_gap": "No gap worth a name: what is left beyond chance is too little for one.",
     "explained": "Explained by the effects below; what is left beyond chance is too little for a name.",
 }
-_BINS = 12
 
 
 def headline(report: GapReport) -> str:
@@ -74,8 +73,8 @@ def write_gap_report(
             *_overlays(again, report),
             (
                 _residuals(report.first, report.last),
-                "Residual of every edge against what it could follow: mean of each bin with its 95 % interval, "
-                "before (orange triangles) and after (blue dots). A flat line at zero is a closed gap.",
+                "Residuals against what they could follow: the latency that fits the edges of each bin best, with its "
+                "95 % interval, before (orange triangles) and after (blue dots). A flat line at zero is a closed gap.",
             ),
             (_curves(report), "Latency law before and after, with the latency of each run."),
             (
@@ -175,10 +174,14 @@ def _overlays(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, s
         ),
         (
             replayed.residuals_figure(first, last),
-            "Residuals as the present model sees them, mean of each bin with its 95 % band: where the simulation holds "
-            "the cause, it shows the measured structure (dots on squares).",
+            "Residuals as the present model sees them: the latency that fits the edges of each bin best, with its 95 % "
+            "band. Where the simulation holds the cause, it shows the measured structure (dots on squares).",
         ),
-        (replayed.spread_figure(first, last), "Distribution of these residuals, measured and simulated with noise."),
+        (
+            replayed.spread_figure(first, last),
+            "Distribution of these residuals, measured and simulated with noise. Simulated ones are the narrower where "
+            "nothing else is left: touch noise that lasts longer than a frame passes for motion of the hand.",
+        ),
     ]
     steps = replayed.steps_figure(again, report)
     if steps is not None:
@@ -252,7 +255,9 @@ def _residuals(first: Fit, last: Fit) -> Any:
         for fit, colour, marker, name in ((first, ORANGE, "^", "before"), (last, BLUE, "o", "after")):
             # As latency: a residual across the beam over the velocity across it keeps its sign in both directions.
             late_ms = 1e3 * fit.residual_mm / np.where(np.abs(fit.view.v_across) < 1, np.nan, fit.view.v_across)
-            middle, mean, reach = _binned(getattr(fit.view, covariate), late_ms)
+            x = np.asarray(getattr(fit.view, covariate), float)
+            weight = np.square(fit.view.v_across)
+            middle, mean, reach = replayed.binned(x, late_ms, replayed.limits_in(x), weight)
             axes.errorbar(
                 middle, mean, reach, color=colour, marker=marker, linestyle="-", lw=0.8, capsize=2, label=name
             )
@@ -263,20 +268,6 @@ def _residuals(first: Fit, last: Fit) -> Any:
     plain_log_ticks(grid[0, 0].xaxis)
     grid[0, 0].legend(loc="best")
     return figure
-
-
-def _binned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    limits = np.unique(np.quantile(x, np.linspace(0, 1, _BINS + 1)))
-    which = np.clip(np.searchsorted(limits, x, side="right") - 1, 0, max(limits.size - 2, 0))
-    rows = []
-    for k in range(max(limits.size - 1, 1)):
-        own = y[(which == k) & np.isfinite(y)]
-        if own.size > 3:
-            rows.append(
-                (float(np.median(x[which == k])), float(own.mean()), 1.96 * float(own.std()) / np.sqrt(own.size))
-            )
-    table = np.array(rows).reshape(-1, 3)
-    return table[:, 0], table[:, 1], table[:, 2]
 
 
 def _curves(report: GapReport) -> Any:

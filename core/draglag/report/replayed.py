@@ -29,27 +29,36 @@ OFTEN = ("speed", "session_time", "x", "time_in_run", "acceleration", "normal_ac
 Bins = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def binned(x: FloatArray, y: FloatArray, limits: FloatArray) -> Bins:
-    """Middle, mean and half width of its 95 % interval in each bin with more than three values, (k,) each."""
+def binned(x: FloatArray, y: FloatArray, limits: FloatArray, weight: FloatArray | None = None) -> Bins:
+    """Middle, weighted mean and half width of its 95 % interval in each bin with more than three values, (k,) each.
+
+    Without weights all values count alike.
+    """
     which = np.clip(np.searchsorted(limits, x, side="right") - 1, 0, limits.size - 2)
+    w = np.ones(np.shape(y)) if weight is None else weight
     rows = []
     for k in range(limits.size - 1):
-        own = (which == k) & np.isfinite(y)
+        own = (which == k) & np.isfinite(y) & (w > 0)
         if np.count_nonzero(own) > 3:
-            reach = 1.96 * float(y[own].std()) / np.sqrt(np.count_nonzero(own))
-            rows.append((float(np.median(x[own])), float(y[own].mean()), reach))
+            total = float(w[own].sum())
+            mean = float(w[own] @ y[own]) / total
+            reach = 1.96 * float(np.sqrt(np.sum((w[own] * (y[own] - mean)) ** 2))) / total
+            rows.append((float(np.median(x[own])), mean, reach))
     table = np.array(rows).reshape(-1, 3)
     return table[:, 0], table[:, 1], table[:, 2]
 
 
 def against(overlay: Overlay, covariate: str, limits: FloatArray) -> Bins:
-    """Residuals of an overlay, as latency in ms, binned over a covariate."""
+    """Residuals of an overlay, as latency in ms, binned over a covariate.
+
+    Weighted by the square of the velocity across the beam, as a fit of one latency to the bin's edges would: an edge of
+    a stylus that stands nearly still says little of latency, and would hide all others.
+    """
     attribute, _ = AXES[covariate]
     x = np.asarray(getattr(overlay.view, attribute), float)
-    y = overlay.late_ms
     if covariate == "direction":
         x = np.sign(x)
-    return binned(x, y, limits)
+    return binned(x, overlay.late_ms, limits, np.square(overlay.view.v_across))
 
 
 def limits_of(measured: Overlay, covariate: str) -> FloatArray:
@@ -58,7 +67,11 @@ def limits_of(measured: Overlay, covariate: str) -> FloatArray:
         return np.array([-0.5, 0.5, 1.5])
     if covariate == "direction":
         return np.array([-1.5, 0.0, 1.5])
-    values = np.asarray(getattr(measured.view, AXES[covariate][0]), float)
+    return limits_in(np.asarray(getattr(measured.view, AXES[covariate][0]), float))
+
+
+def limits_in(values: FloatArray) -> FloatArray:
+    """Limits between which as many values lie in each bin, two or more of them."""
     limits: FloatArray = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
     return limits if limits.size > 1 else np.array([limits[0] - 1, limits[0] + 1])
 
