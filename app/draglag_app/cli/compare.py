@@ -69,6 +69,7 @@ def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> N
                 difference.speed_mm_s, difference.difference_s, difference.low_s, difference.high_s, strict=True
             )
         ]
+        chance = f"p = {difference.p_value:.2g}" if difference.p_value > 0.0 else "p < 1e-300"
         word = "they differ" if difference.p_value < 0.05 else "no difference beyond chance"
-        click.echo(f"{name} minus {curves[0][0]}: {word} (p = {difference.p_value:.2g})")
+        click.echo(f"{name} minus {curves[0][0]}: {word} ({chance})")
         click.echo(table(["speed mm/s", "difference ms", "95 % band ms"], rows, left=0) + "\n")

@@ -95,7 +95,7 @@ def _proposed(window: OperatorWindow, what: str) -> Path:
 
 def _work(window: OperatorWindow, what: str, work: Any, where: Path) -> None:
     window.space.tasks.start(
-        what, work, lambda result: window.tell("info", tr("{what}: {where}").format(what=what, where=where)),
+        what, work, lambda result: window.tell("info", tr("Saved: {path}").format(path=where)),
         lambda text: window.tell("error", text),
     )  # fmt: skip
 

@@ -48,7 +48,7 @@ class StepTable(QTableWidget):
         size = ", ".join(_size(key, value) for key, value in step["parameters"].items())
         gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
         p_value = step["evidence"]["p_value"]
-        chance = f"{p_value:.1e}" if p_value < 1e-3 else f"{p_value:.2g}"
+        chance = f"{p_value:.1e}" if 0.0 < p_value < 1e-3 else f"{p_value:.2g}" if p_value else "< 1e-300"
         for column, text in enumerate((name, in_words(str(step.get("where", ""))), size, gap, chance)):
             item = QTableWidgetItem(text)
             item.setToolTip(effect_meaning(step["effect"]) if column == 0 else text)

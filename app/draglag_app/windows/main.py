@@ -7,10 +7,23 @@ import sys
 from pathlib import Path
 
 from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QWidget
 
 from draglag_app.windows.application import install_excepthook, make_application
 from draglag_app.windows.settings import load_settings, settings_path
 from draglag_app.windows.window import OperatorWindow
+
+# What a title bar and borders take of a screen; how much they do is known only once they are there.
+_AROUND_PX = (16, 48)
+
+
+def show_whole(window: QWidget) -> None:
+    """Show a window as large as it is, or as large as the screen where it would reach beyond."""
+    room = window.screen().availableGeometry().size()
+    if window.width() + _AROUND_PX[0] > room.width() or window.height() + _AROUND_PX[1] > room.height():
+        window.showMaximized()
+    else:
+        window.show()
 
 
 def open_operator_window(session: Path | None = None) -> int:
@@ -22,7 +35,7 @@ def open_operator_window(session: Path | None = None) -> int:
     install_excepthook(lambda text: window.tell("error", text))
     if problem:
         window.tell("warning", problem)
-    window.show()
+    show_whole(window)
     if session is not None:
         window.space.open(session)
     else:

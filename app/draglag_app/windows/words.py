@@ -50,6 +50,11 @@ def number(value: float | None, digits: int = 1) -> str:
     return DASH if value is None or value != value else f"{value:.{digits}f}"
 
 
+def chance(p_value: float) -> str:
+    """A probability; none is nothing, however small the computer's numbers get."""
+    return f"p = {p_value:.2g}" if p_value > 0.0 else "p < 1e-300"
+
+
 def ms(value_s: float | None, digits: int = 1) -> str:
     """Seconds as milliseconds, without the unit."""
     return number(None if value_s is None else 1e3 * value_s, digits)

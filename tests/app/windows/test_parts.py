@@ -306,21 +306,6 @@ class TestGeometryPage:
         assert load_settings(window.space.settings_file)[0].panel == space.settings.panel
 
 
-class TestCompare:
-    def test_sessions_appear_in_table_and_plots(
-        self, opened: OperatorWindow, until: Callable, session_file: Path
-    ) -> None:
-        page = opened.pages["compare"][1]
-        page._add_present()
-        page.add_files([session_file])
-        until(lambda: page.table.rowCount() == 2)
-        # Two sessions of one name are told apart by their files.
-        assert page.table.item(1, 0).text().endswith(f"({session_file.name})")
-        apart = next(columns for name, columns in page.apart.drawn.items() if name.startswith("2") and "95" not in name)
-        assert np.abs(apart[1]).max() < 1e-9  # the same session twice
-        assert page.table.item(1, page.table.columnCount() - 1).text().startswith("no")
-
-
 class TestGap:
     REPORT: ClassVar[dict[str, object]] = {
         "session": "s",

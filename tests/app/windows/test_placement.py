@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import QSize, Qt
-from PySide6.QtWidgets import QMessageBox
+from PySide6.QtWidgets import QApplication, QMessageBox, QWidget
 
 from draglag.calibration import target_places
 from draglag.recording import Screen
 from draglag_app.windows import placement, start
+from draglag_app.windows.main import show_whole
 from draglag_app.windows.settings import CalibrationSettings, PanelSettings
 from draglag_devices.calibration import as_mapping
 
@@ -135,6 +136,20 @@ def test_turned_axes_need_a_calibration() -> None:
     assert "calibrate" in placement.axes_problem(False, ON_SIDE)
     assert placement.axes_problem(True, upside_down) == ""
     assert placement.axes_problem(False, NORMAL) == ""
+
+
+def test_a_window_larger_than_the_screen_fills_it_and_hides_nothing(qapp: QApplication) -> None:
+    room = qapp.primaryScreen().availableGeometry()
+    large, small = QWidget(), QWidget()
+    large.resize(room.width(), room.height())  # no room is left for its title bar
+    small.resize(room.width() // 2, room.height() // 2)
+    for window in (large, small):
+        show_whole(window)
+    assert large.isMaximized()
+    assert not small.isMaximized()
+    for window in (large, small):
+        window.close()
+        window.deleteLater()
 
 
 def test_start_asks_when_the_screen_stands_on_its_side_and_turn_mends_it(

@@ -51,6 +51,7 @@ class ComparePage(QWidget):
             made = button(text, role)
             made.clicked.connect(action)
             row.addWidget(made)
+        self.remove_button = made
         outer.addLayout(row)
         plots = QSplitter(Qt.Orientation.Horizontal)
         self.curves = CurvePlot(self.tr("Latency"))
@@ -65,9 +66,14 @@ class ComparePage(QWidget):
         titles = [self.tr("session"), self.tr("form"), *at_speeds, self.tr("RMS"), self.tr("differs")]
         self.table = table(titles, single=False)
         self.table.setAccessibleName(self.tr("Compare"))
+        self.table.itemSelectionChanged.connect(self._chosen)
         outer.addWidget(self.table, 2)
         self.empty = label(self.tr("Add two or more sessions to see how their screens differ."), "hint")
         outer.addWidget(self.empty)
+        self._chosen()
+
+    def _chosen(self) -> None:
+        self.remove_button.setEnabled(self.table.selectionModel().hasSelection())
 
     def _ask(self) -> None:
         names, _ = QFileDialog.getOpenFileNames(
@@ -109,6 +115,7 @@ class ComparePage(QWidget):
         self.curves.clear_all()
         self.apart.clear_all()
         self.table.setRowCount(0)
+        self._chosen()
         self.empty.setVisible(len(self._shown) < 2)
         for k, (analysis, file) in enumerate(self._shown):
             self._show_one(k, analysis, file)
@@ -140,7 +147,7 @@ class ComparePage(QWidget):
                 self.apart.band(name + " 95 %", speed, 1e3 * found.low_s, 1e3 * found.high_s, colour)
                 self.apart.line(name, speed, 1e3 * found.difference_s, colour, 2.5)
                 answer = self.tr("yes") if found.p_value < 0.05 else self.tr("no")
-                self.table.setItem(k, len(cells) - 1, QTableWidgetItem(f"{answer} (p = {found.p_value:.2g})"))
+                self.table.setItem(k, len(cells) - 1, QTableWidgetItem(f"{answer} ({words.chance(found.p_value)})"))
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

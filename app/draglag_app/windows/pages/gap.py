@@ -80,7 +80,7 @@ class GapPage(QWidget):
         self._choice_made()
         self.add_button = button(self.tr("Add by hand"))
         self.add_button.clicked.connect(self._add)
-        self.save_button = button(self.tr("Save model …"))
+        self.save_button = button(self.tr("Save model…"))
         self.save_button.clicked.connect(self._save)
         self._resting = Resting(self.close_button, self.leave_out, self.add_button, self.save_button)
         row.addWidget(self.close_button)
@@ -193,7 +193,7 @@ class GapPage(QWidget):
         if path is not None:
             try:
                 save_model(LatencyModel.model_validate(model), path)
-                self._space.noticed.emit("info", self.tr("Model saved: {name}").format(name=path))
+                self._space.noticed.emit("info", self.tr("Saved: {path}").format(path=path))
             except DraglagError as error:
                 self._space.noticed.emit("warning", str(error))
 
