@@ -46,8 +46,12 @@ class Correction:
         out = []
         if self.applied:
             out.append("corrected for " + "; ".join(size_words(effect) for effect in self.applied))
-        if self.left:
-            out.append("not for " + "; ".join(f"{name} ({why})" for name, why in self.left.items()))
+        stays = {name: why for name, why in self.left.items() if why != LAW_UNDOES}
+        if stays:
+            out.append("not for " + "; ".join(f"{name} ({why})" for name, why in stays.items()))
+        undone = [name for name in self.left if name not in stays]
+        if undone:
+            out.append(f"{', '.join(undone)} {'is' if len(undone) == 1 else 'are'} {LAW_UNDOES}")
         return ", ".join(out)
 
     @property

@@ -17,6 +17,7 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
 
 VERSION = 1
+MADE_BY = "Give a file made by analyze --save-model or gap --save-model"
 LONGEST_FILE = 4_000_000  # bytes; a model is a few kilobytes
 LONGEST_S = 60.0  # no drag latency is near
 OF_SPEED = ("low_speed_plateau", "second_filter_mode")
@@ -189,24 +190,51 @@ def load_model(path: Path | str) -> LatencyModel:
     path = Path(path)
     try:
         if path.stat().st_size > LONGEST_FILE:
-            raise DataError(f"{path}: too large for a latency model", "Give a file made by analyze --save-model")
+            raise DataError(f"{path}: too large for a latency model", MADE_BY)
         raw: Any = json.loads(path.read_text("utf-8"))
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the name and the rights") from error
     except (ValueError, RecursionError):
-        raise DataError(f"{path}: is not JSON", "Give a file made by analyze --save-model") from None
+        raise DataError(f"{path}: is not JSON", MADE_BY) from None
     if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version") != VERSION:
         raise DataError(f"{path}: model version {raw.get('version')!r} is not known here", "Update draglag")
     try:
-        return LatencyModel.model_validate(raw)
+        model = LatencyModel.model_validate(raw)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         what = first["msg"].removeprefix("Value error, ")
         raise DataError(
             f"{path}: not a latency model: {place + ': ' if place else ''}{what[:1].lower()}{what[1:]}",
-            "Give a file made by analyze --save-model",
+            MADE_BY,
         ) from None
+    wrong = _wrong_effect(model)
+    if wrong:
+        raise DataError(f"{path}: not a latency model: {wrong}", MADE_BY)
+    return model
+
+
+def _wrong_effect(model: LatencyModel) -> str:
+    """In words an effect that is named twice, or of a size that no rig has; empty where all are well.
+
+    A fit may end somewhat beyond the library's bounds; farther out than they are apart is no fit's.
+    """
+    ids = [effect.id for effect in model.effects]
+    for effect in model.effects:
+        if ids.count(effect.id) > 1:
+            return f"the effect {effect.id} is named twice"
+        for spec in EFFECTS[effect.id].parameters:
+            value, apart = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
+            if not spec.lower - apart <= value <= spec.upper + apart:
+                bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
+                return f"the effect {effect.id} has {spec.name} {value:g}; the library knows {bounds}"
+    return ""
+
+
+def other_screen(model: LatencyModel, screen: str) -> str:
+    """In words that a model was fitted on another screen than the one named; empty where it was not, or is not told."""
+    of = model.provenance.screen
+    return f"the model was fitted on {of}, this is {screen}" if of and screen and of != screen else ""
 
 
 def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:

@@ -318,3 +318,13 @@ def test_simulate_is_repeatable_and_effects_reach_the_data(tmp_path: Path) -> No
     one, same, other = (read_session(tmp_path / f"{name}.h5").runs[0].laser.t_s.tolist() for name in "abc")
     assert one == same
     assert one != other
+
+
+def test_a_full_disk_behind_the_output_is_one_sentence() -> None:
+    """Not a bug to report: what stdout goes to is full."""
+    command = [sys.executable, "-c", "from draglag_app.cli import main; main()", "plan", "demo", "--screen", "screen-1"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("draglag: the output cannot be written (No space left on device). Make room")
+    assert "Traceback" not in done.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -191,3 +192,39 @@ def test_commands_say_what_they_corrected_for(model: LatencyModel, drifting: Ses
     text = said("compensate", m, str(tmp_path / "in.csv"), str(tmp_path / "out.csv"))
     assert "clock_drift (it does not act on touch)" in text
     assert "clock_drift" in said("simulate", "--screen", "screen-1", "--model", m, "--out", str(tmp_path / "new.h5"))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda effects: effects + effects, "the effect clock_drift is named twice"),
+        (lambda effects: [effects[0] | {"parameters": {"drift_ppm": 1e9}}], "has drift_ppm 1e+09"),
+    ],
+)
+def test_a_model_file_whose_effects_no_rig_has_is_refused(
+    model: LatencyModel, tmp_path: Path, change: object, said: str
+) -> None:
+    content = model.model_dump(mode="json")
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(content | {"effects": change(content["effects"])}), "utf-8")  # type: ignore[operator]
+    with pytest.raises(DataError, match=re.escape(said)):
+        load_model(path)
+
+
+def test_a_model_of_another_screen_is_told_as_such(model: LatencyModel, compared: Session, tmp_path: Path) -> None:
+    save_model(model, tmp_path / "model.json")
+    for name, warned in (("screen-1", False), ("another", True)):
+        write_session(replace(compared, screen=replace(compared.screen, name=name)), tmp_path / f"{name}.h5")
+        for command in ("validate", "analyze"):
+            path, file = str(tmp_path / f"{name}.h5"), str(tmp_path / "model.json")
+            done = CliRunner().invoke(cli, [command, path, "--model", file])
+            assert done.exit_code == 0, done.output
+            assert ("warning: the model was fitted on screen-1, this is another" in done.output) is warned
+
+
+def test_what_the_law_undoes_is_not_told_as_left_in(model: LatencyModel, drifting: Session) -> None:
+    plateau = ModelEffect(id="low_speed_plateau", parameters={"speed_mm_s": 118.0})
+    touch = drifting.runs[0].touch
+    held = model.model_copy(update={"effects": (plateau,)})
+    words = corrected_touch(touch.t_s, touch.x_mm, touch.y_mm, held)[3].words()
+    assert words == "low_speed_plateau is part of the latency law, which undoes it"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -100,10 +101,21 @@ def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
     except BrokenPipeError:
         # The reader (head, less) has gone: nothing to say, and nothing to say it to.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            click.echo(_unexpected(error), err=True)
+        else:
+            click.echo(
+                f"draglag: the output cannot be written ({error.strerror}). Make room, then try again.", err=True
+            )
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left of it has no room either
     except Exception as error:  # the one place where a bug meets people
-        name = type(error).__name__
-        click.echo(f"draglag: unexpected {name}; please report it with the file {_save_traceback()}.", err=True)
+        click.echo(_unexpected(error), err=True)
     raise click.exceptions.Exit(1)
+
+
+def _unexpected(error: Exception) -> str:
+    return f"draglag: unexpected {type(error).__name__}; please report it with the file {_save_traceback()}."
 
 
 def _save_traceback() -> Path:

@@ -34,11 +34,12 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
     from draglag.analysis import has_constant_speed, mean_by_protocol
     from draglag.correction import corrected
     from draglag.latency.estimate import prepare
-    from draglag.model_file import load_model
+    from draglag.model_file import load_model, other_screen
     from draglag.validation import Validation, validate_run
 
     model = load_model(model_path)
     data, correction = corrected(load_session(session), model)
+    elsewhere = other_screen(model, data.screen.name)
     runs = [run for run in data.runs if all_runs or not has_constant_speed(run)] or list(data.runs)
 
     def law(speed_mm_s: FloatArray) -> FloatArray:
@@ -68,6 +69,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
         "validation_mean": mean_by_protocol(done),
         "not_compensated": list(correction.left_but_law),
         **correction.to_dict(),
+        "other_screen": elsewhere,
         "problems": problems,
     }
     if as_json:
@@ -88,6 +90,8 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
     ]
     head = ["run", "target", "edges", "J(0)/N mm²", "J/N mm²", "ΔJ %", "speeds mm/s", "verdict"]
     click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}")
+    if elsewhere:
+        click.echo(f"warning: {elsewhere}", err=True)
     if model.effects:
         click.echo(correction.words())
     click.echo()

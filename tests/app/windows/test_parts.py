@@ -384,6 +384,8 @@ class TestGap:
         poor = {"verdict": None, "steps": [], "missing": ["too few circles"], "noise_floor_mm": None}
         page.show_report({**self.REPORT, **poor, "gap_first_mm": None})
         assert page.verdict.text() == "too few circles"
+        page.show_report({**self.REPORT, **poor, "missing": ["too few circles", "too few edges"], "gap_first_mm": None})
+        assert page.verdict.text() == "too few circles; too few edges"
         assert page.plot.drawn == {}
 
     def test_an_effect_can_be_taken_out_and_brought_back(

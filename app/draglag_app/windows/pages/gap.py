@@ -277,7 +277,7 @@ class GapPage(QWidget):
                     covariate=followed(str(report.get("unexplained_by")))
                 ),
             ),
-        }.get(str(report["verdict"]), ("warning", " ".join(map(in_words, report.get("missing", ())))))
+        }.get(str(report["verdict"]), ("warning", "; ".join(map(in_words, report.get("missing", ())))))
         self._say(level, text)
         self.table.show_steps(report["steps"])
         self.table.setVisible(bool(report["steps"]))
