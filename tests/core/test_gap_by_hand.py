@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from draglag.errors import DataError
@@ -43,6 +45,17 @@ def test_a_wrong_effect_is_added_but_not_said_to_help(session: Session, unnamed:
     after = add_by_hand(session, unnamed, "beam_width")
     assert not after.steps[-1].evidence.endswith("shrinks")
     assert after.verdict == "unexplained"
+
+
+@pytest.mark.parametrize("cause", ["scatter", "acceleration", "frame"])
+def test_what_was_unexplained_is_not_explained_by_an_effect_that_closes_nothing(
+    session: Session, unnamed: GapReport, cause: str
+) -> None:
+    """Scatter, a law of another speed and stalls are told beside the finding: it being clean says nothing of them."""
+    sound = add_by_hand(session, unnamed, "scan_skew")
+    after = add_by_hand(session, replace(sound, verdict="unexplained", unexplained_by=cause), "beam_wedge")
+    assert not after.steps[-1].evidence.endswith("shrinks")
+    assert (after.verdict, after.unexplained_by) == ("unexplained", cause)
 
 
 def test_what_cannot_be_added_by_hand_is_refused(session: Session, unnamed: GapReport) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
-from draglag.gap.compose import STREAMS, Gap, Model, shrinkage, theta_of
+from draglag.gap.compose import STREAMS, Gap, Model, Shrinkage, shrinkage, theta_of
 from draglag.gap.doubts import covariate_of, left_out, still_there
 from draglag.gap.finding import Finding, find
 from draglag.gap.fit import Fit, fit_session
@@ -18,12 +18,15 @@ from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
 from draglag.gap.signatures import SIGNATURES
+from draglag.gap.soundness import excess_scatter
 from draglag.gap.state import Term
 from draglag.gap.streams import inspect
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 BY_HAND = tuple(effect for effect in EFFECTS if effect in (*SIGNATURES, PLATEAU, *TERM_OF))
+
+OF_THE_STREAMS = ("frame", "host_tick")  # seen before any fit, which does not change them
 
 
 @one_blas_thread
@@ -66,7 +69,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         EXTRA_RUN.get(effect, ""),
         fit=fit,
     )
-    left = still_there(fit, finding) if finding.significant else None
+    left = _left(report, fit, finding, changed)
     settled = [replace(s, parameters=parameters_of(s.effect, fit) or s.parameters) for s in report.steps]
     verdict = "unexplained" if left else "explained"
     if not left and report.verdict == "no_gap" and changed.verdict != "shrinks":
@@ -77,11 +80,23 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         steps=(*settled, step),
         noise_floor_mm=floor_mm(fit),
         gap_last_mm=gap_mm(fit),
-        unexplained_by=None if left is None else covariate_of(left),
+        unexplained_by=left,
         p_value=finding.p_value,
         last=fit,
         finding=finding,
     )
+
+
+def _left(report: GapReport, fit: Fit, finding: Finding, changed: Shrinkage) -> str | None:
+    """What a gap still follows, or None: what was unexplained is not explained by an effect that closes nothing."""
+    left = still_there(fit, finding) if finding.significant else None
+    if left is not None:
+        return covariate_of(left)
+    if report.verdict != "unexplained":
+        return None
+    if changed.verdict != "shrinks" or report.unexplained_by in OF_THE_STREAMS:
+        return report.unexplained_by
+    return "scatter" if report.unexplained_by == "scatter" and excess_scatter(fit) is not None else None
 
 
 def _gap(session: Session, fit: Fit, finding: Finding) -> Gap:
