@@ -18,6 +18,7 @@ from click.testing import CliRunner, Result
 from draglag.curve import CurvePoints, fit_form
 from draglag.exchange import read_exchange
 from draglag.model_file import model_of, save_model
+from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.store import SessionWriter, read_analyses, read_session, verify
 from draglag_app.cli import cli
 from draglag_app.cli.main import COMMANDS, load
@@ -328,3 +329,11 @@ def test_a_full_disk_behind_the_output_is_one_sentence() -> None:
     assert done.returncode == 1
     assert done.stderr.startswith("draglag: the output cannot be written (No space left on device). Make room")
     assert "Traceback" not in done.stderr
+
+
+def test_help_of_simulate_lists_every_effect_with_a_size_that_it_takes() -> None:
+    told = CliRunner().invoke(cli, ["simulate", "--help"]).output
+    for name, effect in EFFECTS.items():
+        assert f"  {name} " in told
+        assert parse_effect(f"{name}={effect.parameters[0].typical:g}").id == name
+    assert "pitch_mm 5 mm" in told

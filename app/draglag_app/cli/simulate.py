@@ -14,7 +14,21 @@ if TYPE_CHECKING:
     from draglag.simulation.rig import Rig
 
 
-@click.command("simulate")
+class _ListsEffects(click.Command):
+    """Ends its help with every effect: id, typical value, and further numbers."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from draglag.simulation.effects import EFFECTS
+
+        rows = []
+        for name, effect in EFFECTS.items():
+            sizes = (f"{p.name} {p.typical:g} {p.unit if p.unit != '1' else ''}".rstrip() for p in effect.parameters)
+            rows.append((name, ", ".join(sizes)))
+        with formatter.section("Effects and typical sizes (ID alone; ID=VALUE; ID=VALUE,NAME=VALUE)"):
+            formatter.write_dl(rows)
+
+
+@click.command("simulate", cls=_ListsEffects)
 @click.option("--screen", "screen_name", required=True, metavar="NAME", help="Preset or TOML file of the screen.")
 @click.option(
     "--effect",
