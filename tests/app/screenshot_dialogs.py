@@ -12,6 +12,7 @@ from draglag.errors import DataError
 from draglag.protocols import load_protocol
 from draglag_app.session import events
 from draglag_app.windows import files
+from draglag_app.windows.i18n import translate
 from draglag_app.windows.library_words import in_words
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
@@ -98,7 +99,8 @@ def under_way(
     shoot(window, out / f"calibrating-{theme}.png")
     window.space.calibrating.cancel()
     window.start()
-    wait(application, lambda: window.record.buttons["proceed"].isEnabled() and bool(window.space.live.known))
+    rest = translate("RecordPage", "Rest")
+    wait(application, lambda: window.record.big.text() == rest and bool(window.space.live.known))
     window.ask("note")
     window.record.note.setText("stylus tip changed after this run")
     shoot(window, out / f"resting-{theme}.png")

@@ -25,6 +25,7 @@ from draglag.protocols import load_protocol
 from draglag.recording import Screen
 from draglag.targets import Circle, Tap
 from draglag_app.windows.application import make_application
+from draglag_app.windows.i18n import translate
 from draglag_app.windows.participant import ParticipantWindow
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
@@ -181,7 +182,8 @@ def participant_states(out: Path) -> None:
     state("rest", lambda window: window.set_prompt("Rest"))
     state("clocks", lambda window: window.set_prompt("Comparing clocks: leave the screen alone"))
     state("tap", lambda window: window.show_target(Tap(254.6, 143.2, 100, 1.0), now))
-    words = "Touch the cross and lift: 4 of 9\nThe stylus slid: rest it on the cross without moving."
+    touch = translate("Calibration", "Touch the cross and lift: {k} of {n}").format(k=4, n=9)
+    words = touch + "\n" + translate("Calibration", "The stylus slid: rest it on the cross without moving.")
     state("calibration", lambda window: window.show_cross(51, 143, words))
 
 

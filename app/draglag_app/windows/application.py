@@ -17,7 +17,7 @@ from PySide6.QtGui import QIcon, QPixmap
 from PySide6.QtWidgets import QApplication
 
 from draglag.errors import DraglagError
-from draglag_app.windows.i18n import use_language
+from draglag_app.windows.i18n import translate, use_language
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.theme import apply_theme
 from draglag_resources import resource
@@ -52,7 +52,8 @@ def install_excepthook(tell: Callable[[str], None]) -> None:
             tell(str(error))
             return
         where = write_fault(kind, error, trace)
-        tell(f"Something went wrong ({error or kind.__name__}). Details are in {where}.")
+        said = translate("Application", "Something went wrong ({error}). Details are in {where}.")
+        tell(said.format(error=str(error) or kind.__name__, where=where))
 
     sys.excepthook = hook
 

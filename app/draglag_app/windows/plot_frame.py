@@ -220,11 +220,17 @@ class PlotFrame(pg.PlotWidget):
         try:
             self.save(path)
         except DataError as error:
-            QMessageBox.warning(self, "draglag", str(error))
+            self._tell("error", str(error))
         else:
-            tell = getattr(self.window(), "tell", None)  # the operator's window has a place for it
-            if tell is not None:
-                tell("info", tr("Saved: {path}").format(path=path))
+            self._tell("info", tr("Saved: {path}").format(path=path))
+
+    def _tell(self, level: str, text: str) -> None:
+        """Where the operator's window has a place for it: nothing stands in the way of a run."""
+        tell = getattr(self.window(), "tell", None)
+        if tell is not None:
+            tell(level, text)
+        elif level == "error":
+            QMessageBox.warning(self, "draglag", text)
 
     def save(self, path: Path) -> None:
         """Write a PNG, an SVG or a CSV, by the name's ending. Raises DataError where it cannot be written."""

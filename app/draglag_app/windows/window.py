@@ -174,7 +174,7 @@ class OperatorWindow(QMainWindow):
         self.tell("", "")
         problems, hopeless = obstacles(self.space)
         problems += self.header.faults()
-        if problems:
+        if problems and not self.space.recording.active:
             if hopeless:
                 self.tell("error", " ".join(problems))
                 return

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QPointF, Qt
-from PySide6.QtGui import QColor, QImage, QTouchEvent
+from PySide6.QtGui import QCloseEvent, QColor, QImage, QTouchEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
 from draglag.recording import Screen
 from draglag.targets import Circle, Tap
-from draglag_app.windows.participant import BACKGROUND, PRACTICE, TARGET, ParticipantWindow
+from draglag_app.windows.participant import BACKGROUND, DONE, PRACTICE, TARGET, ParticipantWindow
 from draglag_app.windows.screen_display import ScreenDisplay
 
 SCREEN = Screen("s", 200.0, 100.0, 1600, 800)
@@ -159,6 +159,13 @@ class TestWords:
         colours = {image.pixelColor(x, y).name() for x in range(0, 800, 3) for y in range(20, 60)}
         assert len(colours - {BACKGROUND}) > 1
 
+    def test_it_says_when_all_is_done(self, window: ParticipantWindow, clock: Clock) -> None:
+        window.show_target(CIRCLE, clock.now_s)
+        window.hide_target()
+        assert window._present_words() == DONE
+        clock.now_s += 60.0
+        assert window._present_words() == DONE
+
     def test_tap_target_keeps_its_prompt(self, window: ParticipantWindow, clock: Clock) -> None:
         window.set_prompt("Tap")
         window.show_target(Tap(100, 50, 10), clock.now_s)
@@ -174,6 +181,19 @@ class TestHands:
         QTest.keyClick(shown, Qt.Key.Key_Space)
         QTest.keyClick(shown, Qt.Key.Key_Q, Qt.KeyboardModifier.ControlModifier)
         assert heard == [True]
+        assert shown.isVisible()
+
+    def test_closing_it_by_the_desktops_keys_ends_the_run_not_the_program(self, shown: ParticipantWindow) -> None:
+        class ByTheDesktop(QCloseEvent):
+            def spontaneous(self) -> bool:
+                return True
+
+        heard: list[bool] = []
+        shown.aborted.connect(lambda: heard.append(True))
+        event = ByTheDesktop()
+        shown.closeEvent(event)
+        assert heard == [True]
+        assert not event.isAccepted()
         assert shown.isVisible()
 
     def test_touches_are_taken_and_never_become_mouse_events(self, shown: ParticipantWindow) -> None:
