@@ -9,6 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QWidget
 
+from draglag.protocols import load_protocol
 from draglag_app.session.machine import Phase
 from draglag_app.windows.actions import ELSEWHERE
 from draglag_app.windows.pages.geometry import GeometryPage
@@ -74,6 +75,27 @@ class TestFromTheParticipantsWindow:
         QTest.keyClick(window.space.recording.window, Key.Key_8, CONTROL)
         until(window.isActiveWindow)
         assert window.stack.currentWidget() is page_of(window, "log")
+
+
+def test_before_the_first_run_there_is_nothing_to_repeat(open_window: Callable, until: Callable) -> None:
+    window = open_window(begin_by_hand=True)
+    check = load_protocol("demo").clock_check
+    window.space.set_protocol(window.space.protocol.model_copy(update={"taps": None, "clock_check": check}))
+    record = window.record
+    window.ask("start")
+    until(lambda: record.big.text() == "Rest")  # after the clocks were compared
+    assert not record.buttons["repeat"].isEnabled()
+    window.ask("repeat")
+    assert record.small.text() == "F6 begins the first run now"
+    window.ask("proceed")
+    until(lambda: record.table.rowCount() == 1 and record.big.text() == "Rest")
+    assert "F7 repeats the last one" in record.small.text()
+    assert record.buttons["repeat"].isEnabled()
+    window.ask("repeat")  # which begins it, too, where runs wait for the operator
+    until(lambda: record.table.rowCount() == 2)
+    assert [record.table.item(row, 0).text() for row in range(2)] == ["run-01", "run-01-2"]
+    window.ask("stop")
+    until(lambda: not window.space.recording.active)
 
 
 class TestUndo:

@@ -185,6 +185,7 @@ class RecordPage(QWidget):
     def _enable(self, resting: bool, running: bool) -> None:
         self.buttons["proceed"].setEnabled(resting)
         self.buttons["abort"].setEnabled(running)
+        self.buttons["repeat"].setEnabled(running or self.table.rowCount() > 0)
 
     def _prompted(self, event: Prompted) -> None:
         """Between runs the operator reads what the participant reads."""
@@ -194,11 +195,11 @@ class RecordPage(QWidget):
             self._say(self.tr("Taps"), in_words(event.text))
         elif event.text == "Rest":
             control = self._space.recording.control
-            again = control is not None and control.repeating
-            self._say(
-                self.tr("Rest"),
-                self._again() if again else self.tr("F6 begins the next run now, F7 repeats the last one"),
-            )
+            again = control is not None and control.repeating and self.table.rowCount() > 0
+            choices = self.tr("F6 begins the next run now, F7 repeats the last one")
+            if not self.table.rowCount():
+                choices = self.tr("F6 begins the first run now")
+            self._say(self.tr("Rest"), self._again() if again else choices)
         elif event.text:
             self._say(self.tr("Wait"), in_words(event.text))
         self._enable(resting=event.text == "Rest", running=event.kind == "tap")
@@ -264,7 +265,8 @@ class RecordPage(QWidget):
     def say_repeat(self) -> None:
         """The operator asked for a run once more."""
         if self._phase in (None, Phase.FINISHED):
-            self.small.setText(self._again())
+            if self.table.rowCount():  # before the first run there is nothing to repeat
+                self.small.setText(self._again())
         else:
             self._show_state()
 
