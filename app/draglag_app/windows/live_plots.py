@@ -26,6 +26,8 @@ def _thinned(table: np.ndarray) -> np.ndarray:
 class TracePlot(Plot):
     """The screen under test: target's path, touch trace, beam and the touch positions at its edges."""
 
+    _begun: tuple[Order | None, PlannedRun | None] = (None, None)
+
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("", tr("x (mm)"), tr("y (mm)"), "trace", parent)
         self.setAspectLocked(True)
@@ -36,6 +38,7 @@ class TracePlot(Plot):
 
     def restyle(self) -> None:
         super().restyle()
+        self._draw_what_stands()
         marks = (
             ("▽", theme().orange, tr("goes dark")),
             ("□", theme().purple, tr("light returns")),
@@ -46,6 +49,18 @@ class TracePlot(Plot):
     def begin(self, order: Order | None, planned: PlannedRun | None) -> None:
         """An empty screen with beam and the path the target will take."""
         self.clear_all()
+        self._begun = (order, planned)
+        self._draw_what_stands()
+        if order is None:
+            return
+        screen = order.options.screen
+        if self._shown_mm != (screen.width_mm, screen.height_mm):
+            # Looking for the range each time, and drawing axes anew for it, would cost the participant frames.
+            self._shown_mm = (screen.width_mm, screen.height_mm)
+            self.setRange(xRange=(0, screen.width_mm), yRange=(0, screen.height_mm), padding=_MARGIN)
+
+    def _draw_what_stands(self) -> None:
+        order, planned = self._begun
         if order is None:
             return
         colours, screen = theme(), order.options.screen
@@ -58,10 +73,6 @@ class TracePlot(Plot):
         if planned is not None:
             t_s = np.linspace(0, planned.duration_s, _MOST_DRAWN)
             self.line(tr("target"), *planned.target.position_mm(t_s), colours.line, 1)
-        if self._shown_mm != (screen.width_mm, screen.height_mm):
-            # Looking for the range each time, and drawing axes anew for it, would cost the participant frames.
-            self._shown_mm = (screen.width_mm, screen.height_mm)
-            self.setRange(xRange=(0, screen.width_mm), yRange=(0, screen.height_mm), padding=_MARGIN)
 
     def draw(self, live: LiveRun) -> None:
         """What has arrived."""

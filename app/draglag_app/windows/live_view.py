@@ -61,8 +61,8 @@ class LiveView(QSplitter):
 
     def begin_session(self) -> None:
         """Nothing to show yet."""
-        self.trace.clear_all()
-        self.speed.clear_all()
+        self.trace.begin(None, None)
+        self.speed.begin(None)
         self._due.start()
 
     def end_session(self) -> None:

@@ -11,13 +11,14 @@ import pytest
 from PySide6.QtWidgets import QApplication
 
 from draglag.protocols import PlannedRun, expand, load_protocol
-from draglag.recording import Screen
+from draglag.recording import Beam, Screen
 from draglag_app.session import SessionOptions, events
 from draglag_app.windows.live_view import LiveView
 from draglag_app.windows.session_thread import Order
 from draglag_app.windows.theme import apply_theme, theme
 from draglag_devices.rig import Rig
 
+BEAM = Beam(0.01, 80.0)
 SCREEN = Screen("test", 310.0, 174.0, 1920, 1080)
 
 
@@ -52,7 +53,7 @@ def planned() -> PlannedRun:
 
 
 def begin(view: LiveView, planned: PlannedRun) -> None:
-    order = Order(load_protocol("demo"), cast(Rig, None), Path("x.h5"), SessionOptions(SCREEN))
+    order = Order(load_protocol("demo"), cast(Rig, None), Path("x.h5"), SessionOptions(SCREEN, beam=BEAM))
     view.begin_session()
     view.prepare(planned.id, order, planned)
     view.begin_run(events.RunStarted(planned.id, planned, 100.0))
@@ -162,5 +163,8 @@ def test_a_change_of_theme_recolours_the_run_that_goes_on(
     try:
         for name, colour in (("target", other.muted), ("stylus", other.blue)):
             assert view.speed._items[name][0].opts["pen"].color().name() == colour.lower()
+        standing = (("screen", other.muted), ("beam", other.bad), ("target", other.line), ("touch", other.blue))
+        for name, colour in standing:
+            assert view.trace._items[name][0].opts["pen"].color().name() == colour.lower()
     finally:
         apply_theme(qapp, before.name)
