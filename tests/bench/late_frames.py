@@ -44,8 +44,8 @@ _WATCHED = (
     (Saver, "_tell", "writer: telling"),
     (SessionWriter, "flush", "writer: flush"),
 )
-# Wakes for each slot of the same grid, and computes after some of them for as long as the live plots do. Tells when it
-# woke, s after its start, one a line.
+# Wakes for each slot of the same grid, and computes after some of them for as long as the live plots do. Tells, a line
+# each time, which slot it woke for and when, s after its start.
 _BARE = """
 import select, sys, time
 
@@ -57,16 +57,16 @@ def compute(steps):
 
 rate_hz, work_s, every = map(float, sys.argv[1:])
 steps = int(1000 * work_s / min(compute(1000) for _ in range(200)))
-start_s, woken_s, slot = time.monotonic(), [], 0
+start_s, woken, slot = time.monotonic(), [], 0
 while True:
     now_s = time.monotonic() - start_s
     slot = int(now_s * rate_hz) + 1
     if select.select([sys.stdin], [], [], max(0.0, slot / rate_hz - now_s))[0]:
         break
-    woken_s.append(time.monotonic() - start_s)
-    if len(woken_s) % every == 0:
+    woken.append((slot, time.monotonic() - start_s))
+    if len(woken) % every == 0:
         compute(steps)
-print("\\n".join(f"{t_s:.6f}" for t_s in woken_s))
+print("\\n".join(f"{slot} {t_s:.6f}" for slot, t_s in woken))
 """
 _PLOTS_S, _PLOTS_EVERY = 0.004, 6
 
@@ -83,9 +83,11 @@ class BareProcess:
     def end(self) -> tuple[list[float], int]:
         """How long after the slot's beginning it woke, s, each time; and how many slots it missed."""
         told, _ = self._process.communicate("")
-        woken_s = [float(line) for line in told.split()]
-        slots = {int(t_s * _RATE_HZ) for t_s in woken_s}
-        return [t_s % (1 / _RATE_HZ) for t_s in woken_s], max(slots) - min(slots) + 1 - len(slots)
+        woken = [(int(slot), float(t_s)) for slot, t_s in (line.split() for line in told.splitlines())]
+        # A timer may wake a little early: that is not the slot before.
+        slots = {max(slot, int(t_s * _RATE_HZ)) for slot, t_s in woken}
+        late_s = [max(0.0, t_s - slot / _RATE_HZ) for slot, t_s in woken]
+        return late_s, max(slots) - min(slots) + 1 - len(slots)
 
 
 class LateFrames:

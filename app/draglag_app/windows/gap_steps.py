@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,10 @@ class StepTable(QTableWidget):
             self.setItem(k, column, item)
 
 
+# Of a step's name in a line below the plot.
+_LETTERS = 14
+
+
 class StepPlot(Plot):
     """The gap on runs held out of the fit, step by step, against the noise floor."""
 
@@ -76,7 +81,9 @@ class StepPlot(Plot):
         self.dots(say("steps"), x, y, theme().orange, "s", 10, words=tips)
         floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
         self.line(say("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
-        self.getAxis("bottom").setTicks([[(float(k), name) for k, name in enumerate(names)]])
+        # A name that is wider than its place would be left out.
+        self.getAxis("bottom").setTicks([[(float(k), fill(name, _LETTERS)) for k, name in enumerate(names)]])
+        self.setXRange(-0.5, len(gaps) - 0.5, padding=0)
         # With room for the legend above the highest of them.
         self.setYRange(0, 1.4 * max(*gaps, *floor))
 

@@ -1,0 +1,50 @@
+"""The picture of a gap that shrinks, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from PySide6.QtGui import QImage, QPainter
+from PySide6.QtWidgets import QApplication
+
+from draglag_app.windows.gap_steps import StepPlot
+from draglag_app.windows.i18n import use_language
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+@pytest.mark.parametrize(
+    "effects", [["low_speed_plateau"], ["low_speed_plateau", "direction_asymmetry", "clock_drift"]]
+)
+def test_every_step_has_its_name_below_it(
+    open_window: Callable, qapp: QApplication, language: str, effects: list[str]
+) -> None:
+    """On the smallest window, in the longest words."""
+    window = open_window(language=language)
+    window.resize(1280, 800)
+    window.go("gap")
+    steps = [
+        {
+            "effect": effect, "where": "", "parameters": {}, "gap_before_mm": 0.5, "gap_after_mm": 0.4,
+            "evidence": {"p_value": 1e-9},
+        }
+        for effect in effects
+    ]  # fmt: skip
+    try:
+        page = window.pages["gap"][1]
+        page.show_report({"verdict": "explained", "steps": steps, "gap_first_mm": 0.6, "noise_floor_mm": 0.1})
+        for _ in range(5):
+            qapp.processEvents()
+        assert len(names_drawn(page.plot)) == len(effects) + 1
+    finally:
+        use_language(qapp, "en")
+
+
+def names_drawn(plot: StepPlot) -> list[str]:
+    axis = plot.getPlotItem().getAxis("bottom")
+    image = QImage(10, 10, QImage.Format.Format_RGB32)
+    painter = QPainter(image)
+    painter.setFont(axis.style["tickFont"] or painter.font())
+    _, _, texts = axis.generateDrawSpecs(painter)
+    painter.end()
+    return [text for _, _, text in texts]
