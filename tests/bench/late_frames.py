@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 import gc
+import os
 import subprocess
 import sys
 import threading
 import time
 from collections import deque
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,14 @@ class BareProcess:
         return late_s, max(slots) - min(slots) + 1 - len(slots)
 
 
+def _opened(path: str) -> int | None:
+    """To be read sixty times a second; None where the system has no such file."""
+    try:
+        return os.open(path, os.O_RDONLY)
+    except OSError:
+        return None
+
+
 class LateFrames:
     """Notes what the program's threads do, and how long the window's thread waited for a core.
 
@@ -103,12 +111,12 @@ class LateFrames:
         self._late: list[str] = []
         self._own_work = 0
         self._start_s: float | None = None
-        self._before: tuple[float, float, float, float] | None = None
+        self._before: tuple[float, float, float] | None = None
         self._bare: BareProcess | None = None
         self._bare_s: list[float] = []
         self._bare_missed = 0
         self._main = threading.get_ident()
-        self._schedstat = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")
+        self._schedstat = _opened(f"/proc/self/task/{threading.get_native_id()}/schedstat")
         for owner, name, words in _WATCHED:
             setattr(owner, name, self._watched(getattr(owner, name), words))
         gc.callbacks.append(self._collected)
@@ -186,14 +194,12 @@ class LateFrames:
                 words = f"garbage of generation {facts['generation']}"
                 self._spans.append((self._gc_s, end_s, words, threading.get_ident() == self._main))
 
-    def _used(self) -> tuple[float, float, float]:
-        """Of the window's thread: CPU s, s it could have run but had no core; of the machine: s that others took."""
-        try:
-            cpu, waited = self._schedstat.read_text().split()[:2]
-            stolen = Path("/proc/stat").read_text().split("\n", 1)[0].split()[8]
-        except (OSError, IndexError):
-            return 0.0, 0.0, 0.0
-        return float(cpu) / 1e9, float(waited) / 1e9, float(stolen) / 100
+    def _used(self) -> tuple[float, float]:
+        """Of the window's thread: CPU s, and s it could have run but had no core."""
+        if self._schedstat is None:
+            return 0.0, 0.0
+        cpu, waited = os.pread(self._schedstat, 100, 0).split()[:2]
+        return float(cpu) / 1e9, float(waited) / 1e9
 
     def _frame(self, t_s: float, missed: int) -> None:
         if self._start_s is None:
@@ -203,11 +209,11 @@ class LateFrames:
         self._depths_s.append((t_s - self._start_s) % (1 / _RATE_HZ))
         if not missed or before is None:
             return
-        cpu, waited, stolen = (1e3 * (b - a) for a, b in zip(before[1:], now[1:], strict=True))
+        cpu, waited = (1e3 * (b - a) for a, b in zip(before[1:], now[1:], strict=True))
         self._own_work += cpu > 1e3 / _RATE_HZ
         lines = [
             f"  {missed} missed at {t_s - self._start_s:.2f} s, {1e3 * (t_s - before[0]):.1f} ms after the last frame: "
-            f"own CPU {cpu:.1f} ms, waited for a core {waited:.1f} ms, taken by other machines {stolen:.0f} ms"
+            f"own CPU {cpu:.1f} ms, waited for a core {waited:.1f} ms"
         ]
         if now[0] - self._awake_s > _LONG_S:
             lines.append(f"    busy for {1e3 * (now[0] - self._awake_s):.1f} ms when it was drawn")
