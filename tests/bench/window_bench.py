@@ -4,6 +4,7 @@ One circle is recorded from the simulated rig in real time, its digitiser at 1 k
 the Record page in sight. Run it under Xvfb (``xvfb-run -s "-screen 0 1920x1080x24"``) for a window system that costs
 something; ``QT_QPA_PLATFORM=offscreen`` measures drawing alone. Before every late frame of the target stands what the
 program did, and beside them what a process misses that does nothing else.
+This watching takes about 1.3 % of a core by itself, which the figure of the whole process holds.
 """
 
 from __future__ import annotations
