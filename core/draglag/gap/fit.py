@@ -26,14 +26,14 @@ from draglag.gap.noise import (
     scatter,
 )
 from draglag.gap.rates import best_rates
-from draglag.gap.run_data import RunData, as_shown, without_ripple
+from draglag.gap.run_data import RunData, undone
 from draglag.gap.state import State, Term, look, stepped, term_signature, usable
 from draglag.gap.unwarped import Unwarped
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
 from draglag.simulation.residual import Averaged, View
 
-RIPPLE = "pitch_ripple"
+RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
 START = Components(0.05, 0.01, 0.1, 0.0003, 0.03)
 
 
@@ -91,7 +91,7 @@ def fit_session(
     Raises EstimateError when the session cannot carry the law.
     """
     width = session.screen.width_mm
-    runs, terms = _on_flat_traces(runs, terms)
+    runs, terms = _on_their_traces(runs, terms)
     less = None
     sizes: list[tuple[float, ...]] = [() for _ in terms]
     if start is not None and terms:
@@ -205,16 +205,16 @@ def fit_session(
     )
 
 
-def _on_flat_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
-    """A ripple among the terms is taken from the traces, if they show it: what its term keeps is what is left of it."""
-    if all(term.effect != RIPPLE for term in terms):
-        return as_shown(runs), terms
-    flat = without_ripple(runs)
-    lattice = flat[0].lattice
-    if lattice is None or flat is runs:
-        return flat, terms
+def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
+    """Traces with what the terms say undone in them: a ripple if they show it, and a low-pass whose setting is its time
+    constant. What such a term keeps is what is left of it."""
+    lag_s = next((term.theta[0] for term in terms if term.effect == SMOOTHING and term.theta), 0.0)
+    ready = undone(runs, any(term.effect == RIPPLE for term in terms), lag_s)
+    lattice = ready[0].lattice
+    if lattice is None or lattice is runs[0].lattice:
+        return ready, terms
     left = Term(RIPPLE, (lattice.pitch_mm, 1.0), (0.0,) * 4)
-    return flat, [left if term.effect == RIPPLE else term for term in terms]
+    return ready, [left if term.effect == RIPPLE else term for term in terms]
 
 
 def _at_best_rates(state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float) -> State:

@@ -11,7 +11,7 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import Fit, fit_session, latency_of_terms, log_likelihood_on, most_promising
-from draglag.gap.heldout import gap_mm, improves, shrinks_with
+from draglag.gap.heldout import gap_mm, improves, shrinks, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
 from draglag.gap.signatures import SIGNATURES, unnamed_columns
@@ -28,7 +28,7 @@ REFITTED = 6
 NEARLY = 0.05
 HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will not overtake it
 RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
-PLATEAU, MODE = "low_speed_plateau", "second_filter_mode"
+PLATEAU, MODE, SMOOTHING = "low_speed_plateau", "second_filter_mode", "smoothing_shrink"
 # Of an effect's typical size, 0.1 where not said: less is of no use to anybody, and a proxy more likely than itself.
 # The position fits bend circles as a low-pass of 5 ms would; a hand's acceleration is some 100 mm/s², and the time
 # that a speed belongs to is known to some 30 ms.
@@ -40,7 +40,7 @@ SMALLEST = {
     "pitch_ripple": 0.25,
     "direction_asymmetry": 0.2,
 }
-SETTLING = 4
+SETTLING, SETTLED = 4, 0.01
 DELAYS = np.geomspace(0.5, 2.5, 7)  # of what the acceleration alone makes of a lagging law's delay
 LEAST_DELAY_S, MOST_DELAY_S = 0.005, 0.3
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
@@ -87,7 +87,7 @@ def gained(before: Fit, after: Fit) -> float:
 def possible(effect: str, fit: Fit) -> bool:
     """Whether the size can matter and lies within the bounds of the effect's class: a low-pass cannot swell."""
     numbers = parameters_of(effect, fit)
-    if effect == "smoothing_shrink" and next(t.sizes[0] for t in fit.terms if t.effect == effect) <= 0:
+    if effect == SMOOTHING and numbers["time_constant_s"][0] <= 0:
         return False
     leading = EFFECTS[effect].parameters[0]
     if leading.name in numbers:
@@ -116,6 +116,24 @@ def with_the_delay_itself(session: Session, before: Fit, name: Name, plateau: bo
         return name
     more = gained(fit, better) - 2 * np.log(delays.size)
     return replace(name, fit=better, gain=name.gain + more, gap_after_mm=gap_mm(better)) if more > 0 else name
+
+
+def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
+    """A low-pass undone in the traces, tremor and quick circles too, where that closes more than its mean effect."""
+    fit, found = name.fit, name
+    for _ in range(SETTLING):
+        lag_s = parameters_of(SMOOTHING, fit)["time_constant_s"][0]
+        setting = next(t.theta for t in fit.terms if t.effect == SMOOTHING)
+        if setting and abs(lag_s - setting[0]) < SETTLED * lag_s:
+            break
+        terms = [Term(SMOOTHING, (lag_s,), (0.0,)) if t.effect == SMOOTHING else t for t in fit.terms]
+        better = refit(session, before, terms, plateau, fit.law)
+        if better is None or not possible(SMOOTHING, better):
+            break
+        fit = better
+        if shrinks(found.fit, fit):
+            found = replace(found, fit=fit, gap_after_mm=gap_mm(fit))
+    return found
 
 
 def sure_jump(fit: Fit, finding: Finding) -> Candidate | None:
@@ -213,6 +231,8 @@ def name(
     if names and names[0].effect == "lagging_law":
         # Only once it is chosen: the speed of another time is a smoother one too, which helps with any law.
         names[0] = with_the_delay_itself(session, before, names[0], plateau)
+    if names and names[0].effect == SMOOTHING:
+        names[0] = with_the_trace_sharpened(session, before, names[0], plateau)
     nameless = [c for c in finding.significant if c.effect is None]
     unnamed = next(
         (c for c in nameless if shrinks_with(before, unnamed_columns(before.view, c.covariate, c.role, c.theta))), None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import block_diag, csr_matrix, identity
 
 from draglag.gap.edges import Placed, Windows, joined_rows
 from draglag.gap.run_data import RunData
@@ -76,7 +76,11 @@ def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> t
         before += data.t_s.size
         across.append((own, by_y))
         beside.append((by_x,))
-    return joined_rows(across, before), joined_rows(beside, before)
+    rows = joined_rows(across, before), joined_rows(beside, before)
+    if all(data.spread is None for data in runs):
+        return rows
+    spread = block_diag([identity(d.t_s.size) if d.spread is None else d.spread for d in runs], format="csr")
+    return rows[0] @ spread, rows[1] @ spread
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,11 @@ LINEAR = {
 def whole_sizes(term: Term, fit: Fit) -> np.ndarray:
     """A term's sizes (k,) across the beam, with what was undone of it in the traces."""
     lattice = fit.runs[0].lattice
-    sizes = np.array(term.sizes)
-    return sizes + lattice.sizes_mm[:, 1] if term.effect == "pitch_ripple" and lattice is not None else sizes
+    if term.effect == "pitch_ripple" and lattice is not None:
+        return np.array(term.sizes) + lattice.sizes_mm[:, 1]
+    if term.effect == "smoothing_shrink" and term.theta:
+        return np.array(term.sizes) + term.theta[0] ** 2
+    return np.array(term.sizes)
 
 
 def parameters_of(effect: str, fit: Fit) -> Parameters:

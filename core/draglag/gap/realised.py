@@ -15,6 +15,7 @@ from draglag.gap.state import Term
 from draglag.recording import Beam, FloatArray, Session
 from draglag.simulation.effects import EFFECTS, Effect, Parameter
 from draglag.simulation.effects.second_filter_mode import within
+from draglag.simulation.effects.smoothing_shrink import behind
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.law import LatencyLaw
 from draglag.simulation.rig import Rig
@@ -27,9 +28,9 @@ IN_THE_TRACE = ("loss_of_contact", "frame_drop", "laser_bounce")
 
 @dataclass(frozen=True)
 class FittedShape(Effect):
-    """A displacement across the beam in the very shape that a fit found, or a filter that follows the acceleration.
+    """A displacement in the very shape that a fit found, a low-pass that looks back only, or a second filter's times.
 
-    ``value``: its amplitude, mm (the filter: s).
+    ``value``: its amplitude, mm (a filter: s).
 
     sizes: of the shape's parts across the beam; a ripple's then along it, where known. about: the panel coordinate
     (−1 … +1) about which the polynomial's square has no mean.
@@ -64,6 +65,8 @@ class FittedShape(Effect):
             waves = [2 * np.pi * at / self.theta[0] for at in (k.motion.x_mm, k.motion.y_mm)]
             shape = [f(wave) for wave in waves for f in (np.sin, np.cos)]
             x_mm = x_mm + sum((size * part for size, part in zip(self.sizes[4:], shape, strict=False)), 0.0)
+        elif self.effect == "smoothing_shrink":
+            return behind(x_mm, self.value, k.step_s), behind(y_mm, self.value, k.step_s)
         else:
             u = 2 * k.motion.x_mm / k.width_mm - 1
             if self.theta:
@@ -98,6 +101,8 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 
 def has_free_shape(term: Term) -> bool:
     """Whether its numbers alone do not say what the term does: a fitted shape, a filter that follows acceleration."""
+    if term.effect == "smoothing_shrink":
+        return bool(term.theta)
     return term.effect in OF_FREE_SHAPE or (term.effect == "second_filter_mode" and term.theta[1:2] in {(1.0,), (2.0,)})
 
 
@@ -108,6 +113,8 @@ def fitted_shape(term: Term, fit: Fit) -> FittedShape:
     lattice = fit.runs[0].lattice
     along = () if lattice is None or term.effect != "pitch_ripple" else tuple(map(float, lattice.sizes_mm[:, 0]))
     amplitude = float(np.linalg.norm(sizes[:2]))
+    if term.effect == "smoothing_shrink":
+        amplitude = float(np.sqrt(sizes[0]))
     about = 0.0 if term.effect == "second_filter_mode" else float(panel_x.mean())
     return FittedShape(amplitude, term.effect, term.theta, (*sizes, *along), about)
 

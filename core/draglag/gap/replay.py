@@ -21,7 +21,7 @@ from draglag.gap.fit import Fit, restrict
 from draglag.gap.model import residual_mm
 from draglag.gap.realised import effects_of_fit, held_s, rig_of
 from draglag.gap.results import GapReport
-from draglag.gap.run_data import RunData, gather
+from draglag.gap.run_data import RunData, as_shown, gather
 from draglag.gap.signatures import view_of
 from draglag.gap.streams import inspect
 from draglag.latency.estimate import RunEstimate
@@ -192,7 +192,7 @@ def replay(
     rig = rig_of(session, fit, effects)
     origin_s = min(data.t_s[0] for data in fit.runs)
     simulated_runs = []
-    for k, data in enumerate(fit.runs):
+    for k, data in enumerate(as_shown(fit.runs)):
         tell(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
         own = np.interp(data.edge_t_s, *_sorted(fit, k))
         motion, start_s = hand_motion(rig, data, own, effects, origin_s)

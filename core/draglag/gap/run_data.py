@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_matrix, identity
 
 from draglag.errors import EstimateError
 from draglag.gap.lattice import Lattice, lattice_of
@@ -23,7 +24,8 @@ GUESS_S = 0.06
 class RunData:
     """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise.
 
-    lattice: that was undone in xy_mm; rippled: the run as the panel showed it, before that.
+    lattice, lag_s: what was undone in the trace, an electrodes' ripple and a low-pass's time constant; as_shown: the
+    run before that. spread: (n, events shown) by how much each event shown, noise and all, then moves each of the n.
     """
 
     run: Run
@@ -37,7 +39,9 @@ class RunData:
     estimate: RunEstimate | None
     guess_s: FloatArray
     lattice: Lattice | None = None
-    rippled: RunData | None = None
+    lag_s: float = 0.0
+    spread: csr_matrix | None = None
+    as_shown: RunData | None = None
 
     @property
     def steady(self) -> bool:
@@ -125,36 +129,58 @@ def _widths(
 
 def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
     """The runs as the panel showed them."""
-    return tuple(data.rippled or data for data in runs)
+    return tuple(data.as_shown or data for data in runs)
 
 
-def without_ripple(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """The runs with the lattice undone that their traces show; as they are where none is shown, or undone already."""
-    if any(data.lattice is not None for data in runs):
+def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float) -> tuple[RunData, ...]:
+    """The runs with the lattice undone that their traces show, if any, and a low-pass of time constant ``lag_s``."""
+    raw = as_shown(runs)
+    lattice = (runs[0].lattice or lattice_of([(data.t_s, data.xy_mm) for data in raw])) if ripple else None
+    if lattice is runs[0].lattice and lag_s == runs[0].lag_s:
         return runs
-    lattice = lattice_of([(data.t_s, data.xy_mm) for data in runs])
-    if lattice is None:
-        return runs
+    if lattice is None and lag_s == 0:
+        return raw
     out = []
-    for data in runs:
-        xy_mm = lattice.undone_mm(data.xy_mm)
-        widths = _widths(data.run, data.t_s, xy_mm, data.edge_t_s, data.estimate)
+    for data in raw:
+        t_s, xy_mm, spread = data.t_s, data.xy_mm, None
+        noise_mm = data.noise_mm
+        if lattice is not None:
+            xy_mm = lattice.undone_mm(xy_mm)
+            noise_mm = (_widths(data.run, t_s, xy_mm, data.edge_t_s, data.estimate) or (0, 0, noise_mm))[2]
+        if lag_s:
+            t_s, xy_mm, spread = _sharpened(t_s, xy_mm, lag_s, float(np.median(data.speed_half_s)))
+        widths = _widths(data.run, t_s, xy_mm, data.edge_t_s, data.estimate) if t_s.size else None
         if widths is None:
             return runs
-        half_s, wide_s, noise_mm = widths
-        flat = RunData(
-            data.run,
-            data.t_s,
-            xy_mm,
-            data.edge_t_s,
-            data.falling,
-            half_s,
-            wide_s,
-            noise_mm,
-            data.estimate,
-            data.guess_s,
-            lattice,
-            data,
+        half_s, wide_s, _ = widths
+        out.append(
+            replace(
+                data,
+                t_s=t_s,
+                xy_mm=xy_mm,
+                half_s=half_s,
+                speed_half_s=wide_s,
+                noise_mm=noise_mm,
+                lattice=lattice,
+                lag_s=lag_s,
+                spread=spread,
+                as_shown=data,
+            )
         )
-        out.append(flat)
     return wide_enough(tuple(out))
+
+
+def _sharpened(
+    t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float
+) -> tuple[FloatArray, FloatArray, csr_matrix]:
+    """A trace before a first-order low-pass: u = y + τ ẏ, stamped τ later, for its delay at rest is the law's.
+
+    Also by how much each event (columns) moves each of those that are left (rows).
+    """
+    fit = local_fit(t_s, xy_mm, t_s, half_width_s)
+    at = np.minimum(fit.first[:, None] + np.arange(fit.v_weights.shape[1]), t_s.size - 1)
+    ends = np.arange(0, at.size + 1, at.shape[1])
+    slopes = csr_matrix((fit.v_weights.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
+    slopes.sum_duplicates()
+    spread = identity(t_s.size, format="csr") + lag_s * slopes
+    return t_s[fit.ok] + lag_s, (xy_mm + lag_s * fit.v_mm_s)[fit.ok], spread[fit.ok]

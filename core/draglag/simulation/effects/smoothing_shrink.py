@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import filtfilt
+from scipy.signal import filtfilt, lfilter
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
@@ -49,3 +49,16 @@ class SmoothingShrink(Effect):
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         # A first-order low-pass with time constant τ whose delay the law already holds leaves ½ τ² of acceleration.
         return [Signature(offset=column(0.5 * view.a_across))]
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        # theta: the time constant that the traces are freed of already.
+        return Signature(offset=column(0.5 * view.a_across), theta=theta)
+
+
+def behind(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
+    """A path (n,) behind a first-order low-pass that looks back only, with its delay at rest given back."""
+    keep = float(np.exp(-step_s / time_constant_s))
+    late = position_mm[0] + lfilter([1 - keep], [1.0, -keep], position_mm - position_mm[0])
+    t = step_s * np.arange(position_mm.size)
+    return np.asarray(np.interp(t + time_constant_s, t, late))

@@ -1,4 +1,4 @@
-"""The electrodes' lattice seen in the streams of a sound session that a known ripple was added to, and undone there."""
+"""What a named effect did to the traces is undone there: an electrodes' ripple, and a low-pass that looks back only."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.extended import extended_model
 from draglag.gap.lattice import Lattice, lattice_of
-from draglag.gap.realised import effects_of_fit
-from draglag.gap.run_data import as_shown, gather, without_ripple
+from draglag.gap.realised import FittedShape, effects_of_fit
+from draglag.gap.run_data import as_shown, gather, undone
+from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, Run, Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects.smoothing_shrink import behind
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 PITCH_MM = 5.3
@@ -68,7 +71,7 @@ def test_pitch_amplitudes_and_phases_are_those_of_the_ripple(ripple: Session) ->
 
 def test_undone_traces_are_as_quiet_as_they_were_and_lie_where_they_did(sound: Session, ripple: Session) -> None:
     was, shown = gather(sound), gather(ripple)
-    flat = without_ripple(shown)
+    flat = undone(shown, ripple=True, lag_s=0.0)
     assert [data.run.id for data in flat] == [data.run.id for data in was]
     quick = [k for k, data in enumerate(was) if (data.run.nominal_speed_mm_s or 0) > 150]
     louder = [shown[k].noise_mm / was[k].noise_mm for k in quick]
@@ -100,3 +103,55 @@ def test_the_workflow_names_the_ripple_and_leaves_what_a_sound_session_has(sound
     freed, _ = corrected(ripple, extended_model(ripple, report))
     for was, now in zip(gather(sound), gather(freed), strict=True):
         assert now.noise_mm < 1.15 * was.noise_mm  # along the beam as well as across it
+
+
+TIME_CONSTANT_S = 0.045
+
+
+@pytest.fixture(scope="module")
+def low_passed() -> tuple[Session, Session]:
+    """A session behind a low-pass, whose delay at rest the panel's latency holds already, and the same without."""
+    demo = load_protocol("demo")
+    effect = FittedShape(TIME_CONSTANT_S, "smoothing_shrink", (TIME_CONSTANT_S,), (TIME_CONSTANT_S**2,))
+    return simulate_session("screen-1", demo, effects=[effect], seed=4), simulate_session("screen-1", demo, seed=4)
+
+
+def test_a_circle_behind_a_low_pass_is_shrunk_and_late_as_its_transfer_function_says() -> None:
+    t = np.arange(0.0, 20.0, 0.001)
+    omega = 12.0
+    shown = behind(np.cos(omega * t), TIME_CONSTANT_S, 0.001) + 1j * behind(np.sin(omega * t), TIME_CONSTANT_S, 0.001)
+    gain = (shown / np.exp(1j * omega * t))[2000:-2000]
+    known = np.exp(1j * omega * TIME_CONSTANT_S) / (1 + 1j * omega * TIME_CONSTANT_S)
+    assert np.abs(gain - known).max() < 0.01  # half a step of the grid
+
+
+def test_a_low_pass_is_named_and_the_gap_is_that_of_the_session_without_it(low_passed: tuple[Session, Session]) -> None:
+    behind_it, sound = low_passed
+    floor_mm = close_gap(sound, max_effects=0).gap_last_mm
+    report = close_gap(behind_it)
+    assert report.verdict == "explained"
+    (step,) = report.steps
+    assert step.effect == "smoothing_shrink"
+    assert step.parameters["time_constant_s"][0] == pytest.approx(TIME_CONSTANT_S, rel=0.03)
+    assert floor_mm is not None
+    assert report.gap_last_mm is not None
+    assert report.gap_first_mm is not None
+    assert report.gap_last_mm < 1.15 * floor_mm < 0.7 * report.gap_first_mm
+    # Tremor and quick circles are undone as well, which the mean effect of a low-pass on the edges does not do.
+    assert report.last is not None
+    (term,) = report.last.terms
+    assert term.theta == (pytest.approx(TIME_CONSTANT_S, rel=0.03),)
+    (again,) = effects_of_fit(report.last)
+    assert again.value == pytest.approx(TIME_CONSTANT_S, rel=0.03)
+
+
+def test_events_of_a_sharpened_trace_share_noise_as_they_are_said_to(low_passed: tuple[Session, Session]) -> None:
+    data = gather(low_passed[0])[5]
+    (sharp,) = undone((data,), ripple=False, lag_s=TIME_CONSTANT_S)
+    rng = np.random.default_rng(3)
+    noise_mm = rng.normal(0, 0.1, data.xy_mm.shape)
+    (louder,) = undone((replace(data, xy_mm=data.xy_mm + noise_mm),), ripple=False, lag_s=TIME_CONSTANT_S)
+    assert sharp.spread is not None
+    assert louder.xy_mm - sharp.xy_mm == pytest.approx(sharp.spread @ noise_mm, abs=1e-9)
+    assert sharp.t_s[0] - data.t_s[0] >= TIME_CONSTANT_S
+    assert as_shown((sharp,)) == (data,)
