@@ -228,9 +228,13 @@ def name(
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
     names = [n for n in names if n.gain > least and n.improves]
-    if names and names[0].effect == "lagging_law":
-        # Only once it is chosen: the speed of another time is a smoother one too, which helps with any law.
-        names[0] = with_the_delay_itself(session, before, names[0], plateau)
+    if names and names[0].effect in ("lagging_law", "acceleration_lag"):
+        # Only against the one other effect that is like it: the speed of another time is a smoother one too, which
+        # helps with any law.
+        lagging = next((n for n in names if n.effect == "lagging_law"), None)
+        refined = None if lagging is None else with_the_delay_itself(session, before, lagging, plateau)
+        if refined is not None and refined.gain >= names[0].gain:
+            names = [refined, *(n for n in names if n is not lagging)]
     if names and names[0].effect == SMOOTHING:
         names[0] = with_the_trace_sharpened(session, before, names[0], plateau)
     nameless = [c for c in finding.significant if c.effect is None]

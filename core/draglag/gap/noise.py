@@ -23,6 +23,9 @@ UNEVEN = (0.1, 0.3)
 # Panels differ by about 0.7 ms from run to run; more is not noise but something missing.
 RUN_S = (0.0, 0.00025, 0.0005, 0.001)
 RUN_MM = (0.0, 0.05)
+# The part of a hand's own unevenness that a window cannot follow: of quick drags it is a share, of slow ones tremor, a
+# tenth of a millimetre at 9 Hz, whose speed is the same at any drag.
+TREMOR_MM_S = 100.0
 SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
 UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's
 ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over
@@ -112,7 +115,7 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
     late_mm_s = placed.v_mm_s[use, 1]
     follows = late_mm_s * placed.stretch[use] * placed.slope_s2_mm[use]
     speed = placed.speed_mm_s[use]
-    lever, uneven_mm, loose_s = follows * speed, np.zeros(m), np.zeros(len(runs))
+    lever, uneven_mm, loose_s = follows * np.hypot(speed, TREMOR_MM_S), np.zeros(m), np.zeros(len(runs))
     reach = 1
     for k, data in enumerate(runs):
         own = run == k
