@@ -210,7 +210,7 @@ def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[
     constant. What such a term keeps is what is left of it."""
     lag_s = next((term.theta[0] for term in terms if term.effect == SMOOTHING and term.theta), 0.0)
     ready = undone(runs, any(term.effect == RIPPLE for term in terms), lag_s)
-    lattice = ready[0].lattice
+    lattice = ready[0].lattice if ready else None
     if lattice is None or lattice is runs[0].lattice:
         return ready, terms
     left = Term(RIPPLE, (lattice.pitch_mm, 1.0), (0.0,) * 4)

@@ -19,6 +19,7 @@ from draglag.simulation.effects.pitch_ripple import PITCHES_MM
 WINDOW, DEGREE = 17, 3  # events of the smooth path
 BENDS = 5  # its degree for a place: a quick circle is half a turn in a window
 LOOKED_AT = 4  # runs that are enough to find the pitch
+MANY = 2500  # events of each that are enough for a first look
 USUAL_MM_S = 300.0  # quicker than a hand's own unevenness, slow enough for several events a pitch
 STANDS_OUT = 12.0  # robust standard deviations of what other pitches explain; chance alone reaches 5
 FINER = tuple(reach * np.linspace(-1, 1, 9) for reach in (0.004, 0.001, 3e-4, 1e-4, 3e-5))  # of the pitch, by rounds
@@ -52,7 +53,7 @@ def lattice_of(traces: Sequence[tuple[FloatArray, FloatArray]]) -> Lattice | Non
     shown = [xy_mm for _, xy_mm in long]
     usual = [abs(np.log(max(_speed_mm_s(t_s, xy_mm), 1.0) / USUAL_MM_S)) for t_s, xy_mm in long]
     told = [shown[k] for k in np.argsort(usual)[:LOOKED_AT]]
-    power = _power(told)
+    power = _power([xy_mm[:MANY] for xy_mm in told])
     middle = float(np.median(power))
     if not power.max() > middle + STANDS_OUT * 1.4826 * float(np.median(np.abs(power - middle))):
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.sparse import csr_matrix, identity
@@ -20,7 +20,7 @@ FEWEST = 6  # edges a run must give to count
 GUESS_S = 0.06
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RunData:
     """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise.
 
@@ -134,8 +134,10 @@ def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
 
 def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float) -> tuple[RunData, ...]:
     """The runs with the lattice undone that their traces show, if any, and a low-pass of time constant ``lag_s``."""
+    if not runs:
+        return runs
     raw = as_shown(runs)
-    lattice = (runs[0].lattice or lattice_of([(data.t_s, data.xy_mm) for data in raw])) if ripple else None
+    lattice = (runs[0].lattice or _lattice_in(raw)) if ripple else None
     if lattice is runs[0].lattice and lag_s == runs[0].lag_s:
         return runs
     if lattice is None and lag_s == 0:
@@ -168,6 +170,12 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float) -> tuple[RunDa
             )
         )
     return wide_enough(tuple(out))
+
+
+@lru_cache(maxsize=1)
+def _lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
+    """The same for the same runs, whichever model is tried on them."""
+    return lattice_of([(data.t_s, data.xy_mm) for data in runs])
 
 
 def _sharpened(

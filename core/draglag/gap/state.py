@@ -18,6 +18,7 @@ from draglag.simulation.residual import Signature, View
 
 FOLLOW_ACCELERATION = ("acceleration_lag", "lagging_law")
 ACCEL_UNKNOWN = 0.2
+ALL_ITS_OWN = 1e-3  # of its variance that an edge leaves to the others
 FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 
@@ -162,5 +163,8 @@ def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarr
             left = np.abs(z - design @ beta)
             scale = max(1.4826 * float(np.median(left)), 0.5)
             weight = np.sqrt(np.minimum(1.0, 2 * scale / np.maximum(left, 1e-9)))
+        # The one edge near a standstill holds a level of its own: what it leaves is little, wherever it lies.
+        held = np.sum(np.linalg.qr(design * weight[:, None])[0] ** 2, axis=1)
+        left = left / np.sqrt(np.maximum(1 - held, ALL_ITS_OWN))
         keep[own[left > (9 if loose else 5) * scale]] = False
     return keep

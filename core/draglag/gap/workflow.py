@@ -43,6 +43,9 @@ NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's,
 FOLLOW_ACCELERATION = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
+UNFITTED = (
+    "edges that no law can be fitted to: touch or laser misses a large part of most runs, or they are not of one drag"
+)
 Progress = Callable[[float, str], None]
 
 
@@ -90,7 +93,9 @@ def close_gap(
             repaired = whole
             fit = fit_session(repaired, gather(repaired))
     except (EstimateError, np.linalg.LinAlgError, ValueError) as problem:
-        return GapReport(session.name, None, missing=(str(problem),))
+        return GapReport(
+            session.name, None, missing=(str(problem) if isinstance(problem, EstimateError) else UNFITTED,)
+        )
     steps = list(_stream_steps(session, seen, fit))
     first_mm = steps[0].gap_before_mm if steps else gap_mm(fit)
     first = fit
