@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.sparse import csr_matrix
 
 from draglag.gap.run_data import RunData
@@ -105,12 +106,13 @@ def place(
             half_s = start.speed_half_s[own]
         elif not data.steady:
             half_s = speed_half_widths_s(data.t_s, data.xy_mm, data.edge_t_s + latency, data.noise_mm)
+        followed = _followed(data, law) if data.steady else None
         at_s = data.edge_t_s + latency
         made = local_fit(data.t_s, data.xy_mm, at_s, half_s) if start is None else start.speed_made[k]
         for _ in range(8):
             if np.max(np.abs(at_s - made.at_s), initial=0) >= STRAIGHT_S:
                 made = local_fit(data.t_s, data.xy_mm, at_s, half_s)
-            latency, speed, step = _solved(made, law, added, data.edge_t_s, 1.0 if data.steady else 0.5)
+            latency, speed, step = _solved(made, law, added, data.edge_t_s, 1.0 if data.steady else 0.5, followed)
             at_s = data.edge_t_s + latency
             if np.max(np.abs(at_s - made.at_s), initial=0) < STRAIGHT_S:
                 break
@@ -175,19 +177,45 @@ def place(
 
 
 def _solved(
-    fast: LocalFit, law: Law, added_s: FloatArray | float, edge_t_s: FloatArray, share: float
+    fast: LocalFit,
+    law: Law,
+    added_s: FloatArray | float,
+    edge_t_s: FloatArray,
+    share: float,
+    followed: tuple[FloatArray, FloatArray] | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Latency, stylus' speed and last step, (m,) each, of L = law(v) + added, the trace taken for straight."""
     latency = fast.at_s - edge_t_s
     for _ in range(6):
         near = moved_to(fast, edge_t_s + latency)
-        speed = stylus_speed(law, near.v_mm_s, near.a_mm_s2)
+        if followed is None:
+            speed = stylus_speed(law, near.v_mm_s, near.a_mm_s2)
+        else:
+            speed = np.interp(near.at_s, *followed)
         step = np.clip(law(speed) + added_s - latency, -0.02, 0.02)
         step = np.where(fast.ok, share * step, 0.0)
         latency = latency + step
         if np.max(np.abs(step), initial=0) < 2e-5 or np.max(np.abs(edge_t_s + latency - fast.at_s)) > NEAR_S:
             break
     return latency, speed, step
+
+
+def _followed(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+    """Times (g,) s and the stylus' own speed behind what a steady run's trace shows there.
+
+    The trace runs 1 + L′ v̇ times slower than the stylus: u = v / (1 + L′ v̇). About the run's speed v₀ that is
+    v + τ v̇ = u with τ = −v₀ L′, a first-order low-pass of the shown speed, where L falls.
+    """
+    grid_s, shown = data.quick
+    usual = float(np.mean(shown))
+    slope = float(law(np.array([usual + 1.0]))[0] - law(np.array([max(usual - 1.0, 0.0)]))[0]) / 2
+    step_s = grid_s[1] - grid_s[0]
+    tau_s = max(-slope * usual, 0.0)
+    if tau_s < 0.1 * step_s:
+        return grid_s, shown
+    keep = float(np.exp(-step_s / tau_s))
+    speed, _ = lfilter([1 - keep], [1, -keep], shown, zi=[keep * shown[0]])
+    return grid_s - 0.5 * step_s, speed
 
 
 def moved_to(fit: LocalFit, at_s: FloatArray) -> LocalFit:

@@ -21,6 +21,7 @@ from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, 
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM
+from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
@@ -43,6 +44,9 @@ SMALLEST = {
 SETTLING, SETTLED = 4, 0.01
 DELAYS = np.geomspace(0.5, 2.5, 7)  # of what the acceleration alone makes of a lagging law's delay
 LEAST_DELAY_S, MOST_DELAY_S = 0.005, 0.3
+ALONE_S = (0.035, 0.06, 0.1)
+# Times the gain of what is rare: a smoother speed alone, of which delays of 20 ms seem to be made, gives up to 150.
+SURE_ALONE = 15.0
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
@@ -116,6 +120,20 @@ def with_the_delay_itself(session: Session, before: Fit, name: Name, plateau: bo
         return name
     more = gained(fit, better) - 2 * np.log(delays.size)
     return replace(name, fit=better, gain=name.gain + more, gap_after_mm=gap_mm(better)) if more > 0 else name
+
+
+def _lagging_alone(session: Session, before: Fit, plateau: bool, before_mm: float) -> list[Name]:
+    """A law of another time's speed where no column points to it: the acceleration says little of an older speed."""
+    if any(t.effect in ("lagging_law", "acceleration_lag") for t in before.terms):
+        return []
+    present = ((1.0, -USUAL_LATENCY_S),)
+    settings = present + tuple((0.0, float(sign * d)) for d in ALONE_S for sign in (1, -1))
+    options = [[*before.terms, Term("lagging_law", at, (abs(at[1]),))] for at in settings]
+    fit = refit(session, before, most_promising(before, options, before.law), plateau, before.law)
+    if fit is None or not possible("lagging_law", fit):
+        return []
+    gain = gained(before, fit) - 6 - 2 * np.log(len(settings))
+    return [Name("lagging_law", fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit))]
 
 
 def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
@@ -196,6 +214,8 @@ def name(
     before_mm = gap_mm(before)
     names = []
     sure = 0.0
+    if not finding.significant and "lagging_law" in candidates:
+        names += _lagging_alone(session, before, plateau, before_mm)
     for effect, theta, n_columns, n_grid in tries:
         if effect not in (MODE, PLATEAU) and scores[effect] < HOPELESS * sure:
             continue
@@ -227,8 +247,8 @@ def name(
     names.sort(key=lambda n: (n not in near, n.gap_after_mm if n in near else 0.0, -n.gain))
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
-    names = [n for n in names if n.gain > least and n.improves]
-    if names and names[0].effect in ("lagging_law", "acceleration_lag"):
+    names = [n for n in names if n.gain > (SURE_ALONE if n.effect == "lagging_law" else 1) * least and n.improves]
+    if finding.significant and names and names[0].effect in ("lagging_law", "acceleration_lag"):
         # Only against the one other effect that is like it: the speed of another time is a smoother one too, which
         # helps with any law.
         lagging = next((n for n in names if n.effect == "lagging_law"), None)

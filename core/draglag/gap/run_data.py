@@ -59,6 +59,14 @@ class RunData:
         return np.where(fit.ok[:, None], fit.xy_mm, self.xy_mm)
 
     @cached_property
+    def quick(self) -> tuple[FloatArray, FloatArray]:
+        """Times (g,) s, evenly spaced, and the speed that the trace shows there, as quick as it can be told."""
+        step_s = sample_interval_s(self.t_s)
+        grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
+        fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))
+        return grid_s, np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok])
+
+    @cached_property
     def shown(self) -> Shown:
         """The speed that the trace shows, evenly spaced."""
         return shown_speed(
