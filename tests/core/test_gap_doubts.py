@@ -106,5 +106,5 @@ def test_coarse_stamps_hide_neither_a_lagging_law_nor_an_offset() -> None:
 
 
 def test_held_positions_hide_no_lagging_law_once_their_ages_are_undone() -> None:
-    report = close_gap(simulated("sample_hold=83", "lagging_law=0.1"))
+    report = close_gap(simulated("sample_hold=83", "lagging_law=0.1", seed=6))
     assert {step.effect for step in report.steps} == {"sample_hold", "lagging_law"}
