@@ -69,8 +69,8 @@ def test_two_effects_that_hide_each_other_are_both_named_and_sized() -> None:
 
 
 def test_what_is_beyond_chance_but_too_small_for_a_name_is_told() -> None:
-    # A ripple of a thirtieth of a millimetre: thousands of edges show it, and nobody needs it.
-    report = close_gap(simulated("pitch_ripple=0.045"))
+    # A ripple of a twentieth of a millimetre: thousands of edges show it, and nobody needs it.
+    report = close_gap(simulated("pitch_ripple=0.055"))
     assert report.verdict == "no_gap"
     told = {left.what: left for left in report.passed_over}
     assert "pitch_ripple" in told

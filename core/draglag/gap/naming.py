@@ -26,7 +26,7 @@ from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
 REFITTED = 6
-NEARLY = 0.05
+NEARLY, HALF = 0.05, 0.5
 HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will not overtake it
 RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
 PLATEAU, MODE, SMOOTHING = "low_speed_plateau", "second_filter_mode", "smoothing_shrink"
@@ -150,7 +150,8 @@ def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau:
             break
         fit = better
         if shrinks(found.fit, fit):
-            found = replace(found, fit=fit, gap_after_mm=gap_mm(fit))
+            gain = max(name.gain, name.gain + gained(name.fit, fit))
+            found = Name(SMOOTHING, fit, gain, name.gap_before_mm, gap_mm(fit), improves(before, fit))
     return found
 
 
@@ -242,6 +243,10 @@ def name(
         if names[-1].improves:
             sure = max(sure, names[-1].gain)
     names.sort(key=lambda n: -n.gain)
+    for k, one in enumerate(names):
+        # Its mean effect leaves of quick circles what stand-ins explain: it is weighed as the low-pass that it is.
+        if one.effect == SMOOTHING and one.gain > HALF * names[0].gain:
+            names[k] = with_the_trace_sharpened(session, before, one, plateau)
     # Where likelihoods all but agree, the name that closes the gap on held-out runs is the better one.
     near = [n for n in names if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)]
     names.sort(key=lambda n: (n not in near, n.gap_after_mm if n in near else 0.0, -n.gain))
@@ -255,8 +260,6 @@ def name(
         refined = None if lagging is None else with_the_delay_itself(session, before, lagging, plateau)
         if refined is not None and refined.gain >= names[0].gain:
             names = [refined, *(n for n in names if n is not lagging)]
-    if names and names[0].effect == SMOOTHING:
-        names[0] = with_the_trace_sharpened(session, before, names[0], plateau)
     nameless = [c for c in finding.significant if c.effect is None]
     unnamed = next(
         (c for c in nameless if shrinks_with(before, unnamed_columns(before.view, c.covariate, c.role, c.theta))), None
