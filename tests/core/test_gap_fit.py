@@ -60,7 +60,7 @@ def test_a_plateau_is_found_from_either_side() -> None:
     ]
     for fit in fits:
         se_mm_s = fit.covariance[5, 5] ** 0.5
-        # One run tells where the law begins to fall, at 0.27 ms a mm/s: its own latency (0.3 ms) and its speed's 1 % too.
+        # One run tells where the law begins to fall, at 0.27 ms a mm/s: its own latency (0.3 ms), its speed's 1 % too.
         assert fit.law.plateau_mm_s == pytest.approx(150, abs=4 * (se_mm_s**2 + (0.3 / 0.27) ** 2 + 1.8**2) ** 0.5)
         assert se_mm_s < 5
 
