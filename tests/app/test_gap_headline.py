@@ -57,7 +57,7 @@ def test_what_is_left_of_a_covariate_is_told_in_words(capsys):
 
 def test_a_wider_shadow_is_not_told_twice():
     """An effect that a step names as one it may be is not listed as one that could not have been seen."""
-    session = SimpleNamespace(taps=None)
+    session = SimpleNamespace(taps=None, runs=())
     view = SimpleNamespace(x_mm=np.array([0.0, 400.0]))
     for terms, listed in (((), True), ((Term("beam_width", ()),), False)):
         fit = SimpleNamespace(terms=terms, runs=(), view=view, width_mm=500.0, run_index=np.zeros(0, int))
