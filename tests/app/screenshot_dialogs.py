@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QTimer
+from PySide6.QtCore import QEvent, QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication, QDialog, QWidget
 
 from draglag.errors import DataError
@@ -35,8 +35,11 @@ def _asked(ask: Callable[[], object], path: Path, shoot: Shoot) -> None:
         shoot(box, path)
         box.reject()
 
+    waiting = QEventLoop()
     QTimer.singleShot(200, answer)
+    QTimer.singleShot(250, waiting.quit)
     ask()
+    waiting.exec()  # a dialog that is only shown is answered here
 
 
 def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:

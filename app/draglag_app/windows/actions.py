@@ -120,6 +120,10 @@ class Actions(QObject):
         """Let the keys that steer a session, and those that go to a page, work in another window too."""
         window.addActions([self.made[s.id] for s in ACTIONS if s.id in self.made and s.menu in ("measure", "go")])
 
+    def run_keys(self) -> list[QAction]:
+        """Those that steer a run, for a dialog that has the keyboard meanwhile."""
+        return [self.made[s.id] for s in ACTIONS if s.id in self.made and s.when == "recording"]
+
     def follow(self, stack: QUndoStack) -> None:
         """Undo and redo say what they would do, and are there only where there is something."""
         for name, able, able_now, what, what_now in (

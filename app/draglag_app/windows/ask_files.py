@@ -1,11 +1,19 @@
-"""Asking for files and folders: the dialog begins in a folder that is there, a name gets the ending it needs."""
+"""Asking for files and folders: the dialog begins in a folder that is there, a name gets the ending it needs.
+
+Nothing waits for the answer: ``then`` gets it, and is not called when the operator changes their mind.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
-from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+from PySide6.QtWidgets import QWidget
+
+from draglag_app.windows.file_dialogs import Mode, ask_whether, pick_files
+
+Then = Callable[[Path], None]
 
 _last = {"folder": ""}
 """Where something was read or written last: the next thing without a place of its own begins there."""
@@ -19,49 +27,61 @@ def start_folder(folder: str | Path) -> str:
     return str(place)
 
 
-def ask_open(parent: QWidget, title: str, folder: str | Path, kind: str) -> Path | None:
-    """A file to read; None when the operator changes their mind."""
-    name, _ = QFileDialog.getOpenFileName(parent, title, start_folder(folder), kind)
-    return _remembered(name)
+def ask_open(parent: QWidget, title: str, folder: str | Path, kind: str, then: Then) -> None:
+    """A file to read."""
+    ask_open_several(parent, title, folder, kind, lambda paths: then(paths[0]), Mode.ExistingFile)
 
 
-def _remembered(name: str) -> Path | None:
-    if not name:
-        return None
-    _last["folder"] = str(Path(name).parent)
-    return Path(name)
+def ask_open_several(
+    parent: QWidget,
+    title: str,
+    folder: str | Path,
+    kind: str,
+    then: Callable[[list[Path]], None],
+    mode: Mode = Mode.ExistingFiles,
+) -> None:
+    """Files to read, one or more."""
+
+    def chosen(paths: list[Path]) -> None:
+        _remember(paths[0])
+        then(paths)
+
+    pick_files(parent, title, Path(start_folder(folder)), kind, mode, chosen)
 
 
-def ask_folder(parent: QWidget, title: str, folder: str | Path) -> Path | None:
-    """A folder; None when the operator changes their mind."""
-    name = QFileDialog.getExistingDirectory(parent, title, start_folder(folder))
-    return Path(name) if name else None
+def _remember(path: Path) -> None:
+    _last["folder"] = str(path.parent)
 
 
-def ask_new_folder(parent: QWidget, title: str, start: Path) -> Path | None:
+def ask_folder(parent: QWidget, title: str, folder: str | Path, then: Then) -> None:
+    """A folder that is there."""
+    pick_files(parent, title, Path(start_folder(folder)), "", Mode.Directory, lambda paths: then(paths[0]))
+
+
+def ask_new_folder(parent: QWidget, title: str, start: Path, then: Then) -> None:
     """A folder to write into, which need not be there yet: its name can be typed, ``start`` is proposed."""
-    proposed = str(Path(start_folder(start.parent)) / start.name)
-    name, _ = QFileDialog.getSaveFileName(parent, title, proposed, "", "", QFileDialog.Option.DontConfirmOverwrite)
-    return _remembered(name)
+
+    def chosen(paths: list[Path]) -> None:
+        _remember(paths[0])
+        then(paths[0])
+
+    pick_files(parent, title, Path(start_folder(start.parent)) / start.name, "", Mode.AnyFile, chosen)
 
 
-def ask_save(parent: QWidget, title: str, start: str | Path, kind: str) -> Path | None:
-    """Where to write; the ending is that of ``start`` unless another is typed. None when they change their mind.
-
-    The dialog asks before a file is replaced that was named in full; this asks where the ending was added.
-    """
+def ask_save(parent: QWidget, title: str, start: str | Path, kind: str, then: Then) -> None:
+    """Where to write; the ending is that of ``start`` unless another is typed. A file is not replaced unasked."""
     start = Path(start)
     folder = _last["folder"] or Path.home() if start.parent == Path() else start.parent
-    name, _ = QFileDialog.getSaveFileName(parent, title, str(Path(start_folder(folder)) / start.name), kind)
-    path = _remembered(name)
-    if path is None:
-        return None
-    if path.suffix == start.suffix:
-        return path
-    path = path.with_name(path.name + start.suffix)
-    if path.exists():
+
+    def chosen(paths: list[Path]) -> None:
+        path = paths[0]
+        _remember(path)
+        if path.suffix != start.suffix:
+            path = path.with_name(path.name + start.suffix)
+        if not path.exists():
+            then(path)
+            return
         text = QCoreApplication.translate("Files", "{name} exists already. Replace it?").format(name=path.name)
-        answer = QMessageBox.question(parent, "draglag", text, defaultButton=QMessageBox.StandardButton.No)
-        if answer != QMessageBox.StandardButton.Yes:
-            return None
-    return path
+        ask_whether(parent, text, lambda: then(path))
+
+    pick_files(parent, title, Path(start_folder(folder)) / start.name, kind, Mode.AnyFile, chosen)

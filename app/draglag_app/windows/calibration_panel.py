@@ -144,16 +144,18 @@ class CalibrationPanel(Panel):
     def _save(self) -> None:
         known, screen = self._space.settings.panel.calibration, self._space.settings.touched_screen()
         start = Path(self._space.settings.folder) / "calibration.json"
-        title, kind = self.tr("Save calibration"), self.tr("Calibrations (*.json)")
-        path = None if known is None else ask_save(self, title, start, kind)
-        if known is None or path is None:
+        if known is None:
             return
-        try:
-            save_calibration(known.fit(screen), path, known.device, known.recorded(screen))
-        except DraglagError as error:
-            self._refused(in_words(str(error)))
-        else:
-            self._space.noticed.emit("info", tr("Saved: {path}").format(path=path))
+
+        def write(path: Path) -> None:
+            try:
+                save_calibration(known.fit(screen), path, known.device, known.recorded(screen))
+            except DraglagError as error:
+                self._refused(in_words(str(error)))
+            else:
+                self._space.noticed.emit("info", tr("Saved: {path}").format(path=path))
+
+        ask_save(self, self.tr("Save calibration"), start, self.tr("Calibrations (*.json)"), write)
 
     def _refused(self, text: str) -> None:
         self.refresh()

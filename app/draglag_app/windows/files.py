@@ -32,11 +32,12 @@ def optional(module: str) -> Any | None:
 
 def open_session(window: OperatorWindow) -> None:
     """Ask for a session file and put it at hand."""
-    folder = window.space.settings.folder
-    path = ask_open(window, tr("Open session"), folder, tr("Sessions (*.h5)"))
-    if path is not None:
+
+    def read(path: Path) -> None:
         window.space.open(path)
         window.go("results")
+
+    ask_open(window, tr("Open session"), window.space.settings.folder, tr("Sessions (*.h5)"), read)
 
 
 def import_folder(window: OperatorWindow) -> None:
@@ -45,14 +46,16 @@ def import_folder(window: OperatorWindow) -> None:
     if exchange is None:
         window.tell("warning", tr("Importing is not built in this version."))
         return
-    path = ask_folder(window, tr("Import exchange folder"), window.space.settings.folder)
-    if path is not None:
-        read = exchange.read_exchange
+    read = exchange.read_exchange
+
+    def begin(path: Path) -> None:
         window.space.tasks.start(
             tr("Importing"), lambda progress: read(path), lambda session: window.space.take(session, None),
             lambda text: window.tell("error", text),
         )  # fmt: skip
         window.go("results")
+
+    ask_folder(window, tr("Import exchange folder"), window.space.settings.folder, begin)
 
 
 def export_session(window: OperatorWindow) -> None:
@@ -64,11 +67,12 @@ def export_session(window: OperatorWindow) -> None:
     if exchange is None:
         window.tell("warning", tr("Exporting is not built in this version."))
         return
-    title = tr("Export into which (new or empty) folder?")
-    path = ask_new_folder(window, title, _proposed(window, "exchange"))
-    if path is not None:
-        write = exchange.write_exchange
+    title, write = tr("Export into which (new or empty) folder?"), exchange.write_exchange
+
+    def begin(path: Path) -> None:
         _work(window, tr("Exporting"), lambda progress: write(session, path), path)
+
+    ask_new_folder(window, title, _proposed(window, "exchange"), begin)
 
 
 def write_report(window: OperatorWindow) -> None:
@@ -80,10 +84,12 @@ def write_report(window: OperatorWindow) -> None:
     if report is None or not hasattr(report, "write_report"):
         window.tell("warning", tr("Reports are not built in this version."))
         return
-    path = ask_new_folder(window, tr("Folder for the report"), _proposed(window, "report"))
-    if path is not None:
-        write = report.write_report
+    write = report.write_report
+
+    def begin(path: Path) -> None:
         _work(window, tr("Writing the report"), lambda progress: write(session, analysis, path), path)
+
+    ask_new_folder(window, tr("Folder for the report"), _proposed(window, "report"), begin)
 
 
 def _proposed(window: OperatorWindow, what: str) -> Path:

@@ -214,9 +214,9 @@ class PlotFrame(pg.PlotWidget):
         menu.popup(self.mapToGlobal(at))
 
     def _save_as(self, suffix: str) -> None:
-        path = ask_save(self, tr("Save"), f"{self.file_name}.{suffix}", f"*.{suffix}")
-        if path is None:
-            return
+        ask_save(self, tr("Save"), f"{self.file_name}.{suffix}", f"*.{suffix}", self._save_to)
+
+    def _save_to(self, path: Path) -> None:
         try:
             self.save(path)
         except DataError as error:

@@ -24,6 +24,7 @@ from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
 from draglag_app.windows.field_keys import FieldKeys
+from draglag_app.windows.file_dialogs import close_file_dialogs
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
 from draglag_app.windows.library_words import fault_words, in_words, source_name
@@ -51,6 +52,7 @@ class OperatorWindow(QMainWindow):
         self.pages = make_pages(self.space)
         self.keyboard = Keyboard(self)
         self.actions_table = Actions(self, self._handlers())
+        self.run_keys = self.actions_table.run_keys
         self.actions_table.fill(self.menuBar())
         self.actions_table.follow(self.space.undo)
         self.setCentralWidget(self._frame())
@@ -210,6 +212,8 @@ class OperatorWindow(QMainWindow):
         self.space.calibrating.cancel()
 
     def _recording_changed(self, recording: bool) -> None:
+        if recording:
+            close_file_dialogs(self)  # sessions are opened and exported between measurements
         self.actions_table.set_recording(recording)
         self.keyboard.serve()
         self.geometry_page.calibration.refresh()
@@ -272,6 +276,7 @@ class OperatorWindow(QMainWindow):
         stay = box.addButton(self.tr("Continue recording"), QMessageBox.ButtonRole.RejectRole)
         box.setDefaultButton(stay)
         box.setEscapeButton(stay)
+        box.setWindowModality(Qt.WindowModality.WindowModal)  # the participant's Esc still aborts the run
         box.exec()
         return box.clickedButton() is stop
 

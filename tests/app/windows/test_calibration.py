@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QFileDialog
 
 from draglag.calibration import target_places
 from draglag.errors import DataError
@@ -133,8 +132,8 @@ class TestInTheWindow:
         assert panel.save.isHidden()
         calibrate(window, until)
         assert not panel.save.isHidden()
-        name = str(tmp_path / "touchscreen.json")
-        monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *a, **k: (name, ""))
+        path = tmp_path / "touchscreen.json"
+        monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([path]))
         panel.save.click()
         made = window.space.settings.panel.calibration
         fit, device = load_calibration(tmp_path / "touchscreen.json")

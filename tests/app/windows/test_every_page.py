@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF
 from PySide6.QtGui import QImage
-from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QInputDialog, QMessageBox
+from PySide6.QtWidgets import QApplication, QDialog, QInputDialog, QMessageBox
 
 import draglag_app.windows
 from draglag_app.session import events
@@ -158,7 +158,8 @@ def test_nothing_stands_in_the_way_of_a_run(
             monkeypatch.setattr(kind, name, lambda *more, name=name, **named: asked.append(name))
     window = open_window()
     bridge, plot = window.space.bridge, window.record.live.trace
-    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *more: (str(tmp_path / "gone" / "plot.png"), ""))
+    gone = tmp_path / "gone" / "plot.png"
+    monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([gone]))
     told: list[str] = []
 
     def trouble(event: events.RunStarted) -> None:

@@ -152,19 +152,14 @@ def test_a_plot_is_saved(opened: OperatorWindow, until: Callable, tmp_path: Path
     names = [action.text() for action in menu.actions()]
     path = tmp_path / f"curve.{entry[-5:-2].lower()}"
 
-    def name_file() -> None:
-        dialog = QApplication.activeModalWidget()
-        if not isinstance(dialog, QFileDialog):  # the menu comes first
-            QTimer.singleShot(10, name_file)
-            return
-        dialog.setDirectory(str(tmp_path))
-        field = dialog.findChild(QLineEdit, "fileNameEdit")
-        field.selectAll()
-        QTest.keyClicks(field, "curve")
-        QTest.keyClick(field, Key.Key_Return)
-
-    QTimer.singleShot(0, name_file)
     choose(menu, names.index(entry))
+    until(lambda: window.findChild(QFileDialog) is not None)
+    dialog = window.findChild(QFileDialog)
+    dialog.setDirectory(str(tmp_path))
+    field = dialog.findChild(QLineEdit, "fileNameEdit")
+    field.selectAll()
+    QTest.keyClicks(field, "curve")
+    QTest.keyClick(field, Key.Key_Return)
     until(path.exists)
     assert path.read_text("utf-8").startswith(begins)
     assert window.notice_text.text() == f"Saved: {path}"
@@ -238,14 +233,11 @@ def test_a_run_is_left_out_and_taken_in_again(opened: OperatorWindow, until: Cal
     press(window, Key.Key_Down)
     tab_to(window, page.leave_out)
 
-    def answer() -> None:
-        dialog = QApplication.activeModalWidget()
-        assert isinstance(dialog, QInputDialog)
-        QTest.keyClicks(dialog.findChild(QLineEdit), "slipped")
-        QTest.keyClick(dialog, Key.Key_Return)
-
-    QTimer.singleShot(0, answer)
     press(window, Key.Key_Space)
+    dialog = QApplication.activeModalWidget()
+    assert isinstance(dialog, QInputDialog)
+    QTest.keyClicks(dialog.findChild(QLineEdit), "slipped")
+    QTest.keyClick(dialog, Key.Key_Return)
     assert list(window.space.options.exclude.values()) == ["slipped"]
     come_back(window, until)
     press(window, Key.Key_Z, control=True)

@@ -11,7 +11,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QCloseEvent
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
+from PySide6.QtWidgets import QApplication, QMessageBox
 
 from draglag.analysis import analyze
 from draglag.exchange import read_exchange
@@ -135,7 +135,7 @@ class TestResults:
         self, opened: OperatorWindow, until: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         out = tmp_path / "exchange"
-        monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *args: (str(out), ""))
+        monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([out]))
         files.export_session(opened)
         until(lambda: not opened.space.tasks.running)
         assert len(read_exchange(out).runs) == N_RUNS

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
-    QFileDialog,
     QHBoxLayout,
     QSplitter,
     QTableWidgetItem,
@@ -19,7 +18,7 @@ from draglag.analysis import Analysis, analyze
 from draglag.curve.compare import curve_difference
 from draglag.store import read_session
 from draglag_app.windows import words
-from draglag_app.windows.ask_files import start_folder
+from draglag_app.windows.ask_files import ask_open_several
 from draglag_app.windows.curve_plot import SYMBOLS, CurvePlot, speeds_of
 from draglag_app.windows.plots import Plot, tr
 from draglag_app.windows.tasks import Progress
@@ -76,10 +75,8 @@ class ComparePage(QWidget):
         self.remove_button.setEnabled(self.table.selectionModel().hasSelection())
 
     def _ask(self) -> None:
-        names, _ = QFileDialog.getOpenFileNames(
-            self, self.tr("Add sessions"), start_folder(self._space.settings.folder), self.tr("Sessions (*.h5)")
-        )
-        self.add_files([Path(name) for name in names])
+        folder = self._space.settings.folder
+        ask_open_several(self, self.tr("Add sessions"), folder, self.tr("Sessions (*.h5)"), self.add_files)
 
     def add_files(self, paths: list[Path]) -> None:
         """Read and analyse session files in a worker, then show them."""

@@ -188,14 +188,16 @@ class GapPage(QWidget):
         model = self._report.get("model") if self._report else None
         if not model:
             return
-        start = Path(self._space.settings.folder) / "model.json"
-        path = ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"))
-        if path is not None:
+
+        def write(path: Path) -> None:
             try:
                 save_model(LatencyModel.model_validate(model), path)
                 self._space.noticed.emit("info", self.tr("Saved: {path}").format(path=path))
             except DraglagError as error:
                 self._space.noticed.emit("warning", str(error))
+
+        start = Path(self._space.settings.folder) / "model.json"
+        ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"), write)
 
     def _tasks_changed(self) -> None:
         """A cancelled task reports nothing: the buttons come back here."""

@@ -91,9 +91,8 @@ class PreferencesPage(QWidget):
             self._space.change_settings(**{key: text})
 
     def _choose_folder(self) -> None:
-        path = ask_folder(self, self.tr("Folder for sessions"), self.folder.text())
-        if path is not None:
-            self._space.change_settings(folder=str(path))
+        title, space = self.tr("Folder for sessions"), self._space
+        ask_folder(self, title, self.folder.text(), lambda path: space.change_settings(folder=str(path)))
 
 
 def _form(title: str) -> tuple[Panel, Form]:

@@ -243,26 +243,28 @@ class ProtocolPage(QWidget):
 
     def _load(self) -> None:
         folder, kind = self._space.settings.folder, self.tr("Protocols (*.toml)")
-        path = ask_open(self, self.tr("Load protocol"), folder, kind)
-        if path is not None:
-            try:
-                self._space.change_protocol(load_protocol(path), self.tr("load a protocol"))
-            except DraglagError as error:
-                self._space.noticed.emit("error", str(error))
-            else:
-                self._space.change_settings(protocol=str(path))
+        ask_open(self, self.tr("Load protocol"), folder, kind, self._load_from)
+
+    def _load_from(self, path: Path) -> None:
+        try:
+            self._space.change_protocol(load_protocol(path), self.tr("load a protocol"))
+        except DraglagError as error:
+            self._space.noticed.emit("error", str(error))
+        else:
+            self._space.change_settings(protocol=str(path))
 
     def _save(self) -> None:
         start = Path(self._space.settings.folder) / f"{self._space.protocol.name}.toml"
-        path = ask_save(self, self.tr("Save protocol"), start, self.tr("Protocols (*.toml)"))
-        if path is not None:
-            try:
-                path.write_text(to_toml(self._space.protocol), "utf-8")
-            except OSError as error:
-                self._space.noticed.emit("error", f"{path}: {error.strerror}")
-            else:
-                self._space.change_settings(protocol=str(path))
-                self._space.noticed.emit("info", self.tr("Saved: {path}").format(path=path))
+        ask_save(self, self.tr("Save protocol"), start, self.tr("Protocols (*.toml)"), self._save_to)
+
+    def _save_to(self, path: Path) -> None:
+        try:
+            path.write_text(to_toml(self._space.protocol), "utf-8")
+        except OSError as error:
+            self._space.noticed.emit("error", f"{path}: {error.strerror}")
+        else:
+            self._space.change_settings(protocol=str(path))
+            self._space.noticed.emit("info", self.tr("Saved: {path}").format(path=path))
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

@@ -242,9 +242,14 @@ class ResultsPage(QWidget):
             self._space.exclude(self._chosen, "")
             return
         asked = self.tr("Why is {run} left out of the curve?").format(run=self._chosen)
-        reason, sure = QInputDialog.getText(self, self.tr("Leave out"), asked)
-        if sure:
-            self._space.exclude(self._chosen, reason.strip() or self.tr("no reason given"))
+        dialog = QInputDialog(self)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.setWindowModality(Qt.WindowModality.WindowModal)  # the participant's Esc still aborts a run
+        dialog.setWindowTitle(self.tr("Leave out"))
+        dialog.setLabelText(asked)
+        run, none = self._chosen, self.tr("no reason given")
+        dialog.textValueSelected.connect(lambda reason: self._space.exclude(run, reason.strip() or none))
+        dialog.open()
 
     # --- the chosen run -------------------------------------------------------------------------------------
 

@@ -1,0 +1,80 @@
+"""Dialogs that stand in nobody's way: they are shown and answer later, while the run and its keys go on.
+
+A dialog that waits for its answer is modal to the whole application, and so takes Esc from the participant's screen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import QChildEvent, Qt
+from PySide6.QtWidgets import QDialog, QFileDialog, QMessageBox, QWidget
+
+Mode = QFileDialog.FileMode
+
+
+class _FileDialog(QFileDialog):
+    """What the dialog asks by itself, about a name that is not there say, is modal to nothing but its own window."""
+
+    def childEvent(self, event: QChildEvent) -> None:
+        super().childEvent(event)
+        if event.polished() and isinstance(child := event.child(), QDialog):
+            child.setWindowModality(Qt.WindowModality.WindowModal)
+
+
+def pick_files(
+    parent: QWidget, title: str, start: Path, kind: str, mode: Mode, then: Callable[[list[Path]], None]
+) -> None:
+    """Show a file dialog and return at once; ``then`` gets what was chosen, and is not called where nothing was.
+
+    ``start`` is the folder it begins in, or for a name to write (``Mode.AnyFile``) that folder and the name proposed;
+    replacing what is there is for the caller to ask about. A window has one of these dialogs: the one before goes.
+    """
+    window = parent.window()
+    close_file_dialogs(window)
+    dialog = _FileDialog(window, title)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.setWindowModality(Qt.WindowModality.NonModal)
+    dialog.setFileMode(mode)
+    if kind:
+        dialog.setNameFilter(kind)
+    if mode is Mode.AnyFile:
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setOption(QFileDialog.Option.DontConfirmOverwrite)  # Qt would ask with a modal box
+        dialog.setDirectory(str(start.parent))
+        dialog.selectFile(start.name)
+    else:
+        dialog.setOption(QFileDialog.Option.ShowDirsOnly, mode is Mode.Directory)
+        dialog.setDirectory(str(start))
+    keys = getattr(window, "run_keys", None)
+    if keys is not None:
+        dialog.addActions(keys())
+    dialog.accepted.connect(lambda: then([Path(name) for name in dialog.selectedFiles()]))
+    if parent is not window:
+        parent.destroyed.connect(dialog.close)  # what the answer was for is gone
+    dialog.show()
+
+
+def close_file_dialogs(window: QWidget) -> None:
+    """As if the operator had changed their mind."""
+    for dialog in window.findChildren(QFileDialog, options=Qt.FindChildOption.FindDirectChildrenOnly):
+        dialog.close()
+
+
+def ask_whether(parent: QWidget, text: str, then: Callable[[], None]) -> None:
+    """Show a question and return at once; ``then`` is called where it is answered with Yes. No is the default."""
+    yes, no = QMessageBox.StandardButton.Yes, QMessageBox.StandardButton.No
+    box = QMessageBox(QMessageBox.Icon.Question, "draglag", text, yes | no, parent.window())
+    box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    box.setWindowModality(Qt.WindowModality.NonModal)
+    box.setDefaultButton(no)
+
+    def answered(button: int) -> None:
+        if button == yes.value:
+            then()
+
+    box.finished.connect(answered)
+    if parent is not parent.window():
+        parent.destroyed.connect(box.close)
+    box.show()
