@@ -45,8 +45,7 @@ SETTLING, SETTLED = 4, 0.01
 DELAYS = np.geomspace(0.5, 2.5, 7)  # of what the acceleration alone makes of a lagging law's delay
 LEAST_DELAY_S, MOST_DELAY_S = 0.005, 0.3
 ALONE_S = (0.035, 0.06, 0.1)
-# Times the gain of what is rare: a smoother speed alone, of which delays of 20 ms seem to be made, gives up to 150.
-SURE_ALONE = 15.0
+SURE_ALONE = 150.0  # gain that a smoother speed alone, which passes for a delay of 20 ms, stays below
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
@@ -122,8 +121,11 @@ def with_the_delay_itself(session: Session, before: Fit, name: Name, plateau: bo
     return replace(name, fit=better, gain=name.gain + more, gap_after_mm=gap_mm(better)) if more > 0 else name
 
 
-def _lagging_alone(session: Session, before: Fit, plateau: bool, before_mm: float) -> list[Name]:
-    """A law of another time's speed where no column points to it: the acceleration says little of an older speed."""
+def lagging_alone(session: Session, before: Fit, plateau: bool) -> list[Name]:
+    """A law of another time's speed where no column points to it: the acceleration says little of an older speed.
+
+    Empty unless it is far likelier than a smoother speed alone would be, and shrinks the gap.
+    """
     if any(t.effect in ("lagging_law", "acceleration_lag") for t in before.terms):
         return []
     present = ((1.0, -USUAL_LATENCY_S),)
@@ -133,7 +135,9 @@ def _lagging_alone(session: Session, before: Fit, plateau: bool, before_mm: floa
     if fit is None or not possible("lagging_law", fit):
         return []
     gain = gained(before, fit) - 6 - 2 * np.log(len(settings))
-    return [Name("lagging_law", fit, float(gain), before_mm, gap_mm(fit), shrinks(before, fit))]
+    if gain < SURE_ALONE or not shrinks(before, fit):
+        return []
+    return [Name("lagging_law", fit, float(gain), gap_mm(before), gap_mm(fit), True)]
 
 
 def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
@@ -216,7 +220,7 @@ def name(
     names = []
     sure = 0.0
     if not finding.significant and "lagging_law" in candidates:
-        names += _lagging_alone(session, before, plateau, before_mm)
+        names += lagging_alone(session, before, plateau)
     for effect, theta, n_columns, n_grid in tries:
         if effect not in (MODE, PLATEAU) and scores[effect] < HOPELESS * sure:
             continue
@@ -252,7 +256,7 @@ def name(
     names.sort(key=lambda n: (n not in near, n.gap_after_mm if n in near else 0.0, -n.gain))
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
-    names = [n for n in names if n.gain > (SURE_ALONE if n.effect == "lagging_law" else 1) * least and n.improves]
+    names = [n for n in names if n.gain > least and n.improves]
     if finding.significant and names and names[0].effect in ("lagging_law", "acceleration_lag"):
         # Only against the one other effect that is like it: the speed of another time is a smoother one too, which
         # helps with any law.
