@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from scipy.signal import savgol_filter
 from draglag.correction import corrected
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
+from draglag.gap.edges import _followed
 from draglag.gap.extended import extended_model
 from draglag.gap.lattice import Lattice, lattice_of
 from draglag.gap.realised import FittedShape, effects_of_fit
-from draglag.gap.run_data import as_shown, gather, undone
+from draglag.gap.run_data import RunData, as_shown, gather, undone
+from draglag.gap.state import _not_far
 from draglag.protocols import load_protocol
-from draglag.recording import FloatArray, Run, Session
+from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects.smoothing_shrink import behind
 
@@ -155,3 +158,44 @@ def test_events_of_a_sharpened_trace_share_noise_as_they_are_said_to(low_passed:
     assert louder.xy_mm - sharp.xy_mm == pytest.approx(sharp.spread @ noise_mm, abs=1e-9)
     assert sharp.t_s[0] - data.t_s[0] >= TIME_CONSTANT_S
     assert as_shown((sharp,)) == (data,)
+
+
+def test_the_stylus_speed_is_followed_behind_what_a_steep_law_shows() -> None:
+    # A drag of 80 mm/s, uneven by 4 mm/s at 2 Hz, on a screen whose latency falls by 1 ms a mm/s: what is shown leads
+    # by an eighth of a turn and is 1.4 times as uneven.
+    t = np.arange(0.0, 20.0, 0.001)
+    speed = 80 + 4 * np.sin(2 * np.pi * 2 * t)
+    place_mm = np.cumsum(speed) * 0.001
+
+    def law(speed_mm_s: FloatArray) -> FloatArray:
+        return 0.15 - 0.001 * speed_mm_s
+
+    host_s = np.arange(0.2, 19.8, 0.008)
+    shown_mm = np.interp(host_s, t + law(speed), place_mm)
+    touch = TouchTrace(host_s, shown_mm, np.zeros(host_s.size))
+    run = Run("a", "circle", 0.0, 20.0, touch, LaserTrace(np.zeros(0), np.zeros(0, np.int64)))
+    estimate = SimpleNamespace(speed_mm_s=80.0)
+    xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
+    none = np.zeros(0)
+    wide_s = np.full(1, 0.05)
+    data = RunData(run, host_s, xy_mm, none, none.astype(bool), 0.05, wide_s, 0.1, estimate, none)  # type: ignore[arg-type]
+    edges_s = np.arange(2.0, 18.0, 0.037)
+    true = np.interp(edges_s, t, speed)
+    at_s = edges_s + law(true)
+    seen = np.interp(at_s, *data.quick)
+    followed = np.interp(at_s, *_followed(data, law))
+    assert np.std(seen - true) > 2.0
+    assert np.std(followed - true) < 0.25
+    assert np.abs(np.mean(followed - true)) < 0.1
+
+
+def test_an_edge_of_a_stylus_that_stands_nearly_still_is_no_level_of_its_own() -> None:
+    rng = np.random.default_rng(2)
+    v = np.append(rng.choice([-1.0, 1.0], 25) * rng.uniform(180, 260, 25), -3.0)
+    residual_mm = np.append(rng.normal(0, 0.15, 25), -8.4)
+    placed = SimpleNamespace(
+        run=np.zeros(26, np.int64), v_mm_s=np.column_stack([np.zeros(26), v]), falling=rng.random(26) < 0.5
+    )
+    keep = _not_far(residual_mm, np.full(26, 0.15), placed, np.ones(26, bool), loose=False)  # type: ignore[arg-type]
+    assert keep[:25].all()
+    assert not keep[25]

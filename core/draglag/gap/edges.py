@@ -215,7 +215,7 @@ def _followed(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
         return grid_s, shown
     keep = float(np.exp(-step_s / tau_s))
     speed, _ = lfilter([1 - keep], [1, -keep], shown, zi=[keep * shown[0]])
-    return grid_s - 0.5 * step_s, speed
+    return grid_s + 0.5 * step_s, speed  # each step takes in what is shown at its end
 
 
 def moved_to(fit: LocalFit, at_s: FloatArray) -> LocalFit:

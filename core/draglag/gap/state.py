@@ -18,7 +18,7 @@ from draglag.simulation.residual import Signature, View
 
 FOLLOW_ACCELERATION = ("acceleration_lag", "lagging_law")
 ACCEL_UNKNOWN = 0.2
-ALL_ITS_OWN = 1e-3  # of its variance that an edge leaves to the others
+ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
 FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 
@@ -146,6 +146,7 @@ def total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, ro
 def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarray, loose: bool) -> np.ndarray:
     """Edges within a few robust standard deviations of their own run, whatever latency and offset that run has."""
     keep = np.ones(residual.size, bool)
+    most = 9 if loose else 5
     for k in np.unique(placed.run):
         own = np.flatnonzero((placed.run == k) & use)
         if own.size < 6:
@@ -157,14 +158,23 @@ def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarr
         columns = [np.ones_like(v), v / size, side, np.abs(v) / size, side * v / size, side * np.sign(v)]
         design = np.column_stack(columns) if own.size > 20 else np.column_stack(columns[:2])
         z, design = residual[own] / sd[own], design / sd[own][:, None]
-        weight = np.ones(v.size)
-        for _ in range(5):
-            beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
-            left = np.abs(z - design @ beta)
-            scale = max(1.4826 * float(np.median(left)), 0.5)
-            weight = np.sqrt(np.minimum(1.0, 2 * scale / np.maximum(left, 1e-9)))
-        # The one edge near a standstill holds a level of its own: what it leaves is little, wherever it lies.
-        held = np.sum(np.linalg.qr(design * weight[:, None])[0] ** 2, axis=1)
-        left = left / np.sqrt(np.maximum(1 - held, ALL_ITS_OWN))
-        keep[own[left > (9 if loose else 5) * scale]] = False
+        left, held = _left_by_levels(z, design)
+        # The one edge near a standstill holds a level of its own: what it leaves is little, wherever it lies, and
+        # others are judged without it.
+        alone = (held > ALL_BUT_ITS_OWN) & (left > most)
+        keep[own[alone]] = False
+        keep[own[~alone][_left_by_levels(z[~alone], design[~alone])[0] > most]] = False
     return keep
+
+
+def _left_by_levels(z: FloatArray, design: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What robust levels leave of each edge, in robust standard deviations of what they leave of it, and the share of
+    its own level that each edge holds, (m,)."""
+    weight = np.ones(z.size)
+    for _ in range(5):
+        beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
+        left = np.abs(z - design @ beta)
+        scale = max(1.4826 * float(np.median(left)), 0.5)
+        weight = np.sqrt(np.minimum(1.0, 2 * scale / np.maximum(left, 1e-9)))
+    held = np.sum(np.linalg.qr(design * weight[:, None])[0] ** 2, axis=1)
+    return left / (scale * np.sqrt(np.maximum(1 - held, 1e-3))), held
