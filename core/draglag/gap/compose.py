@@ -116,6 +116,9 @@ class Gap:
         return self.finding.significant
 
 
+PRICE = 6.0  # deviance that one more number must save
+
+
 @dataclass(frozen=True)
 class Shrinkage:
     """How the gap on held-out runs changed. change_ci95_mm: from drawing the runs anew; improves: runs agree that it
@@ -131,7 +134,8 @@ class Shrinkage:
     @property
     def verdict(self) -> str:
         low, high = self.change_ci95_mm
-        if self.improves and high < 0:
+        # Runs may agree by chance on an effect that their edges do not ask for at all.
+        if self.improves and high < 0 and not self.deviance_gained < PRICE:
             return "shrinks"
         return "grows" if low > 0 else "open"
 
