@@ -13,7 +13,7 @@ from draglag.gap.doubts import covariate_of, left_out, still_there
 from draglag.gap.finding import Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm
-from draglag.gap.naming import PLATEAU
+from draglag.gap.naming import PLATEAU, gained, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
@@ -54,7 +54,10 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"the model cannot be fitted with {effect}: {problem}", "Choose another effect") from None
     finding = find(fit, without=left_out(frozenset(EFFECTS)) | there | {term})
-    changed = shrinkage(_gap(session, before, report.finding), _gap(session, fit, finding))
+    # The model's own search may have stopped short: an effect is not credited for that.
+    own = None if effect == PLATEAU else refit(repaired, before, before.terms, plateau, fit.law)
+    without = own if own is not None and gained(before, own) > 0 else before
+    changed = shrinkage(_gap(session, without, report.finding), _gap(session, fit, finding))
     low, high = changed.change_ci95_mm
     step = Step(
         effect,
