@@ -208,8 +208,8 @@ def fit_session(
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
     """Traces with what the terms say undone in them: a ripple if they show it, and a low-pass whose setting is its time
     constant. What such a term keeps is what is left of it."""
-    lag_s = next((term.theta[0] for term in terms if term.effect == SMOOTHING and term.theta), 0.0)
-    ready = undone(runs, any(term.effect == RIPPLE for term in terms), lag_s)
+    lag_s, *even = next((term.theta for term in terms if term.effect == SMOOTHING and term.theta), (0.0,))
+    ready = undone(runs, any(term.effect == RIPPLE for term in terms), lag_s, bool(even))
     lattice = ready[0].lattice if ready else None
     if lattice is None or lattice is runs[0].lattice:
         return ready, terms

@@ -142,20 +142,22 @@ def lagging_alone(session: Session, before: Fit, plateau: bool) -> list[Name]:
 
 def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
     """A low-pass undone in the traces, tremor and quick circles too, where that closes more than its mean effect."""
-    fit, found = name.fit, name
-    for _ in range(SETTLING):
-        lag_s = parameters_of(SMOOTHING, fit)["time_constant_s"][0]
-        setting = next(t.theta for t in fit.terms if t.effect == SMOOTHING)
-        if setting and abs(lag_s - setting[0]) < SETTLED * lag_s:
-            break
-        terms = [Term(SMOOTHING, (lag_s,), (0.0,)) if t.effect == SMOOTHING else t for t in fit.terms]
-        better = refit(session, before, terms, plateau, fit.law)
-        if better is None or not possible(SMOOTHING, better):
-            break
-        fit = better
-        if shrinks(found.fit, fit):
-            gain = max(name.gain, name.gain + gained(name.fit, fit))
-            found = Name(SMOOTHING, fit, gain, name.gap_before_mm, gap_mm(fit), improves(before, fit))
+    found = name
+    for kind in ((), (1.0,)):
+        fit = name.fit
+        for _ in range(SETTLING):
+            lag_s = parameters_of(SMOOTHING, fit)["time_constant_s"][0]
+            setting = next(t.theta for t in fit.terms if t.effect == SMOOTHING)
+            if setting and abs(lag_s - setting[0]) < SETTLED * lag_s:
+                break
+            terms = [Term(SMOOTHING, (lag_s, *kind), (0.0,)) if t.effect == SMOOTHING else t for t in fit.terms]
+            better = refit(session, before, terms, plateau, fit.law)
+            if better is None or not possible(SMOOTHING, better):
+                break
+            fit = better
+            if shrinks(found.fit, fit):
+                gain = max(name.gain, name.gain + gained(name.fit, fit))
+                found = Name(SMOOTHING, fit, gain, name.gap_before_mm, gap_mm(fit), improves(before, fit))
     return found
 
 

@@ -102,7 +102,7 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 def has_free_shape(term: Term) -> bool:
     """Whether its numbers alone do not say what the term does: a fitted shape, a filter that follows acceleration."""
     if term.effect == "smoothing_shrink":
-        return bool(term.theta)
+        return len(term.theta) == 1  # an even one is the class's own
     return term.effect in OF_FREE_SHAPE or (term.effect == "second_filter_mode" and term.theta[1:2] in {(1.0,), (2.0,)})
 
 

@@ -40,6 +40,7 @@ class RunData:
     guess_s: FloatArray
     lattice: Lattice | None = None
     lag_s: float = 0.0
+    even: bool = False
     spread: csr_matrix | None = None
     as_shown: RunData | None = None
 
@@ -140,13 +141,13 @@ def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
     return tuple(data.as_shown or data for data in runs)
 
 
-def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float) -> tuple[RunData, ...]:
+def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = False) -> tuple[RunData, ...]:
     """The runs with the lattice undone that their traces show, if any, and a low-pass of time constant ``lag_s``."""
     if not runs:
         return runs
     raw = as_shown(runs)
     lattice = (runs[0].lattice or _lattice_in(raw)) if ripple else None
-    if lattice is runs[0].lattice and lag_s == runs[0].lag_s:
+    if lattice is runs[0].lattice and (lag_s, even) == (runs[0].lag_s, runs[0].even):
         return runs
     if lattice is None and lag_s == 0:
         return raw
@@ -158,7 +159,7 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float) -> tuple[RunDa
             xy_mm = lattice.undone_mm(xy_mm)
             noise_mm = (_widths(data.run, t_s, xy_mm, data.edge_t_s, data.estimate) or (0, 0, noise_mm))[2]
         if lag_s:
-            t_s, xy_mm, spread = _sharpened(t_s, xy_mm, lag_s, float(np.median(data.speed_half_s)))
+            t_s, xy_mm, spread = _sharpened(t_s, xy_mm, lag_s, float(np.median(data.speed_half_s)), even)
         widths = _widths(data.run, t_s, xy_mm, data.edge_t_s, data.estimate) if t_s.size else None
         if widths is None:
             return runs
@@ -173,6 +174,7 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float) -> tuple[RunDa
                 noise_mm=noise_mm,
                 lattice=lattice,
                 lag_s=lag_s,
+                even=even,
                 spread=spread,
                 as_shown=data,
             )
@@ -187,16 +189,19 @@ def _lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
 
 
 def _sharpened(
-    t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float
+    t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float, even: bool
 ) -> tuple[FloatArray, FloatArray, csr_matrix]:
-    """A trace before a first-order low-pass: u = y + τ ẏ, stamped τ later, for its delay at rest is the law's.
+    """A trace before a low-pass whose delay at rest is the law's, and by how much each event (columns) moves each of
+    those that are left (rows).
 
-    Also by how much each event (columns) moves each of those that are left (rows).
+    One of first order that looks back only: u = y + τ ẏ, stamped τ later; an even one, of a phase that only delays, as
+    a moving average is: u = y − ½ τ² ÿ.
     """
     fit = local_fit(t_s, xy_mm, t_s, half_width_s)
     at = np.minimum(fit.first[:, None] + np.arange(fit.v_weights.shape[1]), t_s.size - 1)
     ends = np.arange(0, at.size + 1, at.shape[1])
-    slopes = csr_matrix((fit.v_weights.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
-    slopes.sum_duplicates()
-    spread = identity(t_s.size, format="csr") + lag_s * slopes
-    return t_s[fit.ok] + lag_s, (xy_mm + lag_s * fit.v_mm_s)[fit.ok], spread[fit.ok]
+    weights = -0.5 * lag_s**2 * fit.a_weights if even else lag_s * fit.v_weights
+    added = csr_matrix((weights.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
+    added.sum_duplicates()
+    spread = (identity(t_s.size, format="csr") + added)[fit.ok]
+    return t_s[fit.ok] + (0.0 if even else lag_s), spread @ xy_mm, spread
