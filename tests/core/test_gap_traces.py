@@ -22,6 +22,7 @@ from draglag.gap.state import _not_far
 from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.smoothing_shrink import behind
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
@@ -146,6 +147,20 @@ def test_a_low_pass_is_named_and_the_gap_is_that_of_the_session_without_it(low_p
     assert term.theta == (pytest.approx(TIME_CONSTANT_S, rel=0.03),)
     (again,) = effects_of_fit(report.last)
     assert again.value == pytest.approx(TIME_CONSTANT_S, rel=0.03)
+
+
+def test_a_low_pass_whose_phase_only_delays_is_undone_as_such() -> None:
+    demo = load_protocol("demo")
+    even = simulate_session("screen-1", demo, effects=[parse_effect("smoothing_shrink=0.04")], seed=5)
+    floor_mm = close_gap(simulate_session("screen-1", demo, seed=5), max_effects=0).gap_last_mm
+    report = close_gap(even)
+    assert [step.effect for step in report.steps] == ["smoothing_shrink"]
+    assert floor_mm is not None
+    assert report.gap_last_mm is not None
+    assert report.gap_last_mm < 1.10 * floor_mm
+    (effect,) = effects_of_fit(report.last)  # type: ignore[arg-type]
+    assert effect.id == "smoothing_shrink"  # the simulation's own, which is even
+    assert effect.value == pytest.approx(0.04, rel=0.06)
 
 
 def test_events_of_a_sharpened_trace_share_noise_as_they_are_said_to(low_passed: tuple[Session, Session]) -> None:
