@@ -11,6 +11,7 @@ import pytest
 from scipy.signal import savgol_filter
 
 from draglag.correction import corrected
+from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.edges import _followed
@@ -173,6 +174,18 @@ def test_events_of_a_sharpened_trace_share_noise_as_they_are_said_to(low_passed:
     assert louder.xy_mm - sharp.xy_mm == pytest.approx(sharp.spread @ noise_mm, abs=1e-9)
     assert sharp.t_s[0] - data.t_s[0] >= TIME_CONSTANT_S
     assert as_shown((sharp,)) == (data,)
+
+
+def test_a_trace_too_short_to_be_freed_is_refused(low_passed: tuple[Session, Session]) -> None:
+    data = gather(low_passed[0])[5]
+    short = replace(data, t_s=data.t_s[:4], xy_mm=data.xy_mm[:4])
+    with pytest.raises(EstimateError, match="cannot be freed"):
+        undone((short,), ripple=False, lag_s=TIME_CONSTANT_S)
+
+
+def test_a_low_pass_of_no_time_leaves_a_path_as_it_is() -> None:
+    path_mm = np.linspace(0.0, 5.0, 50)
+    assert np.array_equal(behind(path_mm, 0.0, 0.001), path_mm)
 
 
 def test_the_stylus_speed_is_followed_behind_what_a_steep_law_shows() -> None:

@@ -73,7 +73,8 @@ class FittedShape(Effect):
                 shape = [np.sin(self.theta[0] * np.pi * u), np.cos(self.theta[0] * np.pi * u)]
             else:
                 shape = [u**2 - self.about, u**3, u**4]
-        for size, part in zip(self.sizes, shape, strict=False):
+        own = self.sizes[: len(shape)] if self.effect == "pitch_ripple" else self.sizes  # a ripple's x only, or both
+        for size, part in zip(own, shape[: len(own)], strict=True):
             y_mm = y_mm + size * part
         return x_mm, y_mm
 

@@ -142,7 +142,10 @@ def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
 
 
 def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = False) -> tuple[RunData, ...]:
-    """The runs with the lattice undone that their traces show, if any, and a low-pass of time constant ``lag_s``."""
+    """The runs with the lattice undone that their traces show, if any, and a low-pass of time constant ``lag_s``.
+
+    Raises EstimateError where nothing of a run is left: the model would take for undone what is not.
+    """
     if not runs:
         return runs
     raw = as_shown(runs)
@@ -157,12 +160,14 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = F
         noise_mm = data.noise_mm
         if lattice is not None:
             xy_mm = lattice.undone_mm(xy_mm)
-            noise_mm = (_widths(data.run, t_s, xy_mm, data.edge_t_s, data.estimate) or (0, 0, noise_mm))[2]
+            noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], data.edge_t_s + _guess_s(data.estimate))[1]
         if lag_s:
             t_s, xy_mm, spread = _sharpened(t_s, xy_mm, lag_s, float(np.median(data.speed_half_s)), even)
         widths = _widths(data.run, t_s, xy_mm, data.edge_t_s, data.estimate) if t_s.size else None
-        if widths is None:
-            return runs
+        if widths is None or not np.isfinite(noise_mm):
+            raise EstimateError(
+                f"{data.run.id}: its trace cannot be freed of a ripple or a low-pass", "Leave the run out"
+            )
         half_s, wide_s, _ = widths
         out.append(
             replace(

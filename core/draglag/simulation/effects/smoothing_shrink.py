@@ -58,6 +58,8 @@ class SmoothingShrink(Effect):
 
 def behind(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
     """A path (n,) behind a first-order low-pass that looks back only, with its delay at rest given back."""
+    if time_constant_s <= 0:
+        return position_mm
     keep = float(np.exp(-step_s / time_constant_s))
     late = position_mm[0] + lfilter([1 - keep], [1.0, -keep], position_mm - position_mm[0])
     t = step_s * np.arange(position_mm.size)
