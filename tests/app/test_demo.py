@@ -6,6 +6,7 @@ from click.testing import CliRunner
 
 import draglag.report
 from draglag.errors import DataError
+from draglag.gap import close_gap
 from draglag.simulation import rig_for_screen
 from draglag.store import read_analyses, read_session
 from draglag_app.cli.demo import demo
@@ -47,6 +48,11 @@ def test_the_demo_finds_the_simulated_law(made):
     for name, median_s in (("touch", rig.tap_touch_s), ("release", rig.tap_release_s)):
         assert analysis["taps"][name]["n"] == 100
         assert analysis["taps"][name]["median_ms"] == pytest.approx(1e3 * median_s, abs=4 * 0.31)
+
+
+def test_nothing_is_missing_from_the_model_of_the_demo(made):
+    report = close_gap(read_session(made[0] / "session.h5"))
+    assert (report.verdict, report.steps) == ("no_gap", ())
 
 
 @needs_report

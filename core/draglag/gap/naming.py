@@ -21,12 +21,12 @@ from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, 
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM
-from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
 REFITTED = 6
-NEARLY, HALF = 0.05, 0.5
+NEARLY = 0.05  # of the best gain: names so close are told apart by the gap on held-out runs
+HALF = 0.5  # of the best gain, that a low-pass's mean effect must have to be weighed in its own form
 HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will not overtake it
 RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
 PLATEAU, MODE, SMOOTHING = "low_speed_plateau", "second_filter_mode", "smoothing_shrink"
@@ -44,8 +44,6 @@ SMALLEST = {
 SETTLING, SETTLED = 4, 0.01
 DELAYS = np.geomspace(0.5, 2.5, 7)  # of what the acceleration alone makes of a lagging law's delay
 LEAST_DELAY_S, MOST_DELAY_S = 0.005, 0.3
-ALONE_S = (0.035, 0.06, 0.1)
-SURE_ALONE = 150.0  # gain that a smoother speed alone, which passes for a delay of 20 ms, stays below
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
@@ -119,25 +117,6 @@ def with_the_delay_itself(session: Session, before: Fit, name: Name, plateau: bo
         return name
     more = gained(fit, better) - 2 * np.log(delays.size)
     return replace(name, fit=better, gain=name.gain + more, gap_after_mm=gap_mm(better)) if more > 0 else name
-
-
-def lagging_alone(session: Session, before: Fit, plateau: bool) -> list[Name]:
-    """A law of another time's speed where no column points to it: the acceleration says little of an older speed.
-
-    Empty unless it is far likelier than a smoother speed alone would be, and shrinks the gap.
-    """
-    if any(t.effect in ("lagging_law", "acceleration_lag") for t in before.terms):
-        return []
-    present = ((1.0, -USUAL_LATENCY_S),)
-    settings = present + tuple((0.0, float(sign * d)) for d in ALONE_S for sign in (1, -1))
-    options = [[*before.terms, Term("lagging_law", at, (abs(at[1]),))] for at in settings]
-    fit = refit(session, before, most_promising(before, options, before.law), plateau, before.law)
-    if fit is None or not possible("lagging_law", fit):
-        return []
-    gain = gained(before, fit) - 6 - 2 * np.log(len(settings))
-    if gain < SURE_ALONE or not shrinks(before, fit):
-        return []
-    return [Name("lagging_law", fit, float(gain), gap_mm(before), gap_mm(fit), True)]
 
 
 def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
@@ -221,8 +200,6 @@ def name(
     before_mm = gap_mm(before)
     names = []
     sure = 0.0
-    if not finding.significant and "lagging_law" in candidates:
-        names += lagging_alone(session, before, plateau)
     for effect, theta, n_columns, n_grid in tries:
         if effect not in (MODE, PLATEAU) and scores[effect] < HOPELESS * sure:
             continue
@@ -259,7 +236,7 @@ def name(
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
     names = [n for n in names if n.gain > least and n.improves]
-    if finding.significant and names and names[0].effect in ("lagging_law", "acceleration_lag"):
+    if names and names[0].effect in ("lagging_law", "acceleration_lag"):
         # Only against the one other effect that is like it: the speed of another time is a smoother one too, which
         # helps with any law.
         lagging = next((n for n in names if n.effect == "lagging_law"), None)
