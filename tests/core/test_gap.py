@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.signatures import shape_free
@@ -50,6 +51,7 @@ def test_a_plateau_is_found_named_sized_and_closed() -> None:
     report = close_gap(read_exchange(SAMPLES / "low_speed_plateau"))
     assert report.verdict == "explained"
     assert [s.effect for s in report.steps] == ["low_speed_plateau"]
+    assert report.steps[0].p_value <= 0.01
     value, (low, high) = report.steps[0].parameters["speed_mm_s"]
     assert low - 2 < 125 < high + 2, f"the label says 125 mm/s, found {value}"
     assert report.gap_first_mm is not None
@@ -152,3 +154,8 @@ def test_shape_free_terms_cover_every_covariate_of_the_design(sound: Session) ->
     assert report.last is not None
     names = {covariate for covariate, _ in shape_free(report.last.view)}
     assert {"session_time", "time_in_run", "x", "speed", "acceleration", "normal_acceleration"} <= names
+
+
+def test_a_candidate_that_no_library_has_is_refused(sound: Session) -> None:
+    with pytest.raises(DataError, match="unknown effect 'split_panel'"):
+        close_gap(sound, candidates=["beam_width", "split_panel"])

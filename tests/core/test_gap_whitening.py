@@ -15,16 +15,18 @@ def parts() -> Scatter:
     run = np.sort(rng.integers(0, 4, M))
     same = np.array([[i + j < M and run[min(i + j, M - 1)] == run[i] for i in range(M)] for j in range(REACH)])
     # Diagonally dominant, so that it is a covariance.
-    fixed, speed = (np.where(same, rng.uniform(-0.1, 0.1, (REACH, M)), 0.0) for _ in range(2))
-    fixed[0], speed[0] = rng.uniform(1, 2, M), rng.uniform(1, 2, M)
-    return Scatter(fixed, speed, rng.normal(0, 300, M), rng.normal(0, 2, M), run, np.array([0.0, 2e-3, 0.0, 1e-3]))
+    fixed, speed, tremor = (np.where(same, rng.uniform(-0.1, 0.1, (REACH, M)), 0.0) for _ in range(3))
+    fixed[0], speed[0], tremor[0] = (rng.uniform(1, 2, M) for _ in range(3))
+    late, uneven, loose = rng.normal(0, 300, M), rng.normal(0, 2, M), np.array([0.0, 2e-3, 0.0, 1e-3])
+    return Scatter(fixed, speed, tremor, late, uneven, run, loose)
 
 
 def _dense(parts: Scatter, components: Components) -> np.ndarray:
     c = np.zeros((M, M))
     for i in range(M):
         for j in range(min(REACH, M - i)):
-            c[i + j, i] = c[i, i + j] = parts.fixed_mm2[j, i] + components.speed**2 * parts.speed_mm2[j, i]
+            shared = components.speed**2 * parts.speed_mm2[j, i] + components.tremor_mm_s**2 * parts.tremor_s2[j, i]
+            c[i + j, i] = c[i, i + j] = parts.fixed_mm2[j, i] + shared
     c += components.edge_mm**2 * np.eye(M)
     late = np.hypot(components.run_s, parts.loose_s[parts.run]) * parts.late_mm_s
     own = components.uneven * parts.uneven_mm
@@ -33,7 +35,7 @@ def _dense(parts: Scatter, components: Components) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "components", [Components(0.1, 0.02, 0.3, 5e-4, 0.05), Components(0.0, 0.0, 0.0, 0.0, 0.0)], ids=["all", "least"]
+    "components", [Components(0.1, 0.02, 3.0, 0.3, 5e-4, 0.05), Components(*[0.0] * 6)], ids=["all", "least"]
 )
 def test_white_residuals_are_those_of_the_covariance_written_out(parts: Scatter, components: Components) -> None:
     residual = np.random.default_rng(2).standard_normal((M, 3))
@@ -48,4 +50,4 @@ def test_white_residuals_are_those_of_the_covariance_written_out(parts: Scatter,
 def test_what_is_no_covariance_is_refused(parts: Scatter) -> None:
     parts.fixed_mm2[0, 3] = -10.0
     with pytest.raises(np.linalg.LinAlgError):
-        whitener(parts, Components(0.0, 0.0, 0.0, 0.0, 0.0))
+        whitener(parts, Components(*[0.0] * 6))

@@ -34,7 +34,7 @@ from draglag.gap.state import Term
 from draglag.gap.streams import inspect
 from draglag.gap.workflow import step_of
 from draglag.recording import FloatArray, IntArray, Session
-from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects import EFFECTS, known_effects
 
 STREAMS = (
     "sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact", "frame_drop",
@@ -199,7 +199,7 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
 
     Raises DataError for a candidate that the library does not have.
     """
-    allowed = _known(candidates)
+    allowed = known_effects(candidates)
     seen = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
     if seen:
         return seen
@@ -251,17 +251,6 @@ def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
         if not spec.lower <= value <= spec.upper:  # nor is nan
             bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
             raise DataError(f"{effect_id} cannot be held at {spec.name} {value:g}", f"Give {bounds}")
-
-
-def _known(candidates: Collection[str] | str | None) -> frozenset[str]:
-    """Ids of effects that may be named. Raises DataError for one that the library does not have."""
-    if candidates is None:
-        return frozenset(EFFECTS)
-    allowed = frozenset((candidates,) if isinstance(candidates, str) else candidates)
-    unknown = sorted(allowed - set(EFFECTS))
-    if unknown:
-        raise DataError(f"unknown effect '{unknown[0]}'", f"Known are {', '.join(EFFECTS)}")
-    return allowed
 
 
 def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, float], ...]]]) -> Session:

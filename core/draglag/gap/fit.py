@@ -34,7 +34,7 @@ from draglag.recording import FloatArray, Session
 from draglag.simulation.residual import Averaged, View
 
 RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
-START = Components(0.05, 0.01, 0.1, 0.0003, 0.03)
+START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from draglag.gap.model import N_NUISANCES, base_prior
-from draglag.gap.noise import BETWEEN, LOCAL, Components, Scatter
+from draglag.gap.noise import LOCAL, Components, Scatter
 from draglag.gap.state import State
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray
@@ -41,9 +41,8 @@ def likeliest(
     ends = []
     for best in starts:
         for _ in range(rounds):
-            for name, grid in LOCAL:
-                best = max((replace(best, **{name: size}) for size in grid), key=value)
-            best = max((replace(best, run_s=a, run_mm=b) for a, b in BETWEEN), key=value)
+            for grid in LOCAL:
+                best = max((replace(best, **sizes) for sizes in grid), key=value)
         ends.append(best)
     return max(ends, key=value)
 

@@ -18,38 +18,44 @@ from draglag.gap.run_data import RunData
 from draglag.recording import FloatArray, IntArray
 
 EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)
-SPEED = (0.0, 0.01, 0.02, 0.04)
+SPEED = (0.0, 0.005, 0.01, 0.02, 0.04)
+TREMOR_MM_S = (0.0, 1.5, 3.0, 6.0)
 UNEVEN = (0.1, 0.3)
 # Panels differ by about 0.7 ms from run to run; more is not noise but something missing.
 RUN_S = (0.0, 0.00025, 0.0005, 0.001)
 RUN_MM = (0.0, 0.05)
-# The part of a hand's own unevenness that a window cannot follow: of quick drags it is a share, of slow ones tremor, a
-# tenth of a millimetre at 9 Hz, whose speed is the same at any drag.
-TREMOR_MM_S = 100.0
 SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
 UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's
 ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over
 SPEED_MEMORY_S = 0.15  # how long the hand's own unevenness, faster than the speed window, lasts
 MEMORIES = 12  # after so many of these nothing is left of it (6e-6)
 
+Sizes = dict[str, float]
+
 
 @dataclass(frozen=True)
 class Components:
     """Standard deviations beyond the touch noise.
 
-    edge_mm: single edges. speed: relative error of the speed the law is evaluated at. uneven: share by which a run's
-    latency follows its own changes of speed more or less than the law does from run to run. run_s, run_mm: a random
-    latency and a random offset of each run.
+    edge_mm: single edges. speed: relative error of the speed the law is evaluated at; tremor_mm_s: of any drag, a
+    tenth of a millimetre at 9 Hz is 5 mm/s. uneven: share by which a run's latency follows its own changes of speed
+    more or less than the law does from run to run. run_s, run_mm: a random latency and a random offset of each run.
     """
 
     edge_mm: float
     speed: float
+    tremor_mm_s: float
     uneven: float
     run_s: float
     run_mm: float
 
 
-LOCAL = (("edge_mm", EDGE_MM), ("speed", SPEED), ("uneven", UNEVEN))
+LOCAL: tuple[tuple[Sizes, ...], ...] = (  # kinds that trade places are sought together
+    tuple({"edge_mm": e} for e in EDGE_MM),
+    tuple({"speed": s, "tremor_mm_s": t} for s, t in product(SPEED, TREMOR_MM_S)),
+    tuple({"uneven": u} for u in UNEVEN),
+    tuple({"run_s": s, "run_mm": b} for s, b in product(RUN_S, RUN_MM)),
+)
 BETWEEN = tuple(product(RUN_S, RUN_MM))
 
 
@@ -94,7 +100,8 @@ class Scatter:
 
     Attributes:
         fixed_mm2: touch noise, how badly the time of a speed is known, and what effects that follow the acceleration
-            leave because it is only estimated. speed_mm2: a relative error of the speed.
+            leave because it is only estimated. speed_mm2: a relative error of the speed; tremor_s2:
+            one of so many mm/s.
         late_mm_s: by how much a latency of the whole run moves each edge. uneven_mm: following the run's changes of
             speed twice. run: (m,) index of the run.
         loose_s: (runs,) by how much a run of changing speed may miss the law as a whole: its dynamics are its own.
@@ -102,6 +109,7 @@ class Scatter:
 
     fixed_mm2: FloatArray
     speed_mm2: FloatArray
+    tremor_s2: FloatArray
     late_mm_s: FloatArray
     uneven_mm: FloatArray
     run: IntArray
@@ -115,7 +123,7 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
     late_mm_s = placed.v_mm_s[use, 1]
     follows = late_mm_s * placed.stretch[use] * placed.slope_s2_mm[use]
     speed = placed.speed_mm_s[use]
-    lever, uneven_mm, loose_s = follows * np.hypot(speed, TREMOR_MM_S), np.zeros(m), np.zeros(len(runs))
+    uneven_mm, loose_s = np.zeros(m), np.zeros(len(runs))
     reach = 1
     for k, data in enumerate(runs):
         own = run == k
@@ -144,7 +152,8 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
     fixed[0] += timing_mm(placed)[use] ** 2 + 1e-6
     if blur_mm[use].any():
         fixed += band(blur_mm[use], ACCEL_MEMORY_S)
-    return Scatter(fixed, band(lever, SPEED_MEMORY_S), late_mm_s, uneven_mm, run, loose_s)
+    share, tremor = band(follows * speed, SPEED_MEMORY_S), band(follows, SPEED_MEMORY_S)
+    return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s)
 
 
 def timing_mm(placed: Placed) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from draglag.gap.fit import Fit
 from draglag.gap.model import base_prior
+from draglag.gap.plateau import plateau_ci95_mm_s
 from draglag.gap.state import Term
 
 Parameters = dict[str, tuple[float, tuple[float, float]]]
@@ -37,9 +38,7 @@ def whole_sizes(term: Term, fit: Fit) -> np.ndarray:
 def parameters_of(effect: str, fit: Fit) -> Parameters:
     """Sizes of an effect in a fit, in the units of its class in the simulation."""
     if effect == "low_speed_plateau":
-        se = float(np.sqrt(max(fit.covariance[5, 5], 0.0)))
-        value = fit.law.plateau_mm_s
-        return {"speed_mm_s": (value, (value - 1.96 * se, value + 1.96 * se))}
+        return {"speed_mm_s": (fit.law.plateau_mm_s, plateau_ci95_mm_s(fit))}
     term_id = {"thermal_drift": "clock_drift", "scale_error": "beam_width"}.get(effect, effect)
     at = base_prior(fit.law).size
     for term in fit.terms:

@@ -10,11 +10,11 @@ import numpy as np
 from draglag.gap.finding import Candidate
 from draglag.gap.fit import Fit, log_likelihood_of
 from draglag.gap.model import N_NUISANCES, base_prior
-from draglag.gap.noise import scatter
+from draglag.gap.noise import TREMOR_MM_S, scatter
 
 # What single edges scatter by on sound panels beyond the touch noise, from none to the most (generated sound sessions).
 SOUND_EDGE_MM = (0.0, 0.05, 0.1)
-SOUND_SPEED = (0.0, 0.01, 0.02)
+SOUND_SPEED = (0.0, 0.005, 0.01, 0.02)
 SOUND_UNEVEN = 0.1
 # Twice the log-likelihood by which more scatter fits better; of 64 sound sessions one had 46, 0.02 an edge.
 MOST = 100.0
@@ -29,8 +29,8 @@ def excess_scatter(fit: Fit) -> Candidate | None:
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     now = fit.whiteners[fit.best].components
     sound = [
-        replace(now, edge_mm=edge, speed=speed, uneven=SOUND_UNEVEN)
-        for edge, speed in product(SOUND_EDGE_MM, SOUND_SPEED)
+        replace(now, edge_mm=edge, speed=speed, tremor_mm_s=tremor, uneven=SOUND_UNEVEN)
+        for edge, speed, tremor in product(SOUND_EDGE_MM, SOUND_SPEED, TREMOR_MM_S)
     ]
     excess = 2 * (log_likelihood_of(fit, parts, now) - max(log_likelihood_of(fit, parts, c) for c in sound))
     if excess < MOST or excess < MOST_PER_EDGE * fit.use.sum():

@@ -70,6 +70,7 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
     Raises numpy.linalg.LinAlgError when it is not positive definite.
     """
     banded = parts.fixed_mm2 + components.speed**2 * parts.speed_mm2
+    banded += components.tremor_mm_s**2 * parts.tremor_s2
     banded[0] += components.edge_mm**2
     common = np.column_stack(
         [

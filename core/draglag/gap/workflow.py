@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,10 +22,10 @@ from draglag.gap.doubts import (
     without_parts,
     without_proxies,
 )
-from draglag.gap.finding import Candidate, Finding, find
+from draglag.gap.finding import LEVEL, Candidate, Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks
-from draglag.gap.naming import MODE, PLATEAU, TOO_CLOSE, Name, gained, name, refit
+from draglag.gap.naming import MODE, PLATEAU, RARE, TOO_CLOSE, Name, gained, name, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.run_data import gather
@@ -36,7 +36,7 @@ from draglag.gap.stamps import StreamEffect
 from draglag.gap.streams import inspect
 from draglag.gap.together import name_two
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects import known_effects
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
@@ -62,7 +62,7 @@ class _Grace:
 def close_gap(
     session: Session,
     max_effects: int = MOST_EFFECTS,
-    candidates: Iterable[str] | None = None,
+    candidates: Collection[str] | str | None = None,
     progress: Progress | None = None,
 ) -> GapReport:
     """Run the workflow on a session.
@@ -70,9 +70,10 @@ def close_gap(
     Args:
         candidates: effect ids that may be named; None = the whole library.
 
-    Never raises for a poor session: the report says what is missing instead of giving a verdict.
+    Never raises for a poor session: the report says what is missing instead of giving a verdict. Raises DataError for a
+    candidate that the library does not have.
     """
-    allowed = frozenset(EFFECTS) if candidates is None else frozenset(candidates)
+    allowed = known_effects(candidates)
     tell = progress or (lambda fraction, text: None)
     missing = what_is_missing(session)
     if missing:
@@ -203,6 +204,8 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
     effect = best.effect
     close = tuple(n.effect for n in names[1:] if best.gain - n.gain < TOO_CLOSE)
     p_value = next((c.p_value for c in finding.candidates if c.effect == effect), finding.p_value)
+    if p_value > LEVEL:  # a change of the law has no column to be found by: it was named for its gain alone
+        p_value = min(p_value, LEVEL * float(np.exp(-0.5 * max(best.gain - RARE, 0.0))))
     evidence = f"deviance falls by {best.gain:.0f} after its price"
     together = tuple(e for e in ALWAYS_TOGETHER.get(effect, ()) if e in allowed)
     if effect == "clock_drift":

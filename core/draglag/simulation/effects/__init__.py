@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from draglag.errors import DataError
 from draglag.simulation.effects.acceleration_lag import AccelerationLag
@@ -60,7 +60,17 @@ EFFECTS: dict[str, type[Effect]] = {
 }
 """Id → effect, in the order the design lists them."""
 
-__all__ = ["EFFECTS", "Confounder", "Edges", "Effect", "Parameter", "TouchEvents", "parse_effect", "parse_effects"]
+__all__ = [
+    "EFFECTS",
+    "Confounder",
+    "Edges",
+    "Effect",
+    "Parameter",
+    "TouchEvents",
+    "known_effects",
+    "parse_effect",
+    "parse_effects",
+]
 
 
 def parse_effect(text: str) -> Effect:
@@ -109,3 +119,17 @@ def _number(text: str, name: str, spec: Parameter) -> float:
         raise DataError(
             f"'{text}' is not a number for {spec.name} of effect {name}", f"write for example {example} ({spec.unit})"
         ) from error
+
+
+def known_effects(ids: Collection[str] | str | None) -> frozenset[str]:
+    """Effects that may be named: one id, several, or None for the whole library.
+
+    Raises DataError for one that the library does not have.
+    """
+    if ids is None:
+        return frozenset(EFFECTS)
+    wanted = frozenset((ids,) if isinstance(ids, str) else ids)
+    unknown = sorted(wanted - set(EFFECTS))
+    if unknown:
+        raise DataError(f"unknown effect '{unknown[0]}'", f"Known are {', '.join(EFFECTS)}")
+    return wanted
