@@ -11,10 +11,14 @@ import pytest
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
+from draglag.gap.fit import fit_session
+from draglag.gap.results import unexplained_in_words
+from draglag.gap.run_data import gather
 from draglag.gap.signatures import shape_free
+from draglag.gap.soundness import excess_between_runs
 from draglag.gap.streams import inspect
 from draglag.protocols import load_protocol
-from draglag.recording import Session
+from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.hand import Human
@@ -159,3 +163,35 @@ def test_shape_free_terms_cover_every_covariate_of_the_design(sound: Session) ->
 def test_a_candidate_that_no_library_has_is_refused(sound: Session) -> None:
     with pytest.raises(DataError, match="unknown effect 'split_panel'"):
         close_gap(sound, candidates=["beam_width", "split_panel"])
+
+
+def test_a_ripple_along_y_alone_is_named_with_its_amplitude(sound: Session) -> None:
+    def rippled(run: Run) -> Run:
+        y_mm = run.touch.y_mm + 0.3 * np.sin(2 * np.pi * run.touch.y_mm / 5.6)
+        return replace(run, touch=replace(run.touch, y_mm=y_mm))
+
+    (step,) = close_gap(replace(sound, runs=tuple(map(rippled, sound.runs)))).steps
+    assert step.effect == "pitch_ripple"
+    assert step.parameters["amplitude_mm"][0] == pytest.approx(0.3, rel=0.1)
+    assert step.parameters["pitch_mm"][0] == pytest.approx(5.6, rel=0.01)
+
+
+def test_runs_of_one_turn_that_are_later_are_owned_up_to() -> None:
+    session = simulated()
+    circles = sorted((r for r in session.runs if r.nominal_speed_mm_s), key=lambda r: r.nominal_speed_mm_s or 0.0)
+    later = {run.id for run in circles[::2]}
+
+    def turned(run: Run) -> Run:
+        # One way round: mirrored left to right, and 6 ms later.
+        if run.id not in later:
+            return run
+        x_mm = session.screen.width_mm - run.touch.x_mm
+        return replace(run, touch=replace(run.touch, x_mm=x_mm, t_s=run.touch.t_s + 0.006))
+
+    parted = replace(session, runs=tuple(map(turned, session.runs)))
+    assert close_gap(parted).verdict == "unexplained"
+    found = excess_between_runs(fit_session(parted, gather(parted)))
+    assert found is not None
+    assert found.covariate == "turn"
+    assert excess_between_runs(fit_session(session, gather(session))) is None
+    assert "way round" in unexplained_in_words("turn")

@@ -80,6 +80,42 @@ def test_straight_fills_are_counted_although_stamps_jitter(sound: Session) -> No
     assert all(new.touch.t_s.size < old.touch.t_s.size for new, old in zip(repaired.runs, sound.runs, strict=True))
 
 
+def in_steps(touch: TouchTrace, step_mm: float) -> TouchTrace:
+    return replace(touch, x_mm=np.round(touch.x_mm / step_mm) * step_mm, y_mm=np.round(touch.y_mm / step_mm) * step_mm)
+
+
+@pytest.mark.parametrize("step_mm", [0.1, 0.25, 0.5])
+def test_coordinates_in_whole_steps_are_neither_held_nor_filled(sound: Session, step_mm: float) -> None:
+    # A slow drag stays on one step for several events, and goes on in a line of them.
+    assert inspect(with_touch(sound, lambda touch: in_steps(touch, step_mm)))[0] == ()
+
+
+def test_fills_are_seen_in_whole_steps_finer_than_the_noise(sound: Session) -> None:
+    rng = np.random.default_rng(3)
+
+    def filled(touch: TouchTrace) -> TouchTrace:
+        t_s = touch.t_s
+        lost = np.zeros(t_s.size, bool)
+        for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 6.0):  # 10 a minute, 250 ms each
+            lost |= (t_s > start) & (t_s < start + 0.25)
+        noisy = [values + rng.normal(0, 0.15, t_s.size) for values in (touch.x_mm, touch.y_mm)]
+        x, y = (np.interp(t_s, t_s[~lost], values[~lost]) for values in noisy)
+        return in_steps(replace(touch, x_mm=x, y_mm=y), 0.1)
+
+    found, _ = inspect(with_touch(sound, filled))
+    assert [f.effect for f in found] == ["loss_of_contact"]
+    assert found[0].value == pytest.approx(10, rel=0.2)
+
+
+def test_a_ripple_is_no_uneven_age_of_even_stamps(sound: Session) -> None:
+    def rippled(touch: TouchTrace) -> TouchTrace:
+        even = touch.t_s[0] + np.arange(touch.t_s.size) * float(np.mean(np.diff(touch.t_s)))
+        y = np.interp(even, touch.t_s, touch.y_mm)
+        return replace(touch, t_s=even, x_mm=np.interp(even, touch.t_s, touch.x_mm), y_mm=y + 0.4 * np.sin(1.2 * y))
+
+    assert "sample_hold" not in {f.effect for f in inspect(with_touch(sound, rippled))[0]}
+
+
 def test_stalls_are_owned_up_to(sound: Session) -> None:
     def stalled(touch: TouchTrace) -> TouchTrace:
         t_s = touch.t_s.copy()

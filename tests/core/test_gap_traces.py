@@ -14,7 +14,7 @@ from draglag.correction import corrected
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.edges import _followed
+from draglag.gap.asked import asked_speed
 from draglag.gap.extended import extended_model
 from draglag.gap.lattice import Lattice, lattice_of
 from draglag.gap.realised import FittedShape, effects_of_fit
@@ -188,7 +188,8 @@ def test_a_low_pass_of_no_time_leaves_a_path_as_it_is() -> None:
     assert np.array_equal(behind(path_mm, 0.0, 0.001), path_mm)
 
 
-def test_the_stylus_speed_is_followed_behind_what_a_steep_law_shows() -> None:
+@pytest.mark.parametrize("delay_s", [0.0, 0.05, -0.03], ids=["of now", "of before", "of later"])
+def test_the_speed_that_a_law_is_asked_at_is_followed_behind_what_the_trace_shows(delay_s: float) -> None:
     # A drag of 80 mm/s, uneven by 4 mm/s at 2 Hz, on a screen whose latency falls by 1 ms a mm/s: what is shown leads
     # by an eighth of a turn and is 1.4 times as uneven.
     t = np.arange(0.0, 20.0, 0.001)
@@ -199,7 +200,8 @@ def test_the_stylus_speed_is_followed_behind_what_a_steep_law_shows() -> None:
         return 0.15 - 0.001 * speed_mm_s
 
     host_s = np.arange(0.2, 19.8, 0.008)
-    shown_mm = np.interp(host_s, t + law(speed), place_mm)
+    asked = 80 + 4 * np.sin(2 * np.pi * 2 * (t - delay_s))
+    shown_mm = np.interp(host_s, t + law(asked), place_mm)
     touch = TouchTrace(host_s, shown_mm, np.zeros(host_s.size))
     run = Run("a", "circle", 0.0, 20.0, touch, LaserTrace(np.zeros(0), np.zeros(0, np.int64)))
     estimate = SimpleNamespace(speed_mm_s=80.0)
@@ -208,11 +210,13 @@ def test_the_stylus_speed_is_followed_behind_what_a_steep_law_shows() -> None:
     wide_s = np.full(1, 0.05)
     data = RunData(run, host_s, xy_mm, none, none.astype(bool), 0.05, wide_s, 0.1, estimate, none)  # type: ignore[arg-type]
     edges_s = np.arange(2.0, 18.0, 0.037)
-    true = np.interp(edges_s, t, speed)
+    true = np.interp(edges_s, t, asked)
     at_s = edges_s + law(true)
     seen = np.interp(at_s, *data.quick)
-    followed = np.interp(at_s, *_followed(data, law))
-    assert np.std(seen - true) > 2.0
+    told = asked_speed(data, law, (0.0, delay_s))
+    assert told is not None
+    followed = np.interp(at_s, *told)
+    assert np.std(seen - true) > 1.5
     assert np.std(followed - true) < 0.25
     assert np.abs(np.mean(followed - true)) < 0.1
 

@@ -77,6 +77,8 @@ _FOLLOWS = {
     "taps": QT_TRANSLATE_NOOP("Gap", "the taps"),
     "host_tick": QT_TRANSLATE_NOOP("Gap", "the ticks of the host"),
     "frame": QT_TRANSLATE_NOOP("Gap", "the frames of the panel"),
+    "turn": QT_TRANSLATE_NOOP("Gap", "the way round of the circle"),
+    "run": QT_TRANSLATE_NOOP("Gap", "the run, by more than panels differ from one to the next"),
 }
 
 

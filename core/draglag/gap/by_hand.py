@@ -18,7 +18,7 @@ from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
 from draglag.gap.signatures import SIGNATURES
-from draglag.gap.soundness import excess_scatter
+from draglag.gap.soundness import excess_between_runs, excess_scatter
 from draglag.gap.state import Term
 from draglag.gap.streams import inspect
 from draglag.recording import Session
@@ -99,7 +99,9 @@ def _left(report: GapReport, fit: Fit, finding: Finding, changed: Shrinkage) -> 
         return None
     if changed.verdict != "shrinks" or report.unexplained_by in OF_THE_STREAMS:
         return report.unexplained_by
-    return "scatter" if report.unexplained_by == "scatter" and excess_scatter(fit) is not None else None
+    again = {"scatter": excess_scatter, "run": excess_between_runs, "turn": excess_between_runs}
+    still = again[report.unexplained_by](fit) if report.unexplained_by in again else None
+    return None if still is None else still.covariate
 
 
 def _gap(session: Session, fit: Fit, finding: Finding) -> Gap:

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.sparse import csr_matrix
 
+from draglag.gap.asked import NOW, Asked, asked_speed, speed_apart
 from draglag.gap.run_data import RunData
 from draglag.gap.unwarped import Unwarped
 from draglag.inversion import stylus_speed, stylus_time_s
@@ -37,7 +37,8 @@ class Placed:
 
     Attributes:
         run: index into the runs. t_s: laser time. since_start_s: since the session's first event; in_run_s: since the
-        run's. falling: light→dark. latency_s: L at the edge. speed_mm_s: the stylus' own speed.
+        run's. steady: in a run of constant speed. falling: light→dark. latency_s: L at the edge. speed_mm_s: the
+        stylus' own speed.
         xy_mm, v_mm_s, a_mm_s2: (m, 2) shown by the trace at t + L. accel_mm_s2: along the motion, in own time.
         accel_apart_mm_s2: the same with an error that is not the position's. change_mm_s2: as the trace shows it.
         sudden: next to a sudden start or stop. looked_s: the touch time that these two were taken at.
@@ -52,6 +53,7 @@ class Placed:
     t_s: FloatArray
     since_start_s: FloatArray
     in_run_s: FloatArray
+    steady: np.ndarray
     falling: np.ndarray
     latency_s: FloatArray
     speed_mm_s: FloatArray
@@ -80,9 +82,14 @@ class Placed:
 
 
 def place(
-    runs: tuple[RunData, ...], law: Law, extra_s: FloatArray | None = None, start: Placed | None = None
+    runs: tuple[RunData, ...],
+    law: Law,
+    extra_s: FloatArray | None = None,
+    start: Placed | None = None,
+    asked: Asked = NOW,
 ) -> Placed:
-    """Solve L = law(v) + extra at every edge. extra_s: (m,) from effects. start: a previous placing to begin from."""
+    """Solve L = law(v) + extra at every edge. extra_s: (m,) from effects. start: a previous placing to begin from.
+    asked: of which moment v is."""
     parts: list[dict[str, np.ndarray]] = []
     position_fits, speed_fits, position_made, speed_made = [], [], [], []
     origin_s = min(run.t_s[0] for run in runs)
@@ -106,13 +113,16 @@ def place(
             half_s = start.speed_half_s[own]
         elif not data.steady:
             half_s = speed_half_widths_s(data.t_s, data.xy_mm, data.edge_t_s + latency, data.noise_mm)
-        followed = _followed(data, law) if data.steady else None
+        followed = asked_speed(data, law, asked)
         at_s = data.edge_t_s + latency
         made = local_fit(data.t_s, data.xy_mm, at_s, half_s) if start is None else start.speed_made[k]
+        other = None if data.steady or not asked[1] else speed_apart(data, law, asked)
         for _ in range(8):
             if np.max(np.abs(at_s - made.at_s), initial=0) >= STRAIGHT_S:
                 made = local_fit(data.t_s, data.xy_mm, at_s, half_s)
-            latency, speed, step = _solved(made, law, added, data.edge_t_s, 1.0 if data.steady else 0.5, followed)
+            latency, speed, step = _solved(
+                made, law, added, data.edge_t_s, 1.0 if data.steady else 0.5, followed, other
+            )
             at_s = data.edge_t_s + latency
             if np.max(np.abs(at_s - made.at_s), initial=0) < STRAIGHT_S:
                 break
@@ -142,6 +152,7 @@ def place(
                 "t_s": data.edge_t_s,
                 "since_start_s": data.edge_t_s - origin_s,
                 "in_run_s": data.edge_t_s - data.t_s[0],
+                "steady": np.full(m, data.steady),
                 "falling": data.falling,
                 "latency_s": latency,
                 "speed_mm_s": speed,
@@ -183,6 +194,7 @@ def _solved(
     edge_t_s: FloatArray,
     share: float,
     followed: tuple[FloatArray, FloatArray] | None,
+    other: tuple[FloatArray, FloatArray] | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Latency, stylus' speed and last step, (m,) each, of L = law(v) + added, the trace taken for straight."""
     latency = fast.at_s - edge_t_s
@@ -190,6 +202,8 @@ def _solved(
         near = moved_to(fast, edge_t_s + latency)
         if followed is None:
             speed = stylus_speed(law, near.v_mm_s, near.a_mm_s2)
+            if other is not None:
+                speed = np.maximum(speed + np.interp(near.at_s, *other), 0.0)
         else:
             speed = np.interp(near.at_s, *followed)
         step = np.clip(law(speed) + added_s - latency, -0.02, 0.02)
@@ -198,24 +212,6 @@ def _solved(
         if np.max(np.abs(step), initial=0) < 2e-5 or np.max(np.abs(edge_t_s + latency - fast.at_s)) > NEAR_S:
             break
     return latency, speed, step
-
-
-def _followed(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
-    """Times (g,) s and the stylus' own speed behind what a steady run's trace shows there.
-
-    The trace runs 1 + L′ v̇ times slower than the stylus: u = v / (1 + L′ v̇). About the run's speed v₀ that is
-    v + τ v̇ = u with τ = −v₀ L′, a first-order low-pass of the shown speed, where L falls.
-    """
-    grid_s, shown = data.quick
-    usual = float(np.mean(shown))
-    slope = float(law(np.array([usual + 1.0]))[0] - law(np.array([max(usual - 1.0, 0.0)]))[0]) / 2
-    step_s = grid_s[1] - grid_s[0]
-    tau_s = max(-slope * usual, 0.0)
-    if tau_s < 0.1 * step_s:
-        return grid_s, shown
-    keep = float(np.exp(-step_s / tau_s))
-    speed, _ = lfilter([1 - keep], [1, -keep], shown, zi=[keep * shown[0]])
-    return grid_s + 0.5 * step_s, speed  # each step takes in what is shown at its end
 
 
 def moved_to(fit: LocalFit, at_s: FloatArray) -> LocalFit:

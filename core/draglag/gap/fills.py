@@ -5,17 +5,29 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from draglag.gap.stamps import StreamEffect
 from draglag.recording import Run, TouchTrace
 
+AROUND = 61  # events whose usual bend is told
+BY_CHANCE = 0.01  # stretches in a session that chance may make
+# Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
+TELLING, LEAST_USUAL = 4.0, 10.0
+INDEPENDENT = 0.8  # of bends; neighbours share two events
 
-def filled_losses(runs: tuple[Run, ...], held: bool) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+
+def filled_losses(
+    runs: tuple[Run, ...], held: bool, resolution_mm: float = 0.0
+) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in.
 
     ``held``: positions are of uneven age, so that only the straightness can tell, and has to last longer.
+    resolution_mm: of coordinates that are whole steps. A line of those bends, too, if less than the noise: a stretch
+    then has to be likelier a line than chance makes any.
     """
     least = 4 if held else 3
+    n_events = sum(run.touch.t_s.size for run in runs)
     count, length_s, total_s = 0, [], 0.0
     out = []
     for run in runs:
@@ -23,7 +35,6 @@ def filled_losses(runs: tuple[Run, ...], held: bool) -> tuple[StreamEffect | Non
         if t.size < 60:
             out.append(run)
             continue
-        total_s += float(t[-1] - t[0])
         # How far each event lies from the line between its neighbours at its own stamp: stamps are not quite even.
         share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
         off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
@@ -34,6 +45,14 @@ def filled_losses(runs: tuple[Run, ...], held: bool) -> tuple[StreamEffect | Non
             bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
         moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
         straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
+        if resolution_mm:
+            usual_mm2 = np.maximum(uniform_filter1d(np.array(off) ** 2, AROUND, axis=1), 1e-12)
+            if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
+                out.append(run)  # where a slow path stays on one step, anything is a line
+                continue
+            if not held:
+                straight = _likelier_lines(np.array(off), usual_mm2, resolution_mm, n_events)
+        total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)
         start = None
         for k in range(straight.size + 1):
@@ -66,3 +85,22 @@ def filled_losses(runs: tuple[Run, ...], held: bool) -> tuple[StreamEffect | Non
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
+
+
+def _likelier_lines(off_mm: np.ndarray, usual_mm2: np.ndarray, resolution_mm: float, n_events: int) -> np.ndarray:
+    """Events (n,) in stretches whose bends off_mm (2, n) are those of rounded lines and not the usual ones around."""
+    rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
+    gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
+    gain *= INDEPENDENT
+    enough = np.log(n_events / BY_CHANCE)
+    lines = np.zeros(gain.size, bool)
+    total, start, top, end = 0.0, 0, 0.0, 0
+    for k, more in enumerate(np.append(gain, -np.inf)):
+        total += more
+        if total > top:
+            top, end = total, k
+        if total <= 0 or total < top - enough:
+            if top > enough:
+                lines[start : end + 1] = True
+            total, start, top = 0.0, k + 1, 0.0
+    return lines

@@ -9,13 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.errors import EstimateError
+from draglag.gap.asked import NOW
+from draglag.gap.delayed import LEAST_LEFT_S, OTHER, USUAL, delay_profile, with_what_is_left
 from draglag.gap.finding import Candidate, Finding
-from draglag.gap.fit import Fit, fit_session, latency_of_terms, log_likelihood_on, most_promising
+from draglag.gap.fit import RIPPLE, Fit, fit_session, latency_of_terms, log_likelihood_on, most_promising
 from draglag.gap.heldout import gap_mm, improves, shrinks, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
 from draglag.gap.signatures import SIGNATURES, unnamed_columns
-from draglag.gap.state import Term
+from draglag.gap.state import FOLLOW_ACCELERATION, LAGGING, Term
 from draglag.gap.stepped import find_step
 from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, law_beside, settled
 from draglag.recording import Session
@@ -42,8 +44,10 @@ SMALLEST = {
     "direction_asymmetry": 0.2,
 }
 SETTLING, SETTLED = 4, 0.01
-DELAYS = np.geomspace(0.5, 2.5, 7)  # of what the acceleration alone makes of a lagging law's delay
-LEAST_DELAY_S, MOST_DELAY_S = 0.005, 0.3
+SURELY_SMOOTH = 100.0  # gain of a low-pass that does not show in the gap
+PRESENT = (1,)  # a lagging law's setting to first order
+LONGER = 1.4
+LEAST_SURE_S = 0.01  # of another moment than the present one, for all that its interval allows
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
@@ -90,6 +94,8 @@ def possible(effect: str, fit: Fit) -> bool:
     numbers = parameters_of(effect, fit)
     if effect == SMOOTHING and numbers["time_constant_s"][0] <= 0:
         return False
+    if effect == RIPPLE and fit.runs[0].lattice is None:
+        return False  # thousands of events show one that a hundred edges can
     leading = EFFECTS[effect].parameters[0]
     if leading.name in numbers:
         size = abs(numbers[leading.name][0])
@@ -105,18 +111,45 @@ def possible(effect: str, fit: Fit) -> bool:
     return True
 
 
-def with_the_delay_itself(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
-    """A lagging law by the speed of that time, where that is likelier than by the acceleration's share."""
-    fit = name.fit
-    which, size_s = next((t.theta[0], t.sizes[0]) for t in fit.terms if t.effect == "lagging_law")
-    rest = [t for t in fit.terms if t.effect != "lagging_law"]
-    delays = np.unique(np.clip(DELAYS * abs(size_s), LEAST_DELAY_S, MOST_DELAY_S)) * np.sign(size_s)
-    options = [[*rest, Term("lagging_law", (which, float(d)), (size_s,))] for d in delays]
-    better = refit(session, before, most_promising(before, options, fit.law), plateau, fit.law)
-    if better is None or not possible("lagging_law", better):
-        return name
-    more = gained(fit, better) - 2 * np.log(delays.size)
-    return replace(name, fit=better, gain=name.gain + more, gap_after_mm=gap_mm(better)) if more > 0 else name
+def delayed(session: Session, before: Fit, finding: Finding, plateau: bool) -> Fit | None:
+    """The law asked at the speed of another moment, where that is likelier by far than the moments of sound panels."""
+    if any(t.effect in FOLLOW_ACCELERATION for t in before.terms):
+        return None
+    best: Fit | None = None
+    term = Term(LAGGING, OTHER[int(np.argmax(delay_profile(before, OTHER)))], (0.0,))
+    for _ in range(2):
+        fit = refit(session, before, [*before.terms, term], plateau, before.law)
+        if fit is None or not possible(LAGGING, fit):
+            break
+        if best is None or fit.log_likelihood > best.log_likelihood:
+            best = fit
+        left_s = fit.terms[-1].sizes[0]
+        if abs(left_s) < LEAST_LEFT_S:
+            break
+        term = with_what_is_left(term, left_s)
+    if best is not None:
+        # The likelihood is flat towards longer delays: the gap on held-out runs decides.
+        longer = with_what_is_left(best.terms[-1], (LONGER - 1) * best.terms[-1].theta[1])
+        fit = refit(session, before, [*before.terms, longer], plateau, before.law)
+        if fit is not None and possible(LAGGING, fit) and gained(best, fit) > -RARE and gap_mm(fit) < gap_mm(best):
+            best = fit
+    if any(c.effect == LAGGING and c.theta == PRESENT for c in finding.significant):
+        # Of a later speed a slow trace tells little: to first order it is told better than by that speed itself.
+        fit = refit(session, before, [*before.terms, Term(LAGGING, PRESENT)], plateau)
+        if fit is not None and possible(LAGGING, fit):
+            best = fit if best is None or fit.log_likelihood > best.log_likelihood else best
+    if best is None or gained(before, best) < 2 * RARE:
+        return None
+    low, high = parameters_of(LAGGING, best)["delay_s"][1]
+    if low * high <= 0 or min(abs(low), abs(high)) < LEAST_SURE_S:
+        return None
+    theta = best.terms[-1].theta
+    if len(theta) == 2:
+        own, *usual = delay_profile(best, [(theta[0], theta[1]), *USUAL])
+    else:
+        now, *usual = delay_profile(before, [NOW, *USUAL])
+        own = now + gained(before, best)
+    return best if own - max(usual) > RARE else None
 
 
 def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
@@ -176,8 +209,9 @@ def name(
 ) -> tuple[list[Name], Candidate | None]:
     """Names best first, and the smooth term that beats them all (or None).
 
-    Every significant library effect among the best few, and the plateau always (as a change of the law it has no
-    column to be found by), is refitted jointly with the rest of the model, but for those hopeless beside a sure name.
+    Every significant library effect among the best few, and always the plateau and a law that follows the speed of
+    another moment (as changes of the law they have no column to be found by), is refitted jointly with the rest of the
+    model, but for those hopeless beside a sure name.
     """
     significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
     jump = sure_jump(before, finding)
@@ -197,14 +231,19 @@ def name(
         tries = [t for t in tries if t[0] != MODE] + [(MODE, switching.theta, 1, 1)]
     if PLATEAU in candidates and not plateau:
         tries.append((PLATEAU, (), 1, 8))
+    tries = [t for t in tries if t[0] != LAGGING]
+    if LAGGING in candidates and any(c.effect == LAGGING for c in finding.candidates):
+        tries.append((LAGGING, (), 1, len(OTHER)))
     before_mm = gap_mm(before)
     names = []
     sure = 0.0
     for effect, theta, n_columns, n_grid in tries:
-        if effect not in (MODE, PLATEAU) and scores[effect] < HOPELESS * sure:
+        if effect not in (MODE, PLATEAU, LAGGING) and scores[effect] < HOPELESS * sure:
             continue
         if effect == PLATEAU:
             fit = refit(session, before, before.terms, True)
+        elif effect == LAGGING:
+            fit = delayed(session, before, finding, plateau)
         elif effect == MODE and switching is not None and theta == switching.theta:
             fit = _switched(session, before, switching, plateau)
             n_columns += round(EACH_SWITCH / 6 * len(switching.on_s) * 2)
@@ -229,20 +268,15 @@ def name(
     for k, one in enumerate(names):
         # Its mean effect leaves of quick circles what stand-ins explain: it is weighed as the low-pass that it is.
         if one.effect == SMOOTHING and one.gain > HALF * names[0].gain:
-            names[k] = with_the_trace_sharpened(session, before, one, plateau)
+            one = with_the_trace_sharpened(session, before, one, plateau)
+            # The position fits bend circles a little, tremor with them: that would not show in the gap.
+            names[k] = replace(one, improves=one.improves and (one.gain > SURELY_SMOOTH or shrinks(before, one.fit)))
     # Where likelihoods all but agree, the name that closes the gap on held-out runs is the better one.
     near = [n for n in names if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)]
     names.sort(key=lambda n: (n not in near, n.gap_after_mm if n in near else 0.0, -n.gain))
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
     names = [n for n in names if n.gain > least and n.improves]
-    if names and names[0].effect in ("lagging_law", "acceleration_lag"):
-        # Only against the one other effect that is like it: the speed of another time is a smoother one too, which
-        # helps with any law.
-        lagging = next((n for n in names if n.effect == "lagging_law"), None)
-        refined = None if lagging is None else with_the_delay_itself(session, before, lagging, plateau)
-        if refined is not None and refined.gain >= names[0].gain:
-            names = [refined, *(n for n in names if n is not lagging)]
     nameless = [c for c in finding.significant if c.effect is None]
     unnamed = next(
         (c for c in nameless if shrinks_with(before, unnamed_columns(before.view, c.covariate, c.role, c.theta))), None

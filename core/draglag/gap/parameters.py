@@ -6,8 +6,9 @@ import numpy as np
 
 from draglag.gap.fit import Fit
 from draglag.gap.model import base_prior
+from draglag.gap.noise import SPEED_TIMING_S
 from draglag.gap.plateau import plateau_ci95_mm_s
-from draglag.gap.state import Term
+from draglag.gap.state import ACCEL_UNKNOWN, Term
 
 Parameters = dict[str, tuple[float, tuple[float, float]]]
 # effect → (parameter, factor from the term's size, sign kept)
@@ -26,10 +27,12 @@ LINEAR = {
 
 
 def whole_sizes(term: Term, fit: Fit) -> np.ndarray:
-    """A term's sizes (k,) across the beam, with what was undone of it in the traces."""
+    """A term's sizes (k,) across the beam, with what was undone of it in the traces or asked of the law itself."""
     lattice = fit.runs[0].lattice
     if term.effect == "pitch_ripple" and lattice is not None:
         return np.array(term.sizes) + lattice.sizes_mm[:, 1]
+    if term.effect == "lagging_law" and len(term.theta) == 2:
+        return np.array(term.sizes) + term.theta[1]
     if term.effect == "smoothing_shrink" and term.theta:
         return np.array(term.sizes) + term.theta[0] ** 2
     return np.array(term.sizes)
@@ -54,6 +57,12 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
     se = np.sqrt(np.maximum(np.diag(covariance), 0))
     if effect in LINEAR:
         name, factor = LINEAR[effect]
+        # What no number of edges averages away: of which moment a speed is, and how smooth an acceleration.
+        systematic = {
+            "lagging_law": np.hypot(SPEED_TIMING_S, ACCEL_UNKNOWN * sizes[0]),
+            "acceleration_lag": ACCEL_UNKNOWN * abs(sizes[0]),
+        }
+        se[0] = np.hypot(se[0], systematic.get(effect, 0.0))
         value, reach = factor * sizes[0], abs(factor) * 1.96 * se[0]
         out: Parameters = {name: (float(value), (float(value - reach), float(value + reach)))}
         if effect == "second_filter_mode" and theta and theta[1] < 2:
@@ -71,6 +80,10 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
     # A sine and a cosine, or a polynomial: the amplitude over the panel.
     if theta:
         amplitude = float(np.hypot(*sizes[:2]))
+        lattice = fit.runs[0].lattice
+        if lattice is not None:
+            # Edges lie on one line across; what ripples with y alone is seen by the touch events only.
+            amplitude = max(amplitude, float(np.hypot(*lattice.sizes_mm[2:, 1])))
     else:
         x = fit.view.panel_x
         shape = np.column_stack([x**2 - x.mean(), x**3, x**4]) @ sizes

@@ -23,6 +23,7 @@ FOLLOWS = {
     "normal_acceleration": "the normal acceleration", "kind_of_edge": "the kind of edge",
     "direction": "the direction of travel", "direction_angle": "the direction of travel", "taps": "the taps",
     "host_tick": "the ticks of the host", "frame": "the frames of the panel",
+    "turn": "the way round of the circle", "run": "the run, by more than panels differ from one to the next",
 }  # fmt: skip
 TERM_OF = {"thermal_drift": "clock_drift", "scale_error": "beam_width"}
 

@@ -18,6 +18,7 @@ from draglag.recording import FloatArray, Run, Session
 
 FEWEST = 6  # edges a run must give to count
 GUESS_S = 0.06
+QUICK_S = 0.004  # no speed changes within less, whatever the panel's rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,7 @@ class RunData:
     @cached_property
     def quick(self) -> tuple[FloatArray, FloatArray]:
         """Times (g,) s, evenly spaced, and the speed that the trace shows there, as quick as it can be told."""
-        step_s = sample_interval_s(self.t_s)
+        step_s = max(sample_interval_s(self.t_s), QUICK_S)
         grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
         fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))
         return grid_s, np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok])

@@ -37,6 +37,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
         placed.a_mm_s2[:, 1],
         t,
         placed.in_run_s,
+        placed.steady,
         placed.latency_s,
         placed.slope_s2_mm,
         placed.stretch,
@@ -81,11 +82,18 @@ def _spline(values: FloatArray, knots: int) -> FloatArray:
     return np.asarray(out[:, spread > 1e-12] / spread[spread > 1e-12])
 
 
+def _settled_s(v: View) -> FloatArray:
+    """Time in the run where nothing but time passes: in a chirp it is the frequency, and the hand's trouble with it."""
+    return (
+        np.where(v.steady, v.in_run_s, np.median(v.in_run_s[v.steady])) if v.steady.any() else np.zeros(v.steady.size)
+    )
+
+
 def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
     """(covariate, role) → residual columns of a smooth term: what an effect in no library would follow."""
     covariates = {
         "session_time": (v.session_time, 5),
-        "time_in_run": (v.in_run_s, 5),
+        "time_in_run": (_settled_s(v), 5),
         "x": (v.panel_x, 6),
         "speed": (np.log(v.speed), 7),
         "acceleration": (np.arcsinh(v.accel / 500), 5),

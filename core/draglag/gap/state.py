@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from draglag.gap.asked import NOW
 from draglag.gap.edges import Placed, place
 from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.noise import timing_mm, touch_variances
@@ -16,7 +17,8 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
 from draglag.simulation.residual import Signature, View
 
-FOLLOW_ACCELERATION = ("acceleration_lag", "lagging_law")
+LAGGING = "lagging_law"
+FOLLOW_ACCELERATION = ("acceleration_lag", LAGGING)
 ACCEL_UNKNOWN = 0.2
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
 FAR_MM = 1.5  # an edge this uncertain decides nothing
@@ -61,7 +63,8 @@ def look(
     before: State | None,
 ) -> State:
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
-    placed = place(runs, law, extra, None if before is None else before.placed)
+    asked = next((t.theta[:2] for t in terms if t.effect == LAGGING and len(t.theta) == 2), NOW)
+    placed = place(runs, law, extra, None if before is None else before.placed, (asked[0], asked[1]))
     view = view_of(placed, law, geometry, width_mm)
     lag = next((t.theta[0] for t in terms if t.effect == "acceleration_lag" and t.theta), 0.0)
     if lag > 0:

@@ -15,6 +15,7 @@ from draglag.gap.stamps import (
     evened,
     first_of_repeats,
     hold,
+    resolution_mm,
     spread,
     still_uneven,
 )
@@ -35,7 +36,8 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     bounced = _bounce(session)
     if bounced is not None:
         found.append(bounced[0])
-    batched, held, coarse = batches(touches), hold(touches), coarse_clock(touches)
+    step_mm = resolution_mm(touches)
+    batched, held, coarse = batches(touches), hold(touches, step_mm), coarse_clock(touches)
     if batched is not None:
         found.append(batched)
         runs = tuple(replace(r, touch=spread(r.touch, round(batched.value))) for r in runs)
@@ -53,7 +55,7 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     dropped = drops(touches)
     if dropped is not None and batched is None and held is None and coarse is None:
         found.append(dropped)
-    lost, runs = filled_losses(runs, held is not None)
+    lost, runs = filled_losses(runs, held is not None, step_mm)
     if lost is not None:
         found.append(lost)
     return tuple(found), replace(session, runs=runs)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 # tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.
 WIDTH_S, APART_S = 0.18, 0.05
 TURNING = 0.7
+STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rate
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,11 @@ class Unwarped:
 
 def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
     """The speed that a trace (n,), (n, 2) shows, evenly spaced. radius_mm, mean_mm_s: of a circle at constant speed."""
-    step_s = sample_interval_s(t_s)
+    interval_s = sample_interval_s(t_s)
+    step_s = max(interval_s, STEP_S)
     grid_s = np.arange(t_s[0], t_s[-1], step_s)
     turning_s = TURNING * radius_mm / mean_mm_s if mean_mm_s and radius_mm else np.inf
-    fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * step_s), degree=2, roundness=3)
+    fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * interval_s), degree=2, roundness=3)
     speed = np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok]) if fit.ok.any() else np.zeros(grid_s.size)
     return Shown(grid_s, step_s, speed, float(min(APART_S, turning_s)), mean_mm_s or float(np.mean(speed)))
 

@@ -30,7 +30,7 @@ from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.run_data import gather
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
-from draglag.gap.soundness import excess_scatter, follows_another_speed
+from draglag.gap.soundness import excess_between_runs, excess_scatter, follows_another_speed
 from draglag.gap.stalls import stalls
 from draglag.gap.stamps import StreamEffect
 from draglag.gap.streams import inspect
@@ -164,7 +164,7 @@ def close_gap(
         unexplained = None
     steps = [_settled(step, fit) for step in steps]
     if unexplained is None and not ages:
-        unexplained = excess_scatter(fit) or (None if steps else strained(fit, finding))
+        unexplained = excess_scatter(fit) or excess_between_runs(fit) or (None if steps else strained(fit, finding))
         if unexplained is not None and unexplained.score > max((s.gain for s in steps), default=0.0):
             steps, fit = without_parts(steps, fit, first, unexplained, finding)
     if unexplained is None and not ages and not {s.effect for s in steps} & FOLLOW_ACCELERATION:

@@ -44,6 +44,7 @@ class View:
     a_across: FloatArray
     since_start_s: FloatArray
     in_run_s: FloatArray
+    steady: np.ndarray  # (m,) bool, in a run of constant speed
     latency_s: FloatArray
     law_slope: FloatArray
     stretch: FloatArray

@@ -45,13 +45,10 @@ class LaggingLaw(Effect):
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """At theta = (which, delay) the speed of that time itself: round a fast circle it is not v − a · delay."""
+        """At theta = (which, delay) the law is asked at the speed of that time already: what is left of the delay."""
         if len(theta) < 2:
             return super().signature_at(theta, view)
         which, delay_s = theta
-        before_s = delay_s * (view.latency_s / USUAL_LATENCY_S if which else np.ones(view.latency_s.size))
-        shown, _ = view.trace.earlier(before_s)
-        _, change = view.trace.earlier(2 * before_s)
-        # A trace whose latency falls shows a speed too high: v = u (1 + dL/dt), and that latency lags as well.
-        then = shown * (1 + np.clip(view.law_slope * change, -0.3, 0.3))
-        return Signature(latency=column(view.law_slope * (then - view.speed) / delay_s), theta=theta, n_grid=2)
+        share = view.latency_s / USUAL_LATENCY_S if which else np.ones(view.latency_s.size)
+        _, change = view.trace.earlier(delay_s * share)
+        return Signature(latency=column(-view.law_slope * change * share), theta=theta, n_grid=2)
