@@ -59,8 +59,10 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
         step = np.broadcast_to((v > threshold).astype(float)[None, :, None], (rates.shape[0], v.size, 1))
         chi2, solution = _solve(np.concatenate([base, step], axis=2), latency, weight)
         k = int(np.argmin(chi2))
+        if not np.isfinite(chi2[k]):
+            continue
         gain = float(plain.min() - chi2[k])
-        if np.isfinite(chi2[k]) and gain > (LEAST_GAIN if best is None else best.gain):
+        if gain > (LEAST_GAIN if best is None else best.gain):
             a1, a4, a7, size = (float(q) for q in solution[k])
             law = LawParameters(max(a1, 1e-3), float(rates[k, 0]), max(a4, 1e-3), float(rates[k, 1]), a7)
             best = Step(law, (float(left), float(right)), size, gain)
