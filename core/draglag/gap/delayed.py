@@ -16,13 +16,12 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
 
 # A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
-USUAL: tuple[Asked, ...] = ((0.0, 0.0), (0.0, 0.01), (0.0, 0.02), (0.0, 0.025))
-PAST_S = (0.035, 0.05, 0.07, 0.1, 0.14, 0.2)
+USUAL: tuple[Asked, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
+PAST_S = (0.035, 0.05, 0.07, 0.1, 0.15)
 OTHER: tuple[Asked, ...] = (
     *((0.0, s) for s in PAST_S),
     (0.0, -0.035),
     (1.0, -0.5 * USUAL_LATENCY_S),
-    (1.0, -USUAL_LATENCY_S),
 )
 LEAST_LEFT_S = 0.003  # of a delay: the placing is true to that
 

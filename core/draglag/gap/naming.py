@@ -47,6 +47,7 @@ SETTLING, SETTLED = 4, 0.01
 SURELY_SMOOTH = 100.0  # gain of a low-pass that does not show in the gap
 PRESENT = (1,)  # a lagging law's setting to first order
 LONGER = 1.4
+HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
 LEAST_SURE_S = 0.01  # of another moment than the present one, for all that its interval allows
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
@@ -111,13 +112,18 @@ def possible(effect: str, fit: Fit) -> bool:
     return True
 
 
-def delayed(session: Session, before: Fit, finding: Finding, plateau: bool) -> Fit | None:
-    """The law asked at the speed of another moment, where that is likelier by far than the moments of sound panels."""
+def delayed(session: Session, before: Fit, finding: Finding, plateau: bool, sure: float) -> Fit | None:
+    """The law asked at the speed of another moment, where that is likelier by far than the moments of sound panels.
+
+    sure: gain of a sure name, beside which less is hopeless.
+    """
     if any(t.effect in FOLLOW_ACCELERATION for t in before.terms):
         return None
     best: Fit | None = None
-    term = Term(LAGGING, OTHER[int(np.argmax(delay_profile(before, OTHER)))], (0.0,))
-    for _ in range(2):
+    now, *other = delay_profile(before, [NOW, *OTHER])
+    hopeless = max(other) - now < HOPELESS * sure
+    term = Term(LAGGING, OTHER[int(np.argmax(other))], (0.0,))
+    for _ in range(0 if hopeless or max(other) < max(delay_profile(before, USUAL)) else 2):
         fit = refit(session, before, [*before.terms, term], plateau, before.law)
         if fit is None or not possible(LAGGING, fit):
             break
@@ -232,7 +238,7 @@ def name(
     if PLATEAU in candidates and not plateau:
         tries.append((PLATEAU, (), 1, 8))
     tries = [t for t in tries if t[0] != LAGGING]
-    if LAGGING in candidates and any(c.effect == LAGGING for c in finding.candidates):
+    if LAGGING in candidates and any(c.effect == LAGGING and c.gain > HINTED for c in finding.candidates):
         tries.append((LAGGING, (), 1, len(OTHER)))
     before_mm = gap_mm(before)
     names = []
@@ -243,7 +249,7 @@ def name(
         if effect == PLATEAU:
             fit = refit(session, before, before.terms, True)
         elif effect == LAGGING:
-            fit = delayed(session, before, finding, plateau)
+            fit = delayed(session, before, finding, plateau, sure)
         elif effect == MODE and switching is not None and theta == switching.theta:
             fit = _switched(session, before, switching, plateau)
             n_columns += round(EACH_SWITCH / 6 * len(switching.on_s) * 2)
