@@ -21,6 +21,7 @@ from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QApplication, QWidget
 
 from app.screenshot_dialogs import questions, troubles, under_way
+from draglag.exchange import read_exchange
 from draglag.protocols import load_protocol
 from draglag.recording import Screen
 from draglag.targets import Circle, Tap
@@ -109,6 +110,17 @@ def close_the_gap(application: QApplication, window: OperatorWindow) -> None:
     page = window.pages["gap"][1]
     page.start()
     wait(application, lambda: not window.space.tasks.running)
+
+
+def a_gap_closed(application: QApplication, window: OperatorWindow, out: Path) -> None:
+    """The Gap page of a recorded session in which an effect is hidden."""
+    window.space.take(read_exchange(Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"), None)
+    wait(application, lambda: window.space.analysis is not None and not window.space.tasks.running)
+    close_the_gap(application, window)
+    window.resize(*SIZES["small"])
+    for theme in ("dark", "light"):
+        window.use_theme(theme)
+        shoot(window, out / f"gap-closed-{theme}.png")
 
 
 def results_in_full(application: QApplication, window: OperatorWindow, out: Path) -> None:
@@ -230,6 +242,7 @@ def main() -> int:
                 window.use_theme(theme)
                 questions(window, theme, chosen.out, shoot)
                 troubles(window, theme, chosen.out, shoot)
+            a_gap_closed(application, window, chosen.out)
         window.close()
         if chosen.all:
             for theme in ("dark", "light"):

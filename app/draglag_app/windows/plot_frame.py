@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMessageBox, QSizeP
 from draglag.errors import DataError
 from draglag_app.windows.ask_files import ask_save
 from draglag_app.windows.letter_menu import LetterMenu
-from draglag_app.windows.plot_values import write_picture, write_text
+from draglag_app.windows.plot_values import Column, as_csv, write_picture, write_text
 from draglag_app.windows.theme import points, theme
 
 
@@ -28,7 +28,7 @@ _AWAY = (Qt.FocusReason.PopupFocusReason, Qt.FocusReason.ActiveWindowFocusReason
 
 
 class PlotFrame(pg.PlotWidget):
-    """What is around the drawing. ``csv`` and what is drawn are the subclass's."""
+    """What is around the drawing; what is drawn is the subclass's."""
 
     def __init__(self, title: str, x: str, y: str, file_name: str, parent: QWidget | None) -> None:
         super().__init__(parent, enableMenu=False)
@@ -62,6 +62,7 @@ class PlotFrame(pg.PlotWidget):
         self._ring.hide()
         self._by_tab = False
         self._items: dict[str, list[Any]] = {}
+        self._numbers: dict[str, tuple[Column, ...]] = {}
         # Not within the change of size itself, which has a layout of its own under way.
         self._resized = QTimer(self)
         self._resized.setSingleShot(True)
@@ -240,5 +241,5 @@ class PlotFrame(pg.PlotWidget):
             write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()))
 
     def csv(self) -> str:
-        """All numbers drawn."""
-        raise NotImplementedError
+        """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
+        return as_csv(self._labels[1:], self._numbers)

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QWidget
 
 from draglag_app.windows.plot_frame import PlotFrame
 from draglag_app.windows.plot_frame import tr as tr
-from draglag_app.windows.plot_values import Column, Series, as_csv, near
+from draglag_app.windows.plot_values import Column, Series, near
 from draglag_app.windows.theme import theme
 
 
@@ -25,7 +25,6 @@ class Plot(PlotFrame):
     """
 
     def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
-        self._numbers: dict[str, tuple[Column, ...]] = {}
         self._hover: dict[str, Series] = {}
         self._looks: dict[str, tuple[object, ...]] = {}
         super().__init__(title, x, y, file_name, parent)
@@ -161,10 +160,6 @@ class Plot(PlotFrame):
         self._tip.setText(found.words)
         self._tip.setPos(found.x, found.y)
         self._tip.show()
-
-    def csv(self) -> str:
-        """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
-        return as_csv(self._labels[1:], self._numbers)
 
     @property
     def drawn(self) -> Mapping[str, tuple[Column, ...]]:

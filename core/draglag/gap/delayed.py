@@ -16,7 +16,7 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
 
 # A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
-USUAL: tuple[Asked, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
+USUAL: tuple[Asked, ...] = (NOW, (0.0, 0.015), (0.0, 0.025))
 PAST_S = (0.035, 0.05, 0.07, 0.1, 0.15)
 OTHER: tuple[Asked, ...] = (
     *((0.0, s) for s in PAST_S),

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.asked import NOW
 from draglag.gap.delayed import LEAST_LEFT_S, OTHER, USUAL, delay_profile, with_what_is_left
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import RIPPLE, Fit, fit_session, latency_of_terms, log_likelihood_on, most_promising
@@ -46,7 +45,8 @@ SMALLEST = {
 SETTLING, SETTLED = 4, 0.01
 SURELY_SMOOTH = 100.0  # gain of a low-pass that does not show in the gap
 PRESENT = (1,)  # a lagging law's setting to first order
-LONGER = 1.4
+ROUNDS = 2  # of a delay's refits
+LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
 LEAST_SURE_S = 0.01  # of another moment than the present one, for all that its interval allows
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
@@ -120,10 +120,11 @@ def delayed(session: Session, before: Fit, finding: Finding, plateau: bool, sure
     if any(t.effect in FOLLOW_ACCELERATION for t in before.terms):
         return None
     best: Fit | None = None
-    now, *other = delay_profile(before, [NOW, *OTHER])
-    hopeless = max(other) - now < HOPELESS * sure
+    profile = delay_profile(before, [*USUAL, *OTHER])
+    usual, other = profile[: len(USUAL)], profile[len(USUAL) :]
     term = Term(LAGGING, OTHER[int(np.argmax(other))], (0.0,))
-    for _ in range(0 if hopeless or max(other) < max(delay_profile(before, USUAL)) else 2):
+    asked_for = other.max() > usual.max() and other.max() - usual[0] > HOPELESS * sure
+    for _ in range(ROUNDS if asked_for else 0):
         fit = refit(session, before, [*before.terms, term], plateau, before.law)
         if fit is None or not possible(LAGGING, fit):
             break
@@ -150,12 +151,11 @@ def delayed(session: Session, before: Fit, finding: Finding, plateau: bool, sure
     if low * high <= 0 or min(abs(low), abs(high)) < LEAST_SURE_S:
         return None
     theta = best.terms[-1].theta
+    own = usual[0] + gained(before, best)  # of the first order's form; the other is compared under its own law
     if len(theta) == 2:
-        own, *usual = delay_profile(best, [(theta[0], theta[1]), *USUAL])
-    else:
-        now, *usual = delay_profile(before, [NOW, *USUAL])
-        own = now + gained(before, best)
-    return best if own - max(usual) > RARE else None
+        own, *others = delay_profile(best, [(theta[0], theta[1]), *USUAL])
+        usual = np.array(others)
+    return best if own - usual.max() > RARE else None
 
 
 def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
@@ -215,9 +215,9 @@ def name(
 ) -> tuple[list[Name], Candidate | None]:
     """Names best first, and the smooth term that beats them all (or None).
 
-    Every significant library effect among the best few, and always the plateau and a law that follows the speed of
-    another moment (as changes of the law they have no column to be found by), is refitted jointly with the rest of the
-    model, but for those hopeless beside a sure name.
+    Every significant library effect among the best few, the plateau always (as a change of the law it has no column to
+    be found by), and a law that follows another moment's speed wherever its mean effect hints at it, is refitted
+    jointly with the rest of the model, but for those hopeless beside a sure name.
     """
     significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
     jump = sure_jump(before, finding)

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.stats import t as student
 
 from draglag.gap.fit import Fit
-from draglag.gap.model import LEAST_AMPLITUDE_S
+from draglag.gap.rates import pairs_at, without_law
 from draglag.recording import FloatArray
 
 RATES_S_MM = np.geomspace(0.001, 0.06, 20)
 REACH = np.geomspace(0.7, 1.4, 57)  # of the best speed
-N_LAW = 6
+N_LAW = 6  # parameters of Eq. 5 with a plateau
 
 
 def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
@@ -38,29 +38,11 @@ def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
 
 
 def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:
-    """Twice the log-likelihood, up to a constant, of each plateau speed (k,)."""
-    white = fit.whiteners[fit.best]
+    """Twice the log-likelihood, up to a constant, of each plateau speed (k,); one rate alone is a law, too."""
     placed, use = fit.placed, fit.use
     v_n = placed.v_mm_s[use, 1] * placed.stretch[use]
-    speed = placed.speed_mm_s[use]
-    whole = white.apply(np.column_stack([fit.residual_mm - v_n * fit.law(speed), -v_n, fit.design[:, N_LAW:]]))
-    calm = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(fit.residual_mm)) / 4))[:, None]
-    target, others = whole[:, 0] * calm[:, 0], whole[:, 1:] * calm
-    spread = np.linalg.pinv(others.T @ others + np.diag(np.concatenate([[1e-9], fit.prior[N_LAW:]])), hermitian=True)
-    moment = others.T @ target
-    own = float(moment @ spread @ moment)
-    i, j = np.triu_indices(RATES_S_MM.size, 1)
-    out = np.empty(plateaus_mm_s.size)
-    for k, plateau in enumerate(plateaus_mm_s):
-        held = np.maximum(speed, plateau)
-        slow = white.apply(-v_n[:, None] * np.exp(-held[:, None] * RATES_S_MM)) * calm
-        cross = others.T @ slow
-        gram = slow.T @ slow - cross.T @ spread @ cross
-        pull = slow.T @ target - cross.T @ spread @ moment
-        determinant = gram[i, i] * gram[j, j] - gram[i, j] ** 2 + 1e-18
-        one = (gram[j, j] * pull[i] - gram[i, j] * pull[j]) / determinant
-        two = (gram[i, i] * pull[j] - gram[i, j] * pull[i]) / determinant
-        value = np.where(np.minimum(one, two) >= LEAST_AMPLITUDE_S, one * pull[i] + two * pull[j], -np.inf)
-        single = np.where(pull > 0, pull**2 / np.diag(gram), -np.inf)  # one rate alone is a law, too
-        out[k] = own + max(float(value.max()), float(single.max()))
-    return out
+    rest, prior = fit.design[:, N_LAW:], fit.prior[N_LAW:]
+    white = fit.whiteners[fit.best]
+    told = without_law(fit.law, placed.speed_mm_s[use], v_n, fit.residual_mm, rest, prior, white)
+    at = (pairs_at(told, float(plateau), RATES_S_MM) for plateau in plateaus_mm_s)
+    return np.array([max(float(pairs.gain.max()), pairs.alone) for pairs in at])

@@ -92,7 +92,9 @@ def spread(touch: TouchTrace, size: int) -> TouchTrace:
 def resolution_mm(touches: list[TouchTrace]) -> float:
     """Step of coordinates that are whole steps of the panel's or screen's, mm; 0 where they are not."""
     steps = []
-    for values in (np.concatenate([t.x_mm for t in touches]), np.concatenate([t.y_mm for t in touches])):
+    fresh = [np.append(True, ~_repeats(t)) for t in touches]  # what a host holds is no step
+    for axis in ("x_mm", "y_mm"):
+        values = np.concatenate([getattr(t, axis)[keep] for t, keep in zip(touches, fresh, strict=True)])
         unique = np.unique(np.round(values, 6))
         if unique.size < 2 or unique.size > FEW * values.size:
             return 0.0
