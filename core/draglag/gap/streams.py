@@ -7,18 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.fills import filled_losses
-from draglag.gap.stamps import (
-    StreamEffect,
-    batches,
-    coarse_clock,
-    drops,
-    evened,
-    first_of_repeats,
-    hold,
-    resolution_mm,
-    spread,
-    still_uneven,
-)
+from draglag.gap.holding import first_of_repeats, hold, resolution_mm, still_uneven
+from draglag.gap.stamps import StreamEffect, batches, coarse_clock, drops, evened, spread
 from draglag.gap.unheld import unheld
 from draglag.recording import Run, Session
 
