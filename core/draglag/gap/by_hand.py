@@ -13,7 +13,8 @@ from draglag.gap.doubts import covariate_of, left_out, still_there
 from draglag.gap.finding import Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm
-from draglag.gap.naming import PLATEAU, gained, refit
+from draglag.gap.model import LawParameters
+from draglag.gap.naming import PLATEAU, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
@@ -26,6 +27,7 @@ from draglag.simulation.effects import EFFECTS
 
 BY_HAND = tuple(effect for effect in EFFECTS if effect in (*SIGNATURES, PLATEAU, *TERM_OF))
 
+SEARCHES = 4  # from where the last one ended
 OF_THE_STREAMS = ("frame", "host_tick")  # seen before any fit, which does not change them
 
 
@@ -55,8 +57,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         raise EstimateError(f"the model cannot be fitted with {effect}: {problem}", "Choose another effect") from None
     finding = find(fit, without=left_out(frozenset(EFFECTS)) | there | {term})
     # The model's own search may have stopped short: an effect is not credited for that.
-    own = None if effect == PLATEAU else refit(repaired, before, before.terms, plateau, fit.law)
-    without = own if own is not None and gained(before, own) > 0 else before
+    without = before if effect == PLATEAU else _searched_from(fit.law, repaired, before)
     changed = shrinkage(_gap(session, without, report.finding), _gap(session, fit, finding))
     low, high = changed.change_ci95_mm
     step = Step(
@@ -88,6 +89,17 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         last=fit,
         finding=finding,
     )
+
+
+def _searched_from(law: LawParameters, session: Session, before: Fit) -> Fit:
+    """The model's own best point as sought from another law, as long as that gains."""
+    best = before
+    for _ in range(SEARCHES):
+        own = refit(session, before, before.terms, before.law.plateau_mm_s > 0, law)
+        if own is None or gained(best, own) < SAME_MODEL_BETTER:
+            break
+        best, law = own, own.law
+    return best
 
 
 def _left(report: GapReport, fit: Fit, finding: Finding, changed: Shrinkage) -> str | None:

@@ -22,7 +22,7 @@ AMPLITUDE_SD_S = 0.15
 FOLLOWS_LATER_SD = 0.07
 FLATTENING_SD = 0.5
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
-BENT_SD_S2 = 1.5e-5  # as a low-pass of some 5 ms bends
+BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends
 CORNER = 0.02  # of the plateau's speed
 N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 

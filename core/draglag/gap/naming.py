@@ -26,6 +26,7 @@ from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
 REFITTED = 6
+SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 NEARLY = 0.05  # of the best gain: names so close are told apart by the gap on held-out runs
 HALF = 0.5  # of the best gain, that a low-pass's mean effect must have to be weighed in its own form
 HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will not overtake it
@@ -43,7 +44,7 @@ SMALLEST = {
     "direction_asymmetry": 0.2,
 }
 SETTLING, SETTLED = 4, 0.01
-SURELY_SMOOTH = 100.0  # gain of a low-pass that does not show in the gap
+SURELY_SMOOTH = 50.0  # gain of a low-pass that does not show in the gap
 PRESENT = (1,)  # a lagging law's setting to first order
 ROUNDS = 2  # of a delay's refits
 LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows

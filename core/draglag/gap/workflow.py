@@ -25,7 +25,7 @@ from draglag.gap.doubts import (
 from draglag.gap.finding import LEVEL, Candidate, Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks
-from draglag.gap.naming import MODE, PLATEAU, RARE, TOO_CLOSE, Name, gained, name, refit
+from draglag.gap.naming import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, TOO_CLOSE, Name, gained, name, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.run_data import gather
@@ -42,7 +42,6 @@ MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
 FOLLOW_ACCELERATION = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
-SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 UNFITTED = (
     "edges that no law can be fitted to: touch or laser misses a large part of most runs, or they are not of one drag"
 )
