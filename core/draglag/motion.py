@@ -16,6 +16,8 @@ from draglag.recording import FloatArray, IntArray, TouchTrace
 
 SAVGOL_ORDER = 4  # the paper, Section III.A
 SAVGOL_WINDOW = 61
+# Events that come a few at a time: a quarter or more of the intervals is next to nothing beside the long ones.
+AT_ONCE, LONG, BATCHED, FEWEST_INTERVALS = 0.25, 0.9, 0.25, 8
 DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at the centre of a window
 
 
@@ -42,15 +44,37 @@ def median(values: FloatArray) -> float:
     return float(0.5 * (pair[0] + pair[1]))
 
 
+def last_of_batches(touch: TouchTrace) -> TouchTrace:
+    """Of events that are delivered a few at a time, the last of each batch, whose stamp alone is its own; other streams
+    as they are."""
+    together = _together(np.diff(touch.t_s))
+    if not together.any():
+        return touch
+    keep = np.append(~together, True)
+    ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
+    return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)
+
+
+def _together(dt_s: FloatArray) -> np.ndarray:
+    """Intervals of next to nothing in a stream whose events come a few at a time, (n,) bool; none in any other."""
+    if dt_s.size < FEWEST_INTERVALS:
+        return np.zeros(dt_s.size, bool)
+    together = dt_s < AT_ONCE * np.partition(dt_s, int(LONG * dt_s.size))[int(LONG * dt_s.size)]
+    return np.asarray(together if together.mean() > BATCHED else np.zeros(dt_s.size, bool))
+
+
 def sample_interval_s(t_s: FloatArray) -> float:
-    """Median interval between events, s; NaN with fewer than two."""
-    return median(np.diff(t_s)) if t_s.size > 1 else float("nan")
+    """Median interval between events, s, or between batches of them; NaN with fewer than two."""
+    if t_s.size < 2:
+        return float("nan")
+    dt_s = np.diff(t_s)
+    return median(dt_s[~_together(dt_s)])
 
 
 def contact_losses(t_s: FloatArray, factor: float = 3.5) -> FloatArray:
     """Stretches without events longer than ``factor`` sample intervals: (k, 2) from–to, s."""
     dt_s = np.diff(t_s)
-    where = np.flatnonzero(dt_s > factor * median(dt_s)) if dt_s.size else np.empty(0, int)
+    where = np.flatnonzero(dt_s > factor * sample_interval_s(t_s)) if dt_s.size else np.empty(0, int)
     return np.column_stack([t_s[where], t_s[where + 1]]) if where.size else np.empty((0, 2))
 
 

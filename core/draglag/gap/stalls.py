@@ -9,6 +9,7 @@ from draglag.recording import Session
 
 FEWEST, PER_S = 10, 0.05  # a burst here and there is any host's
 HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval
+HELD_S = 0.003  # beyond a frame; less is the jitter of a busy host, whatever the frames' rate
 
 
 def stalls(session: Session) -> Candidate | None:
@@ -19,7 +20,7 @@ def stalls(session: Session) -> Candidate | None:
         if dt_s.size < 50:
             continue
         frame_s = float(np.median(dt_s))
-        paused = dt_s[:-1] > HELD * frame_s
+        paused = dt_s[:-1] > max(HELD * frame_s, frame_s + HELD_S)
         bursts += int(np.count_nonzero(paused & (dt_s[1:] < AT_ONCE * frame_s)))
         total_s += float(run.touch.t_s[-1] - run.touch.t_s[0])
     if bursts < FEWEST or bursts < PER_S * total_s:

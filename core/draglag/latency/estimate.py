@@ -9,7 +9,7 @@ import numpy as np
 from draglag.beam import Lines
 from draglag.errors import EstimateError
 from draglag.latency.edges import Edges, clean_edges
-from draglag.motion import hold_at_rate, sample_interval_s, usable
+from draglag.motion import hold_at_rate, last_of_batches, sample_interval_s, usable
 from draglag.recording import FloatArray, Run, TouchTrace
 
 WINDOW_S = (0.0, 0.4)  # latencies searched
@@ -141,7 +141,7 @@ class Prepared:
 
 def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = None) -> Prepared:
     """Usable events and clean edges of a run. Raises EstimateError when there is nothing to estimate from."""
-    touch, stamps = usable(run.touch), "kernel"
+    touch, stamps = last_of_batches(usable(run.touch)), "kernel"
     if touch.t_s.size < 20:
         raise EstimateError(
             f"{run.id}: {touch.t_s.size} touch events", "Record the run again with the stylus on the screen"
