@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.edges import Placed
-from draglag.gap.likelihood import cost_without_nuisances, likeliest, profile
+from draglag.gap.likelihood import cost_without_nuisances, likelihoods, likeliest, profile
 from draglag.gap.model import (
     Geometry,
     LawParameters,
@@ -182,7 +182,8 @@ def fit_session(
     residual, design, prior = state.residual, state.design, state.prior
     whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
     prior = np.concatenate([base_prior(law), np.full(design.shape[1] - base_prior(law).size, 1e-12)])
-    values = [profile(w, residual[use], design[use], prior)[0] for w in whiteners]
+    value = likelihoods(parts, residual[use], design[use], prior)
+    values = [value(w.components) for w in whiteners]
     best = int(np.argmax(values))
     _, spread = profile(whiteners[best], residual[use], design[use], prior)
     return Fit(
@@ -254,11 +255,8 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
     """
     parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
     keep = edges[fit.use]
-    values = [
-        profile(whitener(parts, w.components), fit.residual_mm[keep], fit.design[keep], fit.prior)[0]
-        for w in fit.whiteners
-    ]
-    return float(max(values))
+    value = likelihoods(parts, fit.residual_mm[keep], fit.design[keep], fit.prior)
+    return max(value(w.components) for w in fit.whiteners)
 
 
 def log_likelihood_of(fit: Fit, parts: Scatter, components: Components) -> float:

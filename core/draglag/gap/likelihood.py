@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -11,7 +11,7 @@ import numpy as np
 from draglag.gap.model import N_NUISANCES, base_prior
 from draglag.gap.noise import LOCAL, Components, Scatter
 from draglag.gap.state import State
-from draglag.gap.whitening import Whitener, whitener
+from draglag.gap.whitening import Seen, Whitener, seen
 from draglag.recording import FloatArray
 
 
@@ -24,6 +24,30 @@ def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: Fl
     return value, np.asarray(spread, float)
 
 
+def likelihoods(
+    parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray
+) -> Callable[[Components], float]:
+    """The log likelihood of ``profile`` under any scatter of these parts. What is banded in it is factored once: most
+    scatters that are compared differ in what is common to a run."""
+    both = np.column_stack([design, residual])
+
+    @cache
+    def banded(edge_mm: float, speed: float, tremor_mm_s: float) -> tuple[Seen, FloatArray]:
+        through = seen(parts, Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0), both)
+        return through, through.columns.T @ through.columns
+
+    @cache
+    def value(components: Components) -> float:
+        through, whole = banded(components.edge_mm, components.speed, components.tremor_mm_s)
+        common, log_det = through.common(components)
+        inner = whole - common.T @ common
+        moment = inner[:-1, -1]
+        spread = np.linalg.pinv(inner[:-1, :-1] + np.diag(prior), hermitian=True)
+        return -0.5 * float(inner[-1, -1] - moment @ spread @ moment) - 0.5 * log_det
+
+    return value
+
+
 def likeliest(
     parts: Scatter,
     residual: FloatArray,
@@ -33,11 +57,7 @@ def likeliest(
     rounds: int = 2,
 ) -> Components:
     """The components of greatest likelihood: one kind after the other, from several starts, for they trade places."""
-
-    @cache
-    def value(components: Components) -> float:
-        return profile(whitener(parts, components), residual, design, prior)[0]
-
+    value = likelihoods(parts, residual, design, prior)
     ends = []
     for best in starts:
         for _ in range(rounds):

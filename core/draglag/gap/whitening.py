@@ -8,6 +8,7 @@ textbook on linear filtering). So time and memory grow with the number of edges,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dtbtrs
@@ -69,22 +70,12 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
 
     Raises numpy.linalg.LinAlgError when it is not positive definite.
     """
-    banded = parts.fixed_mm2 + components.speed**2 * parts.speed_mm2
-    banded += components.tremor_mm_s**2 * parts.tremor_s2
-    banded[0] += components.edge_mm**2
-    common = np.column_stack(
-        [
-            np.hypot(components.run_s, parts.loose_s)[parts.run] * parts.late_mm_s,
-            np.full(parts.run.size, components.run_mm),
-            components.uneven * parts.uneven_mm,
-        ]
-    )
+    banded = _banded(parts, components)
+    common = _common(parts) * _sizes(parts, components)[parts.run]
     variance = banded[0] + np.sum(common**2, axis=1)
     if not parts.run.size:
         return Whitener(components, variance, banded, common, common, variance, np.zeros(0, np.int64), 0.0)
-    factor, failed = dpbtrf(np.asfortranarray(banded), lower=1, overwrite_ab=1)
-    if failed:
-        raise np.linalg.LinAlgError(f"edge {failed - 1}: the scatter's covariance is not positive definite")
+    factor = _factor(banded)
     common = dtbtrs(factor, np.asfortranarray(common), uplo="L")[0]
     begin = np.searchsorted(parts.run, parts.run, side="left").astype(np.int64)
     outer = np.cumsum(common[:, :, None] * common[:, None, :], axis=0)
@@ -94,3 +85,70 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
     step = np.sqrt(1 + np.einsum("mr,mr->m", common, lead))
     log_det = 2 * float(np.sum(np.log(factor[0])) + np.sum(np.log(step)))
     return Whitener(components, variance, factor, common, lead, step, begin, log_det)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Columns (m, k) seen through B, for inner products under every C that has it: xᵀ C⁻¹ y is that of ``columns``
+    less that of ``common``'s rows (Woodbury).
+
+    Attributes:
+        columns: (m, k) L⁻¹ of them. log_det: ln |B|. cross: (runs, 3, k) and own: (runs, 3, 3) products of what is
+            common to a run, per unit, with the columns and with itself.
+    """
+
+    parts: Scatter
+    columns: FloatArray
+    log_det: float
+    cross: FloatArray
+    own: FloatArray
+
+    def common(self, components: Components) -> tuple[FloatArray, float]:
+        """Rows (3 runs, k) to be taken off inner products, and ln |C|."""
+        size = _sizes(self.parts, components)[:, :, None]
+        root = np.linalg.cholesky(np.eye(3) + size * self.own * np.swapaxes(size, 1, 2))
+        rows = np.linalg.solve(root, size * self.cross).reshape(-1, self.columns.shape[1])
+        return rows, self.log_det + 2 * float(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2))))
+
+
+def seen(parts: Scatter, components: Components, columns: FloatArray) -> Seen:
+    """Columns (m, k) through the banded part of a scatter; of its components only those of single edges and of the
+    speed matter.
+
+    Raises numpy.linalg.LinAlgError when it is not positive definite.
+    """
+    factor, through = _banded(parts, components), np.column_stack([_common(parts), columns])
+    if through.size:
+        factor = _factor(factor)
+        through = dtbtrs(factor, np.asfortranarray(through), uplo="L")[0]
+    inner = np.zeros((parts.loose_s.size, 3, through.shape[1]))
+    begins = np.flatnonzero(np.diff(parts.run, prepend=-1))
+    for own in (slice(*ends) for ends in pairwise([*begins, parts.run.size])):
+        inner[parts.run[own.start]] = through[own, :3].T @ through[own]
+    return Seen(parts, through[:, 3:], 2 * float(np.sum(np.log(factor[0]))), inner[:, :, 3:], inner[:, :, :3])
+
+
+def _banded(parts: Scatter, components: Components) -> FloatArray:
+    """B (b, m): what edges do not share with their whole run."""
+    banded = parts.fixed_mm2 + components.speed**2 * parts.speed_mm2
+    banded += components.tremor_mm_s**2 * parts.tremor_s2
+    banded[0] += components.edge_mm**2
+    return np.asarray(banded)
+
+
+def _factor(banded: FloatArray) -> FloatArray:
+    factor, failed = dpbtrf(np.asfortranarray(banded), lower=1, overwrite_ab=1)
+    if failed:
+        raise np.linalg.LinAlgError(f"edge {failed - 1}: the scatter's covariance is not positive definite")
+    return np.asarray(factor)
+
+
+def _common(parts: Scatter) -> FloatArray:
+    """By how much a latency, an offset and an uneven following of the whole run move each edge, per unit, (m, 3)."""
+    return np.column_stack([parts.late_mm_s, np.ones(parts.run.size), parts.uneven_mm])
+
+
+def _sizes(parts: Scatter, components: Components) -> FloatArray:
+    """How large those are in each run, (runs, 3)."""
+    late_s = np.hypot(components.run_s, parts.loose_s)
+    return np.column_stack([late_s, *(np.full(late_s.size, q) for q in (components.run_mm, components.uneven))])
