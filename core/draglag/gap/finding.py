@@ -6,11 +6,14 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.stats import chi2
 
 from draglag.gap.fit import Fit
+from draglag.gap.noise import Scatter, scatter
 from draglag.gap.signatures import SIGNATURES, jumps, shape_free
-from draglag.recording import FloatArray
+from draglag.gap.whitening import seen
+from draglag.recording import FloatArray, IntArray
 from draglag.simulation.residual import LineGains, Signature
 
 LEVEL = 0.01
@@ -55,7 +58,8 @@ class Finding:
 def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None = None) -> Finding:
     """Test every library effect and every smooth term against the fit. ``without`` leaves library effects out."""
     items: list[tuple[str | None, str, str, Signature | None, FloatArray]] = []
-    gains_of_lines = _line_gains(fit)
+    parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
+    gains_of_lines = _line_gains(fit, parts)
     for effect, make in SIGNATURES.items():
         if effect in without or (only is not None and effect not in only):
             continue
@@ -64,7 +68,7 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     for (covariate, role), columns in shape_free(fit.view).items():
         items.append((None, covariate, role, None, columns))
     items += [(None, "x", role, made, made.columns(fit.view)) for role, made in jumps(fit.view)]
-    gains, null = _gains(fit, [columns for *_, columns in items])
+    gains, null = _gains(fit, parts, [columns for *_, columns in items])
     ranks = np.array([columns.shape[1] for *_, columns in items])
     logs = np.array([chi2.logsf(np.maximum(g, 1e-9), k) for g, k in zip(gains, ranks, strict=True)])
     null_logs = chi2.logsf(np.maximum(null, 1e-9), ranks[:, None])
@@ -90,18 +94,18 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     return Finding(ranked, min((c.p_value for c in ranked), default=1.0))
 
 
-def _line_gains(fit: Fit) -> LineGains:
+def _line_gains(fit: Fit, parts: Scatter) -> LineGains:
     """Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
     white = fit.whiteners[fit.best]
     design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])
-    q, _ = np.linalg.qr(design)
-    own = q[: fit.residual_mm.size]
-    left = white.apply(fit.residual_mm)
-    left = left - own @ (own.T @ left)
+    target = np.append(white.apply(fit.residual_mm), np.zeros(fit.prior.size))
+    left = fit.residual_mm - fit.design @ np.linalg.lstsq(design, target, rcond=None)[0]
 
     def gains(columns: FloatArray) -> FloatArray:
-        moment = (white.apply(columns).T @ left).reshape(-1, 2)
-        size = np.sum(white.apply(columns) ** 2, axis=0).reshape(-1, 2)
+        through = seen(parts, white.components, np.column_stack([columns, left]))
+        x, common = through.columns, through.common(white.components)[0]
+        moment = (x.T @ x[:, -1] - common.T @ common[:, -1])[:-1].reshape(-1, 2)
+        size = (np.sum(x**2, axis=0) - np.sum(common**2, axis=0))[:-1].reshape(-1, 2)
         return np.asarray(np.sum(moment**2 / np.maximum(size, 1e-12), axis=1), float)
 
     return gains
@@ -121,45 +125,67 @@ def _joint_p(value: float, worst: FloatArray) -> float:
     return float(min(0.1 * np.exp(-(value - corner) / scale), 1.0))
 
 
-def _gains(fit: Fit, columns: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+def _gains(fit: Fit, parts: Scatter, columns: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Twice the log-likelihood gained by each candidate: observed (c,), and in draws of pure noise (c, DRAWS).
 
     The scatter between runs is chosen anew with and without the candidate: under the null alone it would take up what
-    a candidate between runs explains.
+    a candidate between runs explains. A fit's whiteners differ in nothing else: what is banded is undone once.
     """
     rng = np.random.default_rng(SEED)
-    m = fit.residual_mm.size
     best = fit.whiteners[fit.best]
-    noise = best.colour(rng.standard_normal((m, DRAWS)))
-    data = np.column_stack([fit.residual_mm, noise])
-    stacked = np.column_stack(columns)
-    ends = np.cumsum([c.shape[1] for c in columns])
+    noise = best.colour(rng.standard_normal((fit.residual_mm.size, DRAWS)))
+    model, ridge = _well_conditioned(fit)
+    sizes = [model.shape[1], DRAWS + 1, *(c.shape[1] for c in columns)]
+    through = seen(parts, best.components, np.column_stack([model, fit.residual_mm, noise, *columns]))
+    model, data, x = np.split(through.columns, np.cumsum(sizes[:2]), axis=1)
+    inner, model_data, model_x = model.T @ model + ridge, model.T @ data, model.T @ x
+    data_whole, x_whole, x_data = np.sum(data * data, axis=0), np.sum(x * x, axis=0), x.T @ data
+    alike = _of_one_width(sizes[2:])
+    grams = [np.einsum("mci,mcj->cij", x[:, at], x[:, at]) for _, at in alike]
     base_value = np.full(DRAWS + 1, -np.inf)
     values = np.full((len(columns), DRAWS + 1), -np.inf)
-    root = np.sqrt(fit.prior)
     for white in fit.whiteners:
-        design = np.vstack([white.apply(fit.design), np.diag(root)])
-        pad = np.zeros((root.size, 1))
-        q, _ = np.linalg.qr(design)
-        b = np.vstack([white.apply(data), np.broadcast_to(pad, (root.size, DRAWS + 1))])
-        b -= q @ (q.T @ b)
-        x = np.vstack([white.apply(stacked), np.broadcast_to(pad, (root.size, stacked.shape[1]))])
-        whole = np.sum(x * x, axis=0)
-        x -= q @ (q.T @ x)
+        common, log_det = through.common(white.components)
+        of_model, of_data, of_x = np.split(common, np.cumsum(sizes[:2]), axis=1)
+        root = np.linalg.cholesky(inner - of_model.T @ of_model)
+        # Rows of what runs share and of what the model explains: inner products are the banded ones less theirs.
+        of_data = np.vstack([of_data, np.linalg.solve(root, model_data - of_model.T @ of_data)])
+        explained = np.linalg.solve(root, model_x - of_model.T @ of_x)
+        whole = x_whole - np.sum(of_x * of_x, axis=0)
         # What the model all but holds already cannot be tested; rounding would be taken for evidence.
-        x[:, np.sum(x * x, axis=0) < 3e-3 * whole] = 0.0
-        rest = -0.5 * np.sum(b * b, axis=0) - 0.5 * white.log_det
+        told = whole - np.sum(explained * explained, axis=0) >= 3e-3 * whole
+        of_x = np.vstack([of_x, explained])
+        rest = -0.5 * (data_whole - np.sum(of_data * of_data, axis=0)) - 0.5 * log_det
         base_value = np.maximum(base_value, rest)
-        moment = x.T @ b
-        start = 0
-        for k, end in enumerate(ends):
-            own = x[:, start:end]
-            gram = own.T @ own
-            scale = np.sqrt(np.maximum(np.diag(gram), 1e-12))
-            inverse = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-4, hermitian=True)
-            part = moment[start:end] / scale[:, None]
-            gained = 0.5 * np.einsum("kd,kl,ld->d", part, inverse, part)
-            values[k] = np.maximum(values[k], rest + gained)
-            start = end
+        moment = (x_data - of_x.T @ of_data) * told[:, None]
+        for (which, at), gram in zip(alike, grams, strict=True):
+            taken = of_x[:, at]
+            own = (gram - np.einsum("rci,rcj->cij", taken, taken)) * (told[at][:, :, None] & told[at][:, None, :])
+            gained = 0.5 * _explained(own, moment[at])
+            values[which] = np.maximum(values[which], rest + gained)
     gain = 2 * (values - base_value)
     return gain[:, 0], gain[:, 1:]
+
+
+def _well_conditioned(fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Columns (m, p) that span what the fit's do and are of unit length and apart when white, and the prior precision
+    (p, p) of their sizes."""
+    root = np.diag(np.sqrt(fit.prior))
+    r = np.linalg.qr(np.vstack([fit.whiteners[fit.best].apply(fit.design), root]), mode="r")
+    columns, prior = (np.asarray(solve_triangular(r, rows.T, trans="T")).T for rows in (fit.design, root))
+    return columns, prior.T @ prior
+
+
+def _of_one_width(widths: list[int]) -> list[tuple[IntArray, IntArray]]:
+    """Candidates (c,) of each number of columns k, and which columns of all they are, (c, k)."""
+    first, wide = np.cumsum([0, *widths])[:-1], np.array(widths)
+    groups = [(np.flatnonzero(wide == k), k) for k in np.unique(wide)]
+    return [(which, first[which][:, None] + np.arange(k)) for which, k in groups]
+
+
+def _explained(gram: FloatArray, moment: FloatArray) -> FloatArray:
+    """What c candidates' columns explain of d targets, (c, d), by their grams (c, k, k) and moments (c, k, d)."""
+    scale = np.sqrt(np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-12))
+    inverse = np.linalg.pinv(gram / (scale[:, :, None] * scale[:, None, :]), rcond=1e-4, hermitian=True)
+    part = moment / scale[:, :, None]
+    return np.asarray(np.sum(part * (inverse @ part), axis=1))
