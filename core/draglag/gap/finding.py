@@ -70,7 +70,7 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     items += [(None, "x", role, made, made.columns(fit.view)) for role, made in jumps(fit.view)]
     gains, null = _gains(fit, parts, [columns for *_, columns in items])
     ranks = np.array([columns.shape[1] for *_, columns in items])
-    logs = np.array([chi2.logsf(np.maximum(g, 1e-9), k) for g, k in zip(gains, ranks, strict=True)])
+    logs = chi2.logsf(np.maximum(gains, 1e-9), ranks)
     null_logs = chi2.logsf(np.maximum(null, 1e-9), ranks[:, None])
     worst = np.sort(-null_logs.min(axis=0))
     p_values = np.array([_joint_p(-value, worst) for value in logs])
