@@ -8,6 +8,7 @@ local cubic fits whose bandwidth is matched to the motion, because a fixed windo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -116,6 +117,35 @@ def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArra
     return grid_s, x_mm, y_mm, np.hypot(vx, vy)
 
 
+@dataclass(frozen=True, eq=False)
+class FitWeights:
+    """What each event of a window contributes to local fits at m times, (m, w) each; worked out where asked for.
+
+    Attributes: solution: (m, p, p) inverse normal matrix; weighted: (m, p, w) weighted powers; width_s: (m,).
+    """
+
+    solution: FloatArray
+    weighted: FloatArray
+    width_s: FloatArray
+
+    @cached_property
+    def position(self) -> FloatArray:
+        return self._of_power(0)
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        return self._of_power(1) / self.width_s[:, None]
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        if self.solution.shape[1] < 3:
+            return np.zeros_like(self.position)
+        return 2 * self._of_power(2) / self.width_s[:, None] ** 2
+
+    def _of_power(self, power: int) -> FloatArray:
+        return np.asarray(np.einsum("mp,mpw->mw", self.solution[:, power], self.weighted))
+
+
 @dataclass(frozen=True)
 class LocalFit:
     """Local polynomial fits at m times.
@@ -123,11 +153,8 @@ class LocalFit:
     Attributes:
         at_s: (m,) where.
         xy_mm, v_mm_s, a_mm_s2: (m, 2) position, velocity and acceleration.
-        gain: (m,) variance of a fitted position in units of the variance of one event.
-        v_gain: (m,) the same for a velocity component, per s².
         first: (m,) index of the first event in each window.
-        weights, v_weights, a_weights: (m, w) what each event of the window contributes to the position, to the velocity
-            and to the acceleration.
+        by_event: what each event of the window contributes.
         ok: (m,) enough events, and on both sides.
     """
 
@@ -135,17 +162,23 @@ class LocalFit:
     xy_mm: FloatArray
     v_mm_s: FloatArray
     a_mm_s2: FloatArray
-    gain: FloatArray
-    v_gain: FloatArray
     first: IntArray
-    weights: FloatArray
-    v_weights: FloatArray
-    a_weights: FloatArray
+    by_event: FitWeights
     ok: np.ndarray
 
     @property
     def speed_mm_s(self) -> FloatArray:
         return np.hypot(self.v_mm_s[:, 0], self.v_mm_s[:, 1])
+
+    @property
+    def gain(self) -> FloatArray:
+        """(m,) variance of a fitted position in units of the variance of one event."""
+        return np.asarray(np.einsum("mw,mw->m", self.by_event.position, self.by_event.position))
+
+    @property
+    def v_gain(self) -> FloatArray:
+        """(m,) the same for a velocity component, per s²."""
+        return np.asarray(np.einsum("mw,mw->m", self.by_event.velocity, self.by_event.velocity))
 
 
 def local_fit(
@@ -168,41 +201,37 @@ def local_fit(
     first = np.searchsorted(t_s, at_s - width_s, side="right")
     last = np.searchsorted(t_s, at_s + width_s, side="left")
     middle = np.searchsorted(t_s, at_s)
-    w = max(int(np.max(last - first, initial=1)), degree + 1)
+    count = last - first
+    w = max(int(np.max(count, initial=1)), degree + 1)
     index = first[:, None] + np.arange(w)
     valid = index < last[:, None]
-    index = np.minimum(index, t_s.size - 1)
+    np.minimum(index, t_s.size - 1, out=index)
     u = (t_s[index] - at_s[:, None]) / width_s[:, None]
-    kernel = np.where(valid, np.maximum(1 - u * u, 0.0) ** roundness, 0.0)
-    powers = np.empty((*u.shape, degree + 1))
-    powers[..., 0] = 1.0
+    round_off = np.maximum(1 - u * u, 0.0) * valid
+    # Powers and both coordinates side by side: one product of matrices gives the normal ones and the right-hand sides.
+    sides = np.empty((m, degree + 3, w))
+    weighted = np.empty((m, degree + 1, w))
+    sides[:, 0], weighted[:, 0] = 1.0, round_off
+    for _ in range(roundness - 1):
+        weighted[:, 0] *= round_off
     for order in range(degree):
-        powers[..., order + 1] = powers[..., order] * u
-    weighted = kernel[:, :, None] * powers
-    normal = np.swapaxes(weighted, 1, 2) @ powers
-    count = last - first
+        np.multiply(sides[:, order], u, out=sides[:, order + 1])
+        np.multiply(weighted[:, order], u, out=weighted[:, order + 1])
+    sides[:, -2], sides[:, -1] = xy_mm[:, 0][index], xy_mm[:, 1][index]
+    normal, moment = np.split(weighted @ np.swapaxes(sides, 1, 2), [degree + 1], axis=2)
     # Inside a window of half width h the events must reach to both sides, or the fit extrapolates.
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
     normal[~ok] = np.eye(degree + 1)
     normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(degree + 1)
-    solve = np.linalg.inv(normal) @ np.swapaxes(weighted, 1, 2)  # (m, p, w)
-    coefficients = solve @ xy_mm[index]  # (m, p, 2)
-    weights = solve[:, 0]
-    v_weights = solve[:, 1] / width_s[:, None]
-    bent = degree > 1
-    a_mm_s2 = 2 * coefficients[:, 2] / width_s[:, None] ** 2 if bent else np.zeros((m, 2))
-    a_weights = 2 * solve[:, 2] / width_s[:, None] ** 2 if bent else np.zeros_like(weights)
+    solution = np.linalg.inv(normal)
+    coefficients = solution @ moment  # (m, p, 2)
     return LocalFit(
         at_s,
         coefficients[:, 0],
         coefficients[:, 1] / width_s[:, None],
-        a_mm_s2,
-        np.einsum("mw,mw->m", weights, weights),
-        np.einsum("mw,mw->m", v_weights, v_weights),
+        2 * coefficients[:, 2] / width_s[:, None] ** 2 if degree > 1 else np.zeros((m, 2)),
         first.astype(np.int64),
-        weights,
-        v_weights,
-        a_weights,
+        FitWeights(solution, weighted, width_s),
         ok,
     )
 

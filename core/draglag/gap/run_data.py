@@ -204,10 +204,10 @@ def _sharpened(
     a moving average is: u = y − ½ τ² ÿ.
     """
     fit = local_fit(t_s, xy_mm, t_s, half_width_s)
-    at = np.minimum(fit.first[:, None] + np.arange(fit.v_weights.shape[1]), t_s.size - 1)
+    moved = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
+    at = np.minimum(fit.first[:, None] + np.arange(moved.shape[1]), t_s.size - 1)
     ends = np.arange(0, at.size + 1, at.shape[1])
-    weights = -0.5 * lag_s**2 * fit.a_weights if even else lag_s * fit.v_weights
-    added = csr_matrix((weights.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
+    added = csr_matrix((moved.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
     added.sum_duplicates()
     spread = (identity(t_s.size, format="csr") + added)[fit.ok]
     return t_s[fit.ok] + (0.0 if even else lag_s), spread @ xy_mm, spread

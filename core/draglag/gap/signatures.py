@@ -56,7 +56,7 @@ def averaged_of(placed: Placed) -> Averaged:
     """The weights by which each edge's position is averaged from the events of its run."""
     windows, before = [], 0
     for fit, events in zip(placed.position_fit, placed.events_mm, strict=True):
-        windows.append((Windows(fit.first + before, fit.weights),))
+        windows.append((Windows(fit.first + before, fit.by_event.position),))
         before += events.shape[0]
     x_mm, y_mm = np.concatenate(placed.events_mm).T
     return Averaged(joined_rows(windows, before), x_mm, y_mm)
