@@ -53,21 +53,19 @@ class Switching:
 def find_switching(fit: Fit) -> Switching | None:
     """The best two-level latency through all placed edges of a fit, or None where one level does as well."""
     placed, late_s, sd_s, usable = _latencies(fit)
-    gains = np.zeros(SIZES_S.size)
-    states: list[tuple[FloatArray, FloatArray]] = []
-    steady: list[bool] = []
-    for k in range(len(fit.runs)):
+    edges, steady = [], []
+    for k, data in enumerate(fit.runs):
         own = np.flatnonzero(usable & (placed.run == k))
-        if own.size < LEAST_EDGES:
-            continue
-        own = own[np.argsort(placed.since_start_s[own])]
-        t = placed.since_start_s[own]
-        gain, later = _run(t, late_s[own], sd_s[own])
-        gains += gain
-        states.append((t, later))
-        steady.append(fit.runs[k].steady)
+        if own.size >= LEAST_EDGES:
+            edges.append(own[np.argsort(placed.since_start_s[own])])
+            steady.append(data.steady)
+    if not edges:
+        return None
+    each, all_later = _two_levels([(placed.since_start_s[own], late_s[own], sd_s[own]) for own in edges])
+    gains = each.sum(axis=0)
+    states = [(placed.since_start_s[own], later[:, : own.size]) for own, later in zip(edges, all_later, strict=True)]
     best = int(np.argmax(gains))
-    if not states or gains[best] <= 0:
+    if gains[best] <= 0:
         return None
     spans = [span for t, later in states for span in _spans(t, later[best])]
     counts = np.array([np.count_nonzero(np.diff(later[best] > 0.5)) for _, later in states])
@@ -148,24 +146,36 @@ def fit_lever(fit: Fit) -> FloatArray:
     return np.asarray(-across * placed.stretch)
 
 
-def _run(t_s: FloatArray, late_s: FloatArray, sd_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Deviance saved by two levels instead of one (sizes,), and how likely each edge is in the later (sizes, m)."""
+def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    """Deviance saved by two levels instead of one (runs, sizes), and how likely each edge is in the later (runs, sizes,
+    m of the longest run), of runs' edges: their times, latencies and standard deviations, s.
+
+    Runs are filled up with edges that come at once and say nothing, so that all take each step together.
+    """
+    longest = max(t_s.size for t_s, _, _ in runs)
+    t_s, late_s, sd_s = np.zeros((3, len(runs), longest))
+    sd_s += np.inf
+    for k, run in enumerate(runs):
+        n = run[0].size
+        t_s[k, :n], late_s[k, :n], sd_s[k, :n] = run
+        t_s[k, n:] = run[0][-1]
     weight = sd_s**-2
-    one = float(np.sum(weight * late_s) / np.sum(weight))
-    plain = -0.5 * float(np.sum(_square((late_s - one) / sd_s)))
-    starts = np.quantile(late_s, STARTS)
-    level = np.broadcast_to(starts, (SIZES_S.size, starts.size)).copy()
+    one = np.sum(weight * late_s, axis=1) / np.sum(weight, axis=1)
+    plain = -0.5 * np.sum(_square((late_s - one[:, None]) / sd_s), axis=1)
+    starts = np.array([np.quantile(run[1], STARTS) for run in runs])
+    level = np.repeat(starts[:, None, :], SIZES_S.size, axis=1)
+    late, sd, weight = (values[:, None, None, :] for values in (late_s, sd_s, weight))
     size = SIZES_S[:, None]
-    stay = 0.5 * (1 + np.exp(-2 * np.diff(t_s) / DWELL_S))
-    later = np.zeros((*level.shape, t_s.size))
+    stay = 0.5 * (1 + np.exp(-2 * np.diff(t_s) / DWELL_S))[:, None, None, :]
+    later = np.zeros((*level.shape, longest))
     likelihood = np.full(level.shape, -np.inf)
     for _ in range(ROUNDS):
-        off = [-0.5 * _square((late_s - (level + s)[..., None]) / sd_s) for s in (0.0, size)]
+        off = [-0.5 * _square((late - (level + s)[..., None]) / sd) for s in (0.0, size)]
         likelihood, later = _forward_backward(off[0], off[1], stay)
-        level = np.sum(weight * (late_s - later * size[..., None]), axis=-1) / np.sum(weight)
-    pick = np.argmax(likelihood, axis=1)
-    rows = np.arange(SIZES_S.size)
-    return 2 * (likelihood[rows, pick] - plain), later[rows, pick]
+        level = np.sum(weight * (late - later * size[..., None]), axis=-1) / np.sum(weight, axis=-1)
+    pick = np.argmax(likelihood, axis=2)[:, :, None]
+    gain = 2 * (np.take_along_axis(likelihood, pick, axis=2)[:, :, 0] - plain[:, None])
+    return gain, np.take_along_axis(later, pick[..., None], axis=2)[:, :, 0]
 
 
 def _square(z: FloatArray) -> FloatArray:
@@ -174,29 +184,30 @@ def _square(z: FloatArray) -> FloatArray:
 
 
 def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood (...) and the posterior of state one (..., m) of log densities (..., m)."""
+    """Log-likelihood (...) and the posterior of state one (..., m) of log densities (..., m). stay: (..., m − 1) how
+    likely a state is to last until the next edge."""
     m = zero.shape[-1]
     top = np.maximum(zero, one)
-    density = np.stack([np.exp(zero - top), np.exp(one - top)])
+    density = np.moveaxis(np.stack([np.exp(zero - top), np.exp(one - top)]), -1, 0).copy()
     forward = np.empty((m, 2, *zero.shape[:-1]))
     scale = np.empty((m, *zero.shape[:-1]))
-    now = 0.5 * density[..., 0]
+    now = 0.5 * density[0]
     for i in range(m):
         if i:
-            p = stay[i - 1]
-            now = np.stack([p * now[0] + (1 - p) * now[1], (1 - p) * now[0] + p * now[1]]) * density[..., i]
-        scale[i] = now.sum(axis=0)
+            p = stay[..., i - 1]
+            now = (p * now + (1 - p) * now[::-1]) * density[i]
+        scale[i] = now[0] + now[1]
         now = now / scale[i]
         forward[i] = now
     later = np.empty((m, *zero.shape[:-1]))
     behind = np.ones_like(now)
     for i in range(m - 1, -1, -1):
         both = forward[i] * behind
-        later[i] = both[1] / both.sum(axis=0)
+        later[i] = both[1] / (both[0] + both[1])
         if i:
-            p = stay[i - 1]
-            ahead = behind * density[..., i]
-            behind = np.stack([p * ahead[0] + (1 - p) * ahead[1], (1 - p) * ahead[0] + p * ahead[1]]) / scale[i]
+            p = stay[..., i - 1]
+            ahead = behind * density[i]
+            behind = (p * ahead + (1 - p) * ahead[::-1]) / scale[i]
     return np.log(scale).sum(axis=0) + top.sum(axis=-1), np.moveaxis(later, 0, -1)
 
 
