@@ -111,10 +111,15 @@ def stylus_speed(law: Law, v_mm_s: FloatArray, a_mm_s2: FloatArray) -> FloatArra
     along = np.einsum("mk,mk->m", v_mm_s, a_mm_s2) / shown
     speed = shown
     for _ in range(3):
-        below = np.maximum(speed - 0.5, 0)
-        slope = (law(speed + 0.5) - law(below)) / (speed + 0.5 - below)
-        speed = shown * np.clip(1 + slope * along, 0.6, 1.6)
+        speed = shown * (1 + slope_of(law, speed) * along).clip(0.6, 1.6)
     return speed
+
+
+def slope_of(law: Law, speed_mm_s: FloatArray) -> FloatArray:
+    """L′ over one mm/s about each speed (m,), s²/mm."""
+    above, below = speed_mm_s + 0.5, np.maximum(speed_mm_s - 0.5, 0)
+    upper, lower = law(np.concatenate([above, below])).reshape(2, -1)
+    return np.asarray((upper - lower) / (above - below))
 
 
 def stylus_time_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, law: Law, half_s: float) -> FloatArray:

@@ -121,7 +121,7 @@ def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArra
 class FitWeights:
     """What each event of a window contributes to local fits at m times, (m, w) each; worked out where asked for.
 
-    Attributes: solution: (m, p, p) inverse normal matrix; weighted: (m, p, w) weighted powers; width_s: (m,).
+    Attributes: solution: (m, p, p) inverse normal matrix; weighted: (p, m, w) weighted powers; width_s: (m,).
     """
 
     solution: FloatArray
@@ -143,7 +143,7 @@ class FitWeights:
         return 2 * self._of_power(2) / self.width_s[:, None] ** 2
 
     def _of_power(self, power: int) -> FloatArray:
-        return np.asarray(np.einsum("mp,mpw->mw", self.solution[:, power], self.weighted))
+        return np.asarray(np.einsum("mp,pmw->mw", self.solution[:, power], self.weighted))
 
 
 @dataclass(frozen=True)
@@ -209,16 +209,17 @@ def local_fit(
     u = (t_s[index] - at_s[:, None]) / width_s[:, None]
     round_off = np.maximum(1 - u * u, 0.0) * valid
     # Powers and both coordinates side by side: one product of matrices gives the normal ones and the right-hand sides.
-    sides = np.empty((m, degree + 3, w))
-    weighted = np.empty((m, degree + 1, w))
-    sides[:, 0], weighted[:, 0] = 1.0, round_off
+    sides = np.empty((degree + 3, m, w))
+    weighted = np.empty((degree + 1, m, w))
+    sides[0], weighted[0] = 1.0, round_off
     for _ in range(roundness - 1):
-        weighted[:, 0] *= round_off
+        weighted[0] *= round_off
     for order in range(degree):
-        np.multiply(sides[:, order], u, out=sides[:, order + 1])
-        np.multiply(weighted[:, order], u, out=weighted[:, order + 1])
-    sides[:, -2], sides[:, -1] = xy_mm[:, 0][index], xy_mm[:, 1][index]
-    normal, moment = np.split(weighted @ np.swapaxes(sides, 1, 2), [degree + 1], axis=2)
+        np.multiply(sides[order], u, out=sides[order + 1])
+        np.multiply(weighted[order], u, out=weighted[order + 1])
+    sides[-2], sides[-1] = xy_mm[:, 0][index], xy_mm[:, 1][index]
+    products = np.swapaxes(weighted, 0, 1) @ np.moveaxis(sides, 0, 2)
+    normal, moment = products[:, :, :-2], products[:, :, -2:]
     # Inside a window of half width h the events must reach to both sides, or the fit extrapolates.
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
     normal[~ok] = np.eye(degree + 1)

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from draglag.gap.asked import NOW, Asked, asked_speed, speed_apart
 from draglag.gap.run_data import RunData
 from draglag.gap.unwarped import Unwarped
-from draglag.inversion import stylus_speed, stylus_time_s
+from draglag.inversion import slope_of, stylus_speed, stylus_time_s
 from draglag.motion import (
     LocalFit,
     in_contact,
@@ -132,8 +132,7 @@ def place(
         else:
             there = local_fit(data.t_s, data.xy_mm, at_s, data.half_s)
         fit = moved_to(there, at_s)
-        below = np.maximum(speed - 0.5, 0)
-        slope = (law(speed + 0.5) - law(below)) / (speed + 0.5 - below)
+        slope = slope_of(law, speed)
         shown = np.maximum(fast.speed_mm_s, 1e-6)
         ratio = np.maximum(speed, 1e-6) / shown
         along = np.einsum("mk,mk->m", fast.v_mm_s, fast.a_mm_s2) / shown * ratio**2
@@ -199,17 +198,18 @@ def _solved(
     """Latency, stylus' speed and last step, (m,) each, of L = law(v) + added, the trace taken for straight."""
     latency = fast.at_s - edge_t_s
     for _ in range(6):
-        near = moved_to(fast, edge_t_s + latency)
+        at_s = edge_t_s + latency
         if followed is None:
-            speed = stylus_speed(law, near.v_mm_s, near.a_mm_s2)
+            velocity = fast.v_mm_s + fast.a_mm_s2 * (at_s - fast.at_s)[:, None]
+            speed = stylus_speed(law, velocity, fast.a_mm_s2)
             if other is not None:
-                speed = np.maximum(speed + np.interp(near.at_s, *other), 0.0)
+                speed = np.maximum(speed + np.interp(at_s, *other), 0.0)
         else:
-            speed = np.interp(near.at_s, *followed)
-        step = np.clip(law(speed) + added_s - latency, -0.02, 0.02)
+            speed = np.interp(at_s, *followed)
+        step = (law(speed) + added_s - latency).clip(-0.02, 0.02)
         step = np.where(fast.ok, share * step, 0.0)
         latency = latency + step
-        if np.max(np.abs(step), initial=0) < 2e-5 or np.max(np.abs(edge_t_s + latency - fast.at_s)) > NEAR_S:
+        if np.abs(step).max(initial=0) < 2e-5 or np.abs(edge_t_s + latency - fast.at_s).max(initial=0) > NEAR_S:
             break
     return latency, speed, step
 

@@ -60,7 +60,7 @@ class LawParameters:
 
     def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
         """The speed that counts: held at the plateau's below it."""
-        return self._held(speed_mm_s)[0]
+        return self._held(speed_mm_s)[0] if self.plateau_mm_s > 0 else speed_mm_s
 
     def _held(self, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The speed that counts, and its derivative by the plateau's speed.
