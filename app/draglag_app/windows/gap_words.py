@@ -13,6 +13,7 @@ GAP = (
     QT_TRANSLATE_NOOP("Library", "a second beam position separates a wider shadow from a wrong scale"),
     QT_TRANSLATE_NOOP("Library", "taps before and after the runs separate a drifting clock from a creeping latency"),
     QT_TRANSLATE_NOOP("Library", "a chirp or step whose speed changes quickly"),
+    QT_TRANSLATE_NOOP("Library", "a slower chirp or step: no edge of those here could be placed surely"),
     QT_TRANSLATE_NOOP("Library", "circles whose centre lies 30 mm off the beam"),
     QT_TRANSLATE_NOOP("Library", "a fixed trail hides in the latency law: a tap or a second stylus shows it"),
     QT_TRANSLATE_NOOP("Library", "taps timed on the same clock show it"),

@@ -67,7 +67,7 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
             items.append((effect, "", "", signature, signature.columns(fit.view)))
     for (covariate, role), columns in shape_free(fit.view).items():
         items.append((None, covariate, role, None, columns))
-    items += [(None, "x", role, made, made.columns(fit.view)) for role, made in jumps(fit.view)]
+    items += [(None, along, role, made, made.columns(fit.view)) for along, role, made in jumps(fit.view)]
     gains, null = _gains(fit, parts, [columns for *_, columns in items])
     ranks = np.array([columns.shape[1] for *_, columns in items])
     logs = chi2.logsf(np.maximum(gains, 1e-9), ranks)

@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.edges import Placed
-from draglag.gap.likelihood import cost_without_nuisances, likelihoods, likeliest, profile
+from draglag.gap.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
 from draglag.gap.model import (
     Geometry,
     LawParameters,

@@ -17,7 +17,7 @@ SIGNATURES = {
 }
 """Effects that residuals show."""
 
-JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
+JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right, and of the session: where jumps are looked for
 
 
 def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: float) -> View:
@@ -114,8 +114,9 @@ def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
     return out
 
 
-def jumps(v: View) -> list[tuple[str, Signature]]:
-    """(role, signature): a jump at a vertical line on the panel, of the position or of the latency.
+def jumps(v: View) -> list[tuple[str, str, Signature]]:
+    """(covariate, role, signature): a jump of the position or of the latency, at a vertical line on the panel or at a
+    moment of the session.
 
     A smooth term follows a jump badly, and a smooth effect follows it as well as any smooth term.
     """
@@ -124,16 +125,22 @@ def jumps(v: View) -> list[tuple[str, Signature]]:
     out = []
     for k, line in enumerate(at):
         where, n_grid = (float(line),), 2 * at.size
-        out.append(("jump", Signature(offset=column(shifted[:, k]), theta=where, n_grid=n_grid)))
+        out.append(("x", "jump", Signature(offset=column(shifted[:, k]), theta=where, n_grid=n_grid)))
         late = column((v.x_mm > line).astype(float))
-        out.append(("latency jump", Signature(latency=late, theta=where, n_grid=n_grid)))
+        out.append(("x", "latency jump", Signature(latency=late, theta=where, n_grid=n_grid)))
+    for moment in np.quantile(v.session_time, [0, 1]) @ np.vstack([1 - JUMPS, JUMPS]):
+        later = column((v.session_time > moment).astype(float))
+        where, n_grid = (float(moment),), 2 * JUMPS.size
+        out.append(("session_time", "jump", Signature(offset=later, theta=where, n_grid=n_grid)))
+        out.append(("session_time", "latency jump", Signature(latency=later, theta=where, n_grid=n_grid)))
     return out
 
 
 def unnamed_columns(v: View, covariate: str, role: str, theta: tuple[float, ...]) -> FloatArray:
     """Residual columns of what ``shape_free`` and ``jumps`` offer. Raises KeyError where neither does."""
     if theta:
-        found = (made.columns(v) for name, made in jumps(v) if (name, made.theta) == (role, theta))
+        asked = covariate, role, theta
+        found = (made.columns(v) for along, name, made in jumps(v) if (along, name, made.theta) == asked)
         columns = next(found, None)
         if columns is None:
             raise KeyError(f"no {role} in {covariate} at {theta}")
