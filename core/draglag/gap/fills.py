@@ -14,6 +14,7 @@ AROUND = 61  # events whose usual bend is told
 BY_CHANCE = 0.01  # stretches in a session that chance may make
 # Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
 TELLING, LEAST_USUAL = 4.0, 10.0
+UNEVEN = 0.5  # of a frame that an interval may differ from it by
 INDEPENDENT = 0.8  # of bends; neighbours share two events
 
 
@@ -46,12 +47,14 @@ def filled_losses(
         moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
         straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
         if resolution_mm:
-            usual_mm2 = np.maximum(uniform_filter1d(np.array(off) ** 2, AROUND, axis=1), 1e-12)
+            even = _even(t)
+            of_even = uniform_filter1d(np.array(off) ** 2 * even, AROUND, axis=1)
+            usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
             if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
                 out.append(run)  # where a slow path stays on one step, anything is a line
                 continue
             if not held:
-                straight = _likelier_lines(np.array(off), usual_mm2, resolution_mm, n_events)
+                straight = _likelier_lines(np.array(off), usual_mm2, even, resolution_mm, n_events)
         total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)
         start = None
@@ -87,11 +90,19 @@ def filled_losses(
     return effect, tuple(out)
 
 
-def _likelier_lines(off_mm: np.ndarray, usual_mm2: np.ndarray, resolution_mm: float, n_events: int) -> np.ndarray:
+def _even(t_s: np.ndarray) -> np.ndarray:
+    """1 at inner events (n,) that lie a frame from both neighbours, else 0: about a burst any path bends."""
+    frames = np.diff(t_s) / np.median(np.diff(t_s))
+    return np.asarray((np.abs(np.array([frames[:-1], frames[1:]]) - 1) < UNEVEN).all(axis=0), float)
+
+
+def _likelier_lines(
+    off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, resolution_mm: float, n_events: int
+) -> np.ndarray:
     """Events (n,) in stretches whose bends off_mm (2, n) are those of rounded lines and not the usual ones around."""
     rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
     gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
-    gain *= INDEPENDENT
+    gain *= INDEPENDENT * even
     enough = np.log(n_events / BY_CHANCE)
     lines = np.zeros(gain.size, bool)
     total, start, top, end = 0.0, 0, 0.0, 0
