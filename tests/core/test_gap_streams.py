@@ -131,6 +131,27 @@ def test_stalls_are_owned_up_to(sound: Session) -> None:
     assert found.covariate == "frame"
 
 
+def test_the_jitter_of_a_fast_panel_s_host_is_no_stall(sound: Session) -> None:
+    # 500 frames a second, one in a hundred 2 ms late and its next at once.
+    def late(touch: TouchTrace) -> TouchTrace:
+        even_s = np.arange(touch.t_s[0], touch.t_s[-1], 0.002)
+        x, y = (np.interp(even_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+        return TouchTrace(even_s + 0.00195 * (np.arange(even_s.size) % 100 == 50), x, y)
+
+    assert stalls(with_touch(sound, late)) is None
+
+
+def test_bursts_after_stalls_make_no_fills_of_whole_steps(sound: Session) -> None:
+    def stalled(touch: TouchTrace) -> TouchTrace:
+        t_s = touch.t_s.copy()
+        for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 0.5):
+            t_s[(t_s >= start) & (t_s < start + 0.04)] = start + 0.04
+        noise = np.random.default_rng(6).normal(0, 0.05, (2, t_s.size))
+        return in_steps(replace(touch, t_s=t_s, x_mm=touch.x_mm + noise[0], y_mm=touch.y_mm + noise[1]), 0.1)
+
+    assert "loss_of_contact" not in {f.effect for f in inspect(with_touch(sound, stalled))[0]}
+
+
 def test_the_speed_behind_a_warped_trace_is_given_back() -> None:
     # A stylus at 800 mm/s whose speed varies at 2.5 Hz, reported with 10 µs per mm/s² more latency: exact, no fits.
     t_s = np.arange(0, 12, 1e-3)

@@ -282,6 +282,24 @@ def test_events_held_back_and_delivered_together_do_no_harm(plain: Run) -> None:
     assert estimate.latency_ms == pytest.approx(sound.latency_ms, abs=1.0)
 
 
+@pytest.mark.parametrize("apart_s", [0.0, 12e-6, 300e-6])
+@pytest.mark.parametrize("size", [2, 4])
+def test_events_that_come_a_few_at_a_time_count_by_the_last_of_each_batch(
+    plain: Run, size: int, apart_s: float
+) -> None:
+    """Only the last event of a batch has a stamp of its own: with fewer positions, but none of them late."""
+    t_s = plain.touch.t_s
+    last = np.minimum(size * (np.arange(t_s.size) // size) + size - 1, t_s.size - 1)
+    batched = replace(plain.touch, t_s=t_s[last] - apart_s * (last - np.arange(t_s.size)))
+    found, sound = measured(replace(plain, touch=batched)), measured(plain)
+    assert found.latency_s is not None
+    assert sound.latency_s is not None
+    assert found.flags == sound.flags
+    (low, high), (low_0, high_0) = found.latency_ci95_s, sound.latency_ci95_s
+    assert abs(found.latency_s - sound.latency_s) < 0.5 * np.hypot(high - low, high_0 - low_0)
+    assert high - low < 2 * np.sqrt(size) * (high_0 - low_0)
+
+
 def test_no_touch_is_said() -> None:
     run = circle_run(250.0, 1)[0]
     found = measured(replace(run, touch=TouchTrace(np.empty(0), np.empty(0), np.empty(0))))

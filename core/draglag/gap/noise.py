@@ -79,7 +79,9 @@ def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> t
         position, fast = placed.position_fit[k], placed.speed_fit[k]
         own = Windows(position.first[kept] + before, data.noise_mm * position.by_event.position[kept])
         by_y, by_x = (
-            Windows(fast.first[kept] + before, data.noise_mm * fast.by_event.velocity[kept] * along[mine][kept][:, None])
+            Windows(
+                fast.first[kept] + before, data.noise_mm * fast.by_event.velocity[kept] * along[mine][kept][:, None]
+            )
             for along in (along_y, along_x)
         )
         before += data.t_s.size

@@ -17,7 +17,8 @@ SIGNATURES = {
 }
 """Effects that residuals show."""
 
-JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right, and of the session: where jumps are looked for
+JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
+MOMENTS = np.linspace(0.2, 0.8, 24)  # of the session: some runs have to lie before it and some after
 
 
 def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: float) -> View:
@@ -128,9 +129,9 @@ def jumps(v: View) -> list[tuple[str, str, Signature]]:
         out.append(("x", "jump", Signature(offset=column(shifted[:, k]), theta=where, n_grid=n_grid)))
         late = column((v.x_mm > line).astype(float))
         out.append(("x", "latency jump", Signature(latency=late, theta=where, n_grid=n_grid)))
-    for moment in np.quantile(v.session_time, [0, 1]) @ np.vstack([1 - JUMPS, JUMPS]):
+    for moment in np.quantile(v.session_time, [0, 1]) @ np.vstack([1 - MOMENTS, MOMENTS]):
         later = column((v.session_time > moment).astype(float))
-        where, n_grid = (float(moment),), 2 * JUMPS.size
+        where, n_grid = (float(moment),), 2 * MOMENTS.size
         out.append(("session_time", "jump", Signature(offset=later, theta=where, n_grid=n_grid)))
         out.append(("session_time", "latency jump", Signature(latency=later, theta=where, n_grid=n_grid)))
     return out
