@@ -141,15 +141,15 @@ def test_the_jitter_of_a_fast_panel_s_host_is_no_stall(sound: Session) -> None:
     assert stalls(with_touch(sound, late)) is None
 
 
-def test_bursts_after_stalls_make_no_fills_of_whole_steps(sound: Session) -> None:
+def test_bursts_after_stalls_are_neither_fills_of_whole_steps_nor_missing_frames(sound: Session) -> None:
     def stalled(touch: TouchTrace) -> TouchTrace:
         t_s = touch.t_s.copy()
         for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 0.5):
             t_s[(t_s >= start) & (t_s < start + 0.04)] = start + 0.04
         noise = np.random.default_rng(6).normal(0, 0.05, (2, t_s.size))
-        return in_steps(replace(touch, t_s=t_s, x_mm=touch.x_mm + noise[0], y_mm=touch.y_mm + noise[1]), 0.1)
+        return in_steps(replace(touch, t_s=t_s, x_mm=touch.x_mm + noise[0], y_mm=touch.y_mm + noise[1]), 0.3)
 
-    assert "loss_of_contact" not in {f.effect for f in inspect(with_touch(sound, stalled))[0]}
+    assert inspect(with_touch(sound, stalled))[0] == ()
 
 
 def test_the_speed_behind_a_warped_trace_is_given_back() -> None:

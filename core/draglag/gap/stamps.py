@@ -167,7 +167,8 @@ def drops(touches: list[TouchTrace]) -> StreamEffect | None:
             continue
         whole = np.round(dt / frame_s)
         near = np.abs(dt - whole * frame_s) < 0.2 * frame_s
-        lost += int(np.sum((whole - 1)[near & (whole >= 2) & (whole <= 6)]))
+        # What comes at once after a pause was held back, not lost.
+        lost += int(np.sum((whole - 1)[near & (whole >= 2) & (whole <= 6)]) - np.count_nonzero(near & (whole == 0)))
         total += int(np.sum(whole[near & (whole <= 6)]))
     share = lost / max(total, 1)
     if share < 0.03:
