@@ -150,12 +150,8 @@ class FitWeights:
 class LocalFit:
     """Local polynomial fits at m times.
 
-    Attributes:
-        at_s: (m,) where.
-        xy_mm, v_mm_s, a_mm_s2: (m, 2) position, velocity and acceleration.
-        first: (m,) index of the first event in each window.
-        by_event: what each event of the window contributes.
-        ok: (m,) enough events, and on both sides.
+    Attributes: at_s: (m,) where. xy_mm, v_mm_s, a_mm_s2: (m, 2) position, velocity and acceleration. first: (m,) index
+    of the first event in each window. by_event: what each event of it contributes. ok: (m,) enough, and on both sides.
     """
 
     at_s: FloatArray
@@ -200,31 +196,26 @@ def local_fit(
     width_s = np.broadcast_to(np.asarray(half_width_s, float), (m,))
     first = np.searchsorted(t_s, at_s - width_s, side="right")
     last = np.searchsorted(t_s, at_s + width_s, side="left")
-    middle = np.searchsorted(t_s, at_s)
-    count = last - first
+    middle, count = np.searchsorted(t_s, at_s), last - first
     w = max(int(np.max(count, initial=1)), degree + 1)
-    index = first[:, None] + np.arange(w)
-    valid = index < last[:, None]
-    np.minimum(index, t_s.size - 1, out=index)
+    index = np.minimum(first[:, None] + np.arange(w), t_s.size - 1)
     u = (t_s[index] - at_s[:, None]) / width_s[:, None]
-    round_off = np.maximum(1 - u * u, 0.0) * valid
+    kernel = np.maximum(1 - u * u, 0.0) * (np.arange(w) < count[:, None])
     # Powers and both coordinates side by side: one product of matrices gives the normal ones and the right-hand sides.
-    sides = np.empty((degree + 3, m, w))
-    weighted = np.empty((degree + 1, m, w))
-    sides[0], weighted[0] = 1.0, round_off
+    sides, weighted = np.empty((degree + 3, m, w)), np.empty((degree + 1, m, w))
+    sides[0], weighted[0] = 1.0, kernel
     for _ in range(roundness - 1):
-        weighted[0] *= round_off
+        weighted[0] *= kernel
     for order in range(degree):
         np.multiply(sides[order], u, out=sides[order + 1])
         np.multiply(weighted[order], u, out=weighted[order + 1])
     sides[-2], sides[-1] = xy_mm[:, 0][index], xy_mm[:, 1][index]
-    products = np.swapaxes(weighted, 0, 1) @ np.moveaxis(sides, 0, 2)
-    normal, moment = products[:, :, :-2], products[:, :, -2:]
+    normal, moment = np.split(np.swapaxes(weighted, 0, 1) @ np.moveaxis(sides, 0, 2), [degree + 1], axis=2)
     # Inside a window of half width h the events must reach to both sides, or the fit extrapolates.
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
     normal[~ok] = np.eye(degree + 1)
     normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(degree + 1)
-    solution = np.linalg.inv(normal)
+    solution = np.asarray(np.linalg.inv(normal), float)
     coefficients = solution @ moment  # (m, p, 2)
     return LocalFit(
         at_s,

@@ -11,20 +11,8 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.edges import Placed
 from draglag.gap.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
-from draglag.gap.model import (
-    Geometry,
-    LawParameters,
-    base_prior,
-    starting_law,
-)
-from draglag.gap.noise import (
-    BETWEEN,
-    EDGE_MM,
-    SPEED,
-    Components,
-    Scatter,
-    scatter,
-)
+from draglag.gap.model import Geometry, LawParameters, base_prior, starting_law
+from draglag.gap.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
 from draglag.gap.rates import best_rates
 from draglag.gap.run_data import RunData, undone
 from draglag.gap.state import State, Term, look, stepped, term_signature, usable
@@ -125,8 +113,10 @@ def fit_session(
         white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
     for iteration in range(12):
         if iteration == 1:
-            state = _at_best_rates(state, white, use, runs, width)
-            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
+            better = _at_best_rates(state, white, use, runs, width)
+            if better is not state:
+                state = better
+                white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         if (iteration == 4 and not judged) or settled:
             settled, judged, damping = False, True, 0.0
             use = use & usable(state, runs, loose=False) if start is None else use & state.placed.ok

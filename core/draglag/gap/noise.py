@@ -8,6 +8,7 @@ latency and a random offset of each run. Those three are estimated, over a grid,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -77,21 +78,26 @@ def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> t
         mine = placed.run == k
         kept = use[mine]
         position, fast = placed.position_fit[k], placed.speed_fit[k]
+        velocities = fast.by_event.velocity
         own = Windows(position.first[kept] + before, data.noise_mm * position.by_event.position[kept])
         by_y, by_x = (
-            Windows(
-                fast.first[kept] + before, data.noise_mm * fast.by_event.velocity[kept] * along[mine][kept][:, None]
-            )
+            Windows(fast.first[kept] + before, data.noise_mm * velocities[kept] * along[mine][kept][:, None])
             for along in (along_y, along_x)
         )
         before += data.t_s.size
         across.append((own, by_y))
         beside.append((by_x,))
     rows = joined_rows(across, before), joined_rows(beside, before)
+    spread = _spread(runs)
+    return rows if spread is None else (rows[0] @ spread, rows[1] @ spread)
+
+
+@lru_cache(maxsize=1)
+def _spread(runs: tuple[RunData, ...]) -> csr_matrix | None:
+    """By how much each event shown of all runs moves each of theirs; None where traces are as shown."""
     if all(data.spread is None for data in runs):
-        return rows
-    spread = block_diag([identity(d.t_s.size) if d.spread is None else d.spread for d in runs], format="csr")
-    return rows[0] @ spread, rows[1] @ spread
+        return None
+    return block_diag([identity(d.t_s.size) if d.spread is None else d.spread for d in runs], format="csr")
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
-from draglag.gap.asked import NOW
+from draglag.gap.asked import NOW, Asked
 from draglag.gap.edges import Placed, place
 from draglag.gap.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.noise import timing_mm, touch_variances
@@ -64,7 +65,8 @@ def look(
 ) -> State:
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
     asked = next((t.theta[:2] for t in terms if t.effect == LAGGING and len(t.theta) == 2), NOW)
-    placed = place(runs, law, extra, None if before is None else before.placed, (asked[0], asked[1]))
+    when = asked[0], asked[1]
+    placed = _placed_anew(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
     view = view_of(placed, law, geometry, width_mm)
     lag = next((t.theta[0] for t in terms if t.effect == "acceleration_lag" and t.theta), 0.0)
     if lag > 0:
@@ -80,6 +82,12 @@ def look(
     )
     blur = _blur_mm(settled, columns, view, placed)
     return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur)
+
+
+@lru_cache(maxsize=2)
+def _placed_anew(runs: tuple[RunData, ...], law: LawParameters, asked: Asked) -> Placed:
+    """The same for the same law, whichever terms are tried beside it."""
+    return place(runs, law, asked=asked)
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
