@@ -18,7 +18,8 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.signal import savgol_filter
 
-from draglag.motion import local_fit, sample_interval_s
+from draglag.events import sample_interval_s
+from draglag.motion import local_fit
 from draglag.recording import FloatArray, IntArray
 
 Law = Callable[[FloatArray], FloatArray]

@@ -8,11 +8,11 @@ import numpy as np
 
 from draglag.beam import Lines, fit_lines, sides
 from draglag.errors import EstimateError
+from draglag.events import contact_losses, in_contact
 from draglag.inversion import Law, StylusPath, own_times_s, stylus_path
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
-from draglag.motion import contact_losses, in_contact
 from draglag.recording import FloatArray
 
 

@@ -8,17 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from draglag.events import in_contact, sample_interval_s
 from draglag.gap.asked import NOW, Asked, asked_speed, speed_apart
 from draglag.gap.run_data import RunData
 from draglag.gap.unwarped import Unwarped
 from draglag.inversion import slope_of, stylus_speed, stylus_time_s
-from draglag.motion import (
-    LocalFit,
-    in_contact,
-    local_fit,
-    sample_interval_s,
-    speed_half_widths_s,
-)
+from draglag.motion import LocalFit, local_fit, speed_half_widths_s
 from draglag.recording import FloatArray, IntArray
 
 Law = Callable[[FloatArray], FloatArray]

@@ -14,6 +14,7 @@ import numpy as np
 
 from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
+from draglag.events import contact_losses, sample_interval_s
 from draglag.gap.edges import Placed, place
 from draglag.gap.fit import Fit, restrict
 from draglag.gap.hand_path import hand_motion
@@ -24,7 +25,6 @@ from draglag.gap.run_data import RunData, as_shown, gather
 from draglag.gap.signatures import view_of
 from draglag.gap.streams import inspect
 from draglag.latency.estimate import RunEstimate
-from draglag.motion import contact_losses, sample_interval_s
 from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace
 from draglag.simulation.chain import simulate_run
 from draglag.simulation.effects.base import Effect

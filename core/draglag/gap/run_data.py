@@ -9,11 +9,12 @@ import numpy as np
 from scipy.sparse import csr_matrix, identity
 
 from draglag.errors import EstimateError
+from draglag.events import contact_losses, sample_interval_s
 from draglag.gap.lattice import Lattice, lattice_of
 from draglag.gap.steep import wide_enough
 from draglag.gap.unwarped import Shown, shown_speed
 from draglag.latency.estimate import RunEstimate, estimate_run, prepare
-from draglag.motion import best_half_width_s, contact_losses, local_fit, sample_interval_s, speed_half_widths_s
+from draglag.motion import best_half_width_s, local_fit, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
 
 FEWEST = 6  # edges a run must give to count

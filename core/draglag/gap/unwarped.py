@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
-from draglag.motion import local_fit, sample_interval_s
+from draglag.events import sample_interval_s
+from draglag.motion import local_fit
 from draglag.recording import FloatArray
 
 if TYPE_CHECKING:

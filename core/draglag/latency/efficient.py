@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from draglag.beam import Lines, sides, stylus_diameter_mm
+from draglag.events import in_contact
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
@@ -22,7 +23,6 @@ from draglag.latency.path import APART_S
 from draglag.latency.scan import Scan, scan
 from draglag.latency.track import Track, track_of
 from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
-from draglag.motion import in_contact
 from draglag.recording import FloatArray
 
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out

@@ -8,8 +8,8 @@ import numpy as np
 
 from draglag.beam import Lines
 from draglag.errors import EstimateError
+from draglag.events import hold_at_rate, last_of_batches, sample_interval_s, usable
 from draglag.latency.edges import Edges, clean_edges
-from draglag.motion import hold_at_rate, last_of_batches, sample_interval_s, usable
 from draglag.recording import FloatArray, Run, TouchTrace
 
 WINDOW_S = (0.0, 0.4)  # latencies searched

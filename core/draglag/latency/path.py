@@ -23,7 +23,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import get_window
 from scipy.sparse import csc_array
 
-from draglag.motion import median, sample_interval_s
+from draglag.events import median, sample_interval_s
 from draglag.recording import FloatArray, IntArray
 
 SEGMENT_S = 8.0

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from draglag.beam import sides
+from draglag.events import contact_losses, in_contact, sample_interval_s
 from draglag.latency.edges import Edges
 from draglag.latency.path import Path
-from draglag.motion import contact_losses, in_contact, sample_interval_s
 from draglag.recording import FloatArray, TouchTrace
 
 MANY_EDGES = 50

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from draglag.events import contact_losses
 from draglag.latency.estimate import Prepared
 from draglag.latency.path import Path, corner_of, events_of, smooth_path, spectrum_of
 from draglag.latency.tremor import Tremor, tremor_of
-from draglag.motion import contact_losses
 from draglag.recording import FloatArray
 
 

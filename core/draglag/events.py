@@ -1,0 +1,90 @@
+"""Touch events as they come: which to use, how far apart they are, where the stylus was lost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from draglag.recording import FloatArray, TouchTrace
+
+# Events that come a few at a time: a quarter or more of the intervals is next to nothing beside the long ones.
+AT_ONCE, LONG, BATCHED, FEWEST_INTERVALS = 0.25, 0.9, 0.25, 8
+
+
+def usable(touch: TouchTrace) -> TouchTrace:
+    """The events with finite values, in order of time, one a stamp (the last one wins).
+
+    Streams from real digitisers repeat stamps and, after an overflow, may step back; interpolation needs neither.
+    """
+    keep = np.isfinite(touch.t_s) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
+    order = np.flatnonzero(keep)[np.argsort(touch.t_s[keep], kind="stable")]
+    if order.size:
+        t_s = touch.t_s[order]
+        order = order[np.append(np.diff(t_s) > 0, True)]
+    ids = touch.contact_id[order] if touch.contact_id.size == touch.t_s.size else touch.contact_id
+    return TouchTrace(touch.t_s[order], touch.x_mm[order], touch.y_mm[order], ids, gaps_s=touch.gaps_s)
+
+
+def median(values: FloatArray) -> float:
+    """``np.median`` of (n,) finite values, n > 0, without its overhead: runs are many and short."""
+    half = values.size // 2
+    if values.size % 2:
+        return float(np.partition(values, half)[half])
+    pair = np.partition(values, (half - 1, half))[half - 1 : half + 1]
+    return float(0.5 * (pair[0] + pair[1]))
+
+
+def last_of_batches(touch: TouchTrace) -> TouchTrace:
+    """Of events that are delivered a few at a time, the last of each batch, whose stamp alone is its own; other streams
+    as they are."""
+    together = _together(np.diff(touch.t_s))
+    if not together.any():
+        return touch
+    keep = np.append(~together, True)
+    ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
+    return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)
+
+
+def _together(dt_s: FloatArray) -> np.ndarray:
+    """Intervals of next to nothing in a stream whose events come a few at a time, (n,) bool; none in any other."""
+    if dt_s.size < FEWEST_INTERVALS:
+        return np.zeros(dt_s.size, bool)
+    together = dt_s < AT_ONCE * np.partition(dt_s, int(LONG * dt_s.size))[int(LONG * dt_s.size)]
+    return np.asarray(together if together.mean() > BATCHED else np.zeros(dt_s.size, bool))
+
+
+def sample_interval_s(t_s: FloatArray) -> float:
+    """Median interval between events, s, or between batches of them; NaN with fewer than two."""
+    if t_s.size < 2:
+        return float("nan")
+    dt_s = np.diff(t_s)
+    return median(dt_s[~_together(dt_s)])
+
+
+def contact_losses(t_s: FloatArray, factor: float = 3.5) -> FloatArray:
+    """Stretches without events longer than ``factor`` sample intervals: (k, 2) from–to, s."""
+    dt_s = np.diff(t_s)
+    where = np.flatnonzero(dt_s > factor * sample_interval_s(t_s)) if dt_s.size else np.empty(0, int)
+    return np.column_stack([t_s[where], t_s[where + 1]]) if where.size else np.empty((0, 2))
+
+
+def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.ndarray:
+    """Which of the times ``at_s`` lie inside the trace and outside every contact loss: (m,) bool."""
+    if t_s.size == 0:
+        return np.zeros(at_s.shape, bool)
+    inside: np.ndarray = (at_s >= t_s[0]) & (at_s <= t_s[-1])
+    if losses_s.size:
+        k = np.searchsorted(losses_s[:, 0], at_s, side="right") - 1
+        inside &= ~((k >= 0) & (at_s < losses_s[np.maximum(k, 0), 1]))
+    return inside
+
+
+def hold_at_rate(touch: TouchTrace, rate_hz: float) -> TouchTrace:
+    """What a real-time loop of ``rate_hz`` sees: at each tick the last event so far (the paper, Section II.A).
+
+    Adds about half a tick plus half a touch interval of latency; figures made from it must say so.
+    """
+    if touch.t_s.size == 0:
+        return touch
+    ticks_s = np.arange(np.ceil(touch.t_s[0] * rate_hz), np.floor(touch.t_s[-1] * rate_hz) + 1) / rate_hz
+    last = np.searchsorted(touch.t_s, ticks_s, side="right") - 1
+    return TouchTrace(ticks_s, touch.x_mm[last], touch.y_mm[last], gaps_s=touch.gaps_s)
