@@ -22,6 +22,8 @@ from draglag.recording import FloatArray, Session
 from draglag.simulation.residual import Averaged, View
 
 RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
+MAY_STRAY = 0.1  # of the edges
+HELD = 1e12
 START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
 
@@ -108,14 +110,16 @@ def fit_session(
     settled = judged = False
     damping = 0.0
     white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-    if len(states) > 1 and _likelier(white, states[1], state, use):
-        state = states[1]
-        white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
+    if len(states) > 1:
+        other_cost, strayed = _cost_beside(white, states[1], state, use)
+        if other_cost < cost_without_nuisances(white, state, use):
+            state, use = states[1], use & ~strayed
+            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
     for iteration in range(12):
         if iteration == 1:
-            better = _at_best_rates(state, white, use, runs, width)
+            better, fewer = _at_best_rates(state, white, use, runs, width)
             if better is not state:
-                state = better
+                state, use = better, fewer
                 white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         if (iteration == 4 and not judged) or settled:
             settled, judged, damping = False, True, 0.0
@@ -127,9 +131,9 @@ def fit_session(
             likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (components,), rounds=1)
             components = replace(likely, run_s=min(likely.run_s, 1e-3), run_mm=min(likely.run_mm, 0.03))
             white = whitener(parts, components)
-            better = _at_best_rates(state, white, use, runs, width)
+            better, fewer = _at_best_rates(state, white, use, runs, width)
             if better is not state:
-                state = better
+                state, use = better, fewer
                 white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         a, b = white.apply(state.design[use]), white.apply(state.residual[use])
         calm = 1 / np.sqrt(np.maximum(1.0, np.abs(b) / 4))  # Huber: far edges pull, but not with their square
@@ -141,13 +145,11 @@ def fit_session(
             damped = normal + np.diag(state.prior + damping * np.diag(normal))
             step = np.linalg.pinv(damped, hermitian=True) @ moment
             trial = stepped(state, step, runs, width)
-            both = use & np.isfinite(trial.residual)
-            if np.count_nonzero(both) == np.count_nonzero(use):
-                new_cost = cost_without_nuisances(white, trial, use)
-                if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
-                    if attempt == 0:
-                        damping = damping / 10 if damping > 1e-5 else 0.0
-                    break
+            new_cost, strayed = _cost_beside(white, trial, state, use)
+            if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
+                if attempt == 0:
+                    damping = damping / 10 if damping > 1e-5 else 0.0
+                break
             damping = max(10 * damping, 1e-3)
         else:
             settled = not judged
@@ -156,6 +158,9 @@ def fit_session(
             continue
         gained = cost - new_cost
         state = trial
+        if strayed.any():
+            use = use & ~strayed
+            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         # Edges and weights follow the law, but not to the end: or the search would chase them.
         if not judged:
             if start is None:
@@ -172,6 +177,7 @@ def fit_session(
     residual, design, prior = state.residual, state.design, state.prior
     whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
     prior = np.concatenate([base_prior(law), np.full(design.shape[1] - base_prior(law).size, 1e-12)])
+    prior[: law.at_bounds.size][law.at_bounds] = HELD  # what cannot move further must not be credited for it
     value = likelihoods(parts, residual[use], design[use], prior)
     values = [value(w.components) for w in whiteners]
     best = int(np.argmax(values))
@@ -196,6 +202,18 @@ def fit_session(
     )
 
 
+def _cost_beside(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
+    """Cost of a state, and which of the used edges (m,) cannot be placed there: these cost what they did before, so
+    that nothing is refused or taken for a few. Infinite where they are many."""
+    strayed = use & ~(state.placed.ok & np.isfinite(state.residual))
+    if np.count_nonzero(strayed) > MAY_STRAY * np.count_nonzero(use):
+        return np.inf, strayed
+    if strayed.any():
+        residual = np.where(strayed, before.residual, state.residual)
+        state = replace(state, residual=residual, design=np.where(strayed[:, None], before.design, state.design))
+    return cost_without_nuisances(white, state, use), strayed
+
+
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
     """Traces with what the terms say undone in them: a ripple if they show it, and a low-pass whose setting is its time
     constant. What such a term keeps is what is left of it."""
@@ -208,20 +226,16 @@ def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[
     return ready, [left if term.effect == RIPPLE else term for term in terms]
 
 
-def _at_best_rates(state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float) -> State:
-    """The point of the grid's best rates, where that is likelier than this one."""
+def _at_best_rates(
+    state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
+) -> tuple[State, np.ndarray]:
+    """The point of the grid's best rates and the edges that can be placed there, where that is likelier than this."""
     found = best_rates(state, white, use)
     if found is None:
-        return state
+        return state, use
     there = stepped(state, found[1], runs, width, found[0])
-    return there if _likelier(white, there, state, use) else state
-
-
-def _likelier(white: Whitener, one: State, other: State, use: np.ndarray) -> bool:
-    """Whether one point explains the edges better than another, under the same scatter."""
-    if not np.isfinite(one.residual[use]).all():
-        return False
-    return cost_without_nuisances(white, one, use) < cost_without_nuisances(white, other, use)
+    cost, strayed = _cost_beside(white, there, state, use)
+    return (there, use & ~strayed) if cost < cost_without_nuisances(white, state, use) else (state, use)
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:

@@ -22,6 +22,7 @@ AMPLITUDE_SD_S = 0.15
 FOLLOWS_LATER_SD = 0.07
 FLATTENING_SD = 0.5
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
+LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
 BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends
 CORNER = 0.02  # of the plateau's speed
 N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
@@ -74,15 +75,22 @@ class LawParameters:
         above = np.logaddexp(0.0, z)
         return self.plateau_mm_s + width * above, expit(-z) + CORNER * (above - z * expit(z))
 
+    @property
+    def at_bounds(self) -> np.ndarray:
+        """Which of a1, a2, a4, a5 have come to the end of their range, (4,) bool."""
+        small = [a <= LEAST_AMPLITUDE_S for a in (self.a1_s, self.a4_s)]
+        ends = [not LEAST_RATE_S_MM < rate < MOST_RATE_S_MM for rate in (self.a2_s_mm, self.a5_s_mm)]
+        return np.array([small[0], ends[0], small[1], ends[1]])
+
     def moved(self, step: FloatArray) -> LawParameters:
         """The law after a Gauss–Newton step in the order of ``columns``; rates move by their logarithm."""
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
         moved = replace(
             self,
             a1_s=max(self.a1_s + step[0], LEAST_AMPLITUDE_S),
-            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), 3e-4, 0.15)),
+            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
             a4_s=max(self.a4_s + step[2], LEAST_AMPLITUDE_S),
-            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), 3e-4, 0.15)),
+            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
             a7_s=self.a7_s + step[4],
         )
         if self.plateau_mm_s > 0:

@@ -17,6 +17,7 @@ SIGNATURES = {
 }
 """Effects that residuals show."""
 
+BESIDE = 0.1  # of the panel's width
 JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
 MOMENTS = np.linspace(0.2, 0.8, 24)  # of the session: some runs have to lie before it and some after
 
@@ -25,10 +26,12 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
     t = placed.since_start_s
     span = max(float(np.ptp(t)), 1.0)
     speed = np.maximum(placed.speed_mm_s, 1.0)
+    # Beside a hole in the trace a fit may lie anywhere: no effect of the place is asked for far off the panel.
+    x_mm = np.clip(placed.xy_mm[:, 0], -BESIDE * width_mm, (1 + BESIDE) * width_mm)
     # Where the model says the edge was: the measured y holds the residual itself.
-    line = geometry.slope * placed.xy_mm[:, 0] + geometry.intercept_mm + 0.5 * geometry.diameter_mm * side_of(placed)
+    line = geometry.slope * x_mm + geometry.intercept_mm + 0.5 * geometry.diameter_mm * side_of(placed)
     return View(
-        placed.xy_mm[:, 0],
+        x_mm,
         line,
         side_of(placed),
         (~placed.falling).astype(float),
@@ -44,7 +47,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
         placed.stretch,
         np.arctan2(placed.v_mm_s[:, 1], placed.v_mm_s[:, 0]),
         width_mm,
-        2 * placed.xy_mm[:, 0] / width_mm - 1,
+        2 * x_mm / width_mm - 1,
         2 * (t - t.min()) / span - 1,
         span,
         geometry.intercept_mm,

@@ -22,6 +22,7 @@ LAGGING = "lagging_law"
 FOLLOW_ACCELERATION = ("acceleration_lag", LAGGING)
 ACCEL_UNKNOWN = 0.2
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
+FAR_S = 0.001  # moved by more, an edge lies where an effect of its place is another
 FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 
@@ -126,7 +127,11 @@ def stepped(
         theta = (max(sizes[0], 0.0),) if t.effect == "acceleration_lag" else t.theta
         terms.append(replace(t, sizes=sizes, theta=theta))
         n += k
-    return look(runs, law, geometry, terms, width_mm, state)
+    there = look(runs, law, geometry, terms, width_mm, state)
+    if terms and np.max(np.abs(there.placed.latency_s - state.placed.latency_s), initial=0) > FAR_S:
+        # What the terms add was told where the edges had been.
+        there = look(runs, law, geometry, there.terms, width_mm, there)
+    return there
 
 
 def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
