@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from draglag.errors import EstimateError
+from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.fit import Fit, fit_session
+from draglag.gap.heldout import gap_mm
 from draglag.gap.model import LawParameters
 from draglag.gap.run_data import gather
+from draglag.gap.state import Term
 from draglag.protocols import load_protocol
-from draglag.recording import Session
+from draglag.recording import Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
@@ -48,6 +52,24 @@ def test_a_law_that_no_edge_can_be_placed_by_is_refused(plain: tuple[Session, Fi
     hopeless = replace(best.law, a7_s=3.0)
     with pytest.raises(EstimateError, match="no edge"):
         fit_session(session, best.runs, start=best, law=hopeless)
+
+
+@pytest.mark.parametrize("skew_s", [0.02, 0.04])
+def test_edges_beside_holes_in_the_trace_stop_no_search(skew_s: float) -> None:
+    """An edge that a step moves beside a hole may lie anywhere: one such edge used to refuse every step."""
+    sound = read_exchange(Path(__file__).parents[1] / "data" / "exchange" / "none-A")
+
+    def skewed(run: Run) -> Run:
+        touch = run.touch
+        seen = (touch.t_s - touch.t_s[0]) % 2.9 > 0.11
+        t_s = touch.t_s + skew_s * touch.x_mm / sound.screen.width_mm
+        return replace(run, touch=TouchTrace(t_s[seen], touch.x_mm[seen], touch.y_mm[seen]))
+
+    session = replace(sound, runs=tuple(skewed(run) for run in sound.runs))
+    runs = gather(session)
+    fit = fit_session(session, runs, [Term("scan_skew")], start=fit_session(session, runs))
+    assert fit.terms[0].sizes[0] == pytest.approx(skew_s, rel=0.02)
+    assert gap_mm(fit) < 1.1 * gap_mm(fit_session(sound, gather(sound)))
 
 
 def test_a_plateau_is_found_from_either_side() -> None:

@@ -13,16 +13,15 @@ from draglag.gap.edges import Placed
 from draglag.gap.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
 from draglag.gap.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
-from draglag.gap.rates import best_rates
 from draglag.gap.run_data import RunData, undone
-from draglag.gap.state import State, Term, look, stepped, term_signature, usable
+from draglag.gap.search import at_best_rates, cost_beside
+from draglag.gap.state import Term, look, stepped, term_signature, usable
 from draglag.gap.unwarped import Unwarped
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
 from draglag.simulation.residual import Averaged, View
 
 RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
-MAY_STRAY = 0.1  # of the edges
 HELD = 1e12
 START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
@@ -111,13 +110,13 @@ def fit_session(
     damping = 0.0
     white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
     if len(states) > 1:
-        other_cost, strayed = _cost_beside(white, states[1], state, use)
+        other_cost, strayed = cost_beside(white, states[1], state, use)
         if other_cost < cost_without_nuisances(white, state, use):
             state, use = states[1], use & ~strayed
             white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
     for iteration in range(12):
         if iteration == 1:
-            better, fewer = _at_best_rates(state, white, use, runs, width)
+            better, fewer = at_best_rates(state, white, use, runs, width)
             if better is not state:
                 state, use = better, fewer
                 white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
@@ -131,7 +130,7 @@ def fit_session(
             likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (components,), rounds=1)
             components = replace(likely, run_s=min(likely.run_s, 1e-3), run_mm=min(likely.run_mm, 0.03))
             white = whitener(parts, components)
-            better, fewer = _at_best_rates(state, white, use, runs, width)
+            better, fewer = at_best_rates(state, white, use, runs, width)
             if better is not state:
                 state, use = better, fewer
                 white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
@@ -145,7 +144,7 @@ def fit_session(
             damped = normal + np.diag(state.prior + damping * np.diag(normal))
             step = np.linalg.pinv(damped, hermitian=True) @ moment
             trial = stepped(state, step, runs, width)
-            new_cost, strayed = _cost_beside(white, trial, state, use)
+            new_cost, strayed = cost_beside(white, trial, state, use)
             if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
                 if attempt == 0:
                     damping = damping / 10 if damping > 1e-5 else 0.0
@@ -202,18 +201,6 @@ def fit_session(
     )
 
 
-def _cost_beside(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
-    """Cost of a state, and which of the used edges (m,) cannot be placed there: these cost what they did before, so
-    that nothing is refused or taken for a few. Infinite where they are many."""
-    strayed = use & ~(state.placed.ok & np.isfinite(state.residual))
-    if np.count_nonzero(strayed) > MAY_STRAY * np.count_nonzero(use):
-        return np.inf, strayed
-    if strayed.any():
-        residual = np.where(strayed, before.residual, state.residual)
-        state = replace(state, residual=residual, design=np.where(strayed[:, None], before.design, state.design))
-    return cost_without_nuisances(white, state, use), strayed
-
-
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
     """Traces with what the terms say undone in them: a ripple if they show it, and a low-pass whose setting is its time
     constant. What such a term keeps is what is left of it."""
@@ -224,18 +211,6 @@ def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[
         return ready, terms
     left = Term(RIPPLE, (lattice.pitch_mm, 1.0), (0.0,) * 4)
     return ready, [left if term.effect == RIPPLE else term for term in terms]
-
-
-def _at_best_rates(
-    state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
-) -> tuple[State, np.ndarray]:
-    """The point of the grid's best rates and the edges that can be placed there, where that is likelier than this."""
-    found = best_rates(state, white, use)
-    if found is None:
-        return state, use
-    there = stepped(state, found[1], runs, width, found[0])
-    cost, strayed = _cost_beside(white, there, state, use)
-    return (there, use & ~strayed) if cost < cost_without_nuisances(white, state, use) else (state, use)
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:
