@@ -102,6 +102,13 @@ def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str
         axes.set_xticks([-1, 1], ["up", "down"])
 
 
+def _models(before: Replay, after: Replay) -> list[tuple[Replay, str, str, str]]:
+    """What was simulated, its colour, marker and name: one model where nothing was added, else two."""
+    if before is after:
+        return [(before, BLUE, "o", "simulated")]
+    return [(before, ORANGE, "^", "simulated, before"), (after, BLUE, "o", "simulated, after")]
+
+
 def edges_figure(before: Replay, after: Replay) -> Any:
     """The beam at one crossing, and the differences of edge times by run."""
     figure = new_figure(7.2, 5.6)
@@ -113,9 +120,9 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     start = _darkening(before, own)
     chosen = own[start : start + 4]
     origin = before.measured_s[chosen[0]]
-    for row, (replay, colour, text) in enumerate(
-        ((before, BLACK, "measured"), (before, ORANGE, "simulated, before"), (after, BLUE, "simulated, after"))
-    ):
+    models = _models(before, after)
+    lines = [(before, BLACK, "s", "measured"), *models]
+    for row, (replay, colour, _, text) in enumerate(lines):
         times = replay.measured_s if row == 0 else replay.simulated_s
         mine = np.isin(replay.measured_s, before.measured_s[chosen])
         t, falls = 1e3 * (times[mine] - origin), replay.falling[mine]
@@ -126,16 +133,14 @@ def edges_figure(before: Replay, after: Replay) -> Any:
         if row == 0:
             for edge in t:
                 top.axvline(edge, color=GREY, lw=0.7, linestyle=":")
-    top.set_yticks([2.35, 1.35, 0.35], ["measured", "simulated, before", "simulated, after"])
+    top.set_yticks([2.35 - row for row in range(len(lines))], [text for *_, text in lines])
     top.set_xlabel("time (ms)")
     top.set_title(f"Light on the sensor in {name}, {_speed(before, k):.0f} mm/s")
     top.grid(axis="y", visible=False)
     order = sorted(range(len(before.runs)), key=lambda r: _speed(before, r))
     order = [r for r in order if np.count_nonzero(before.run == r)]
-    for shift, replay, colour, marker, text in (
-        (-0.17, before, ORANGE, "^", "before"),
-        (0.17, after, BLUE, "o", "after"),
-    ):
+    shifts = (-0.17, 0.17) if len(models) > 1 else (0.0,)
+    for shift, (replay, colour, marker, text) in zip(shifts, models, strict=True):
         middle, low, high = [], [], []
         for r in order:
             d = replay.difference_ms[(replay.run == r) & np.isfinite(replay.difference_ms)]
@@ -180,11 +185,8 @@ def residuals_figure(before: Replay, after: Replay) -> Any:
     """Residuals under the present model against each covariate: measured, and simulated before and after."""
     figure = new_figure(7.2, 7.0)
     grid = figure.subplots(3, 2)
-    series = (
-        (before.measured, BLACK, "s", "measured"),
-        (before.simulated, ORANGE, "^", "simulated, before"),
-        (after.simulated, BLUE, "o", "simulated, after"),
-    )
+    simulated = [(replay.simulated, colour, marker, name) for replay, colour, marker, name in _models(before, after)]
+    series = ((before.measured, BLACK, "s", "measured"), *simulated)
     for axes, covariate in zip(grid.ravel(), OFTEN, strict=True):
         _panel(axes, covariate, series)
     handles, labels = grid[0, 0].get_legend_handles_labels()
@@ -222,10 +224,7 @@ def latencies_figure(before: Replay, after: Replay) -> Any:
     if measured:
         v, y, e = (np.array([row[k] for row in measured]) for k in (1, 2, 3))
         axes.errorbar(v, y, 1.96 * e, color=BLACK, marker="s", linestyle="", capsize=2, label="measured")
-    for replay, colour, marker, name in (
-        (before, ORANGE, "^", "simulated, before"),
-        (after, BLUE, "o", "simulated, after"),
-    ):
+    for replay, colour, marker, name in _models(before, after):
         rows = replay.latencies_ms()
         if not rows:
             continue
@@ -248,11 +247,10 @@ def spread_figure(before: Replay, after: Replay) -> Any:
     axes = figure.add_subplot()
     reach = 1.1 * float(np.quantile(np.abs(before.measured.residual_mm), 0.99)) + 1e-6
     bins = np.linspace(-reach, reach, 51).tolist()
-    for overlay, colour, style, name in (
-        (before.measured, BLACK, "-", "measured"),
-        (before.simulated, ORANGE, "--", "simulated, before"),
-        (after.simulated, BLUE, "-", "simulated, after"),
-    ):
+    simulated = [
+        (r.simulated, colour, "--" if r is not after else "-", name) for r, colour, _, name in _models(before, after)
+    ]
+    for overlay, colour, style, name in ((before.measured, BLACK, "-", "measured"), *simulated):
         if overlay is not None:
             values = np.clip(overlay.residual_mm, -reach, reach)
             weights = np.full(values.size, 100 / max(values.size, 1))
