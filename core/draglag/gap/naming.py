@@ -33,7 +33,7 @@ HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will 
 RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
 PLATEAU, MODE, SMOOTHING = "low_speed_plateau", "second_filter_mode", "smoothing_shrink"
 # Of an effect's typical size, 0.1 where not said: less is of no use to anybody, and a proxy more likely than itself.
-# The position fits bend circles as a low-pass of 5 ms would; a hand's acceleration is some 100 mm/s², and the time
+# The position fits bend circles as a low-pass of some 8 ms would; a hand's acceleration is some 100 mm/s², and the time
 # that a speed belongs to is known to some 30 ms.
 SMALLEST = {
     "smoothing_shrink": 0.6,
