@@ -22,7 +22,7 @@ from draglag.recording import FloatArray, Session
 from draglag.simulation.residual import Averaged, View
 
 RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
-HELD = 1e12
+HELD = 1e9  # precision
 START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
 
