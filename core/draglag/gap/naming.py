@@ -181,9 +181,12 @@ def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau:
 
 
 def sure_jump(fit: Fit, finding: Finding) -> Candidate | None:
-    """A jump along the panel or in time that explains clearly more than anything else: no refit will change that."""
+    """A jump along the panel that explains clearly more than any effect or smooth term: no refit will change that.
+
+    One in time is weighed against refits: by the order of runs it may stand for an effect that follows their speed.
+    """
     best, *others = finding.candidates[:1] + tuple(c for c in finding.candidates[1:] if not _is_jump(c))
-    if not (_is_jump(best) and best in finding.significant):
+    if not (_is_jump(best) and best.covariate == "x" and best in finding.significant):
         return None
     if best.score < JUMP_SURE * max((c.score for c in others), default=0.0) or best.score < JUMP_LEAST:
         return None
