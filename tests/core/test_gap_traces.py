@@ -14,7 +14,7 @@ from draglag.correction import corrected
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.asked import asked_speed
+from draglag.gap.asked import asked_speeds
 from draglag.gap.extended import extended_model
 from draglag.gap.lattice import Lattice, lattice_of
 from draglag.gap.realised import FittedShape, effects_of_fit
@@ -213,8 +213,7 @@ def test_the_speed_that_a_law_is_asked_at_is_followed_behind_what_the_trace_show
     true = np.interp(edges_s, t, asked)
     at_s = edges_s + law(true)
     seen = np.interp(at_s, *data.quick)
-    told = asked_speed(data, law, (0.0, delay_s))
-    assert told is not None
+    (told,) = asked_speeds([data], law, (0.0, delay_s))
     followed = np.interp(at_s, *told)
     assert np.std(seen - true) > 1.5
     assert np.std(followed - true) < 0.25

@@ -7,7 +7,7 @@ low-pass of the shown speed where d = 0. The law's speed is then v(t − d).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,14 +28,20 @@ RESONANCE = 2.0  # by which a frequency may be amplified at the most: there is n
 PADDED_S = 2.0
 
 
-def asked_speed(data: RunData, law: Law, asked: Asked) -> tuple[FloatArray, FloatArray] | None:
-    """Times (g,) s on the trace and the speed that the law is asked at there, (g,) mm/s.
+def asked_speeds(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
+    """For each of some steady runs, times (g,) s on its trace and the speed that the law is asked at there, (g,) mm/s.
 
-    None for a run of changing speed, which has no usual one: its edges are solved one by one.
+    A run of changing speed has no usual one: its edges are solved one by one.
     """
-    if not data.steady:
-        return None
-    return _now(data, law) if asked[1] == 0 else _steady(data, law, asked)
+    usual = np.array([float(np.mean(data.quick[1])) for data in runs])
+    slow = np.maximum(usual - 1.0, 0.0)
+    slope = (law(usual + 1.0) - law(slow)) / (usual + 1.0 - slow)
+    taus_s = np.maximum(-slope * usual, 0.0)
+    if asked[1] == 0:
+        return [_now(data, float(tau_s)) for data, tau_s in zip(runs, taus_s, strict=True)]
+    delays_s = before_s(asked, law(usual))
+    each = zip(runs, usual, taus_s, delays_s, strict=True)
+    return [_steady(data, float(v), float(tau_s), float(delay_s)) for data, v, tau_s, delay_s in each]
 
 
 def speed_apart(data: RunData, law: Law, asked: Asked) -> tuple[FloatArray, FloatArray]:
@@ -56,16 +62,9 @@ def before_s(asked: Asked, latency_s: FloatArray) -> FloatArray:
     return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
 
 
-def _slope(law: Law, speed_mm_s: float) -> float:
-    around = np.array([speed_mm_s + 1.0, max(speed_mm_s - 1.0, 0.0)])
-    return float(np.diff(law(around)[::-1])[0] / (around[0] - around[1]))
-
-
-def _now(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+def _now(data: RunData, tau_s: float) -> tuple[FloatArray, FloatArray]:
     grid_s, shown = data.quick
-    usual = float(np.mean(shown))
     step_s = grid_s[1] - grid_s[0]
-    tau_s = max(-_slope(law, usual) * usual, 0.0)
     if tau_s < 0.1 * step_s:
         return grid_s, shown
     keep = float(np.exp(-step_s / tau_s))
@@ -73,12 +72,9 @@ def _now(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
     return grid_s + 0.5 * step_s, speed  # each step takes in what is shown at its end
 
 
-def _steady(data: RunData, law: Law, asked: Asked) -> tuple[FloatArray, FloatArray]:
+def _steady(data: RunData, usual: float, tau_s: float, delay_s: float) -> tuple[FloatArray, FloatArray]:
     grid_s, shown = data.quick
-    usual = float(np.mean(shown))
     step_s = grid_s[1] - grid_s[0]
-    tau_s = max(-_slope(law, usual) * usual, 0.0)
-    delay_s = float(before_s(asked, law(np.array([usual])))[0])
     padded = min(shown.size - 1, round(PADDED_S / step_s))
     off = np.pad(shown - usual, padded, mode="reflect")
     omega = 2 * np.pi * np.fft.rfftfreq(off.size, step_s)

@@ -11,7 +11,7 @@ from draglag.gap.fit import Fit
 from draglag.gap.likelihood import profile
 from draglag.gap.noise import scatter
 from draglag.gap.state import LAGGING, Term, look
-from draglag.gap.whitening import whitener
+from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray
 from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
 
@@ -36,13 +36,16 @@ def delay_profile(fit: Fit, options: Sequence[Asked]) -> FloatArray:
     out = np.full(len(options), -np.inf)
     told = fit.use & fit.placed.steady  # sudden changes of speed are too rough a test to choose by
     now = look(fit.runs, fit.law, fit.geometry, [*rest, Term(LAGGING, NOW, (0.0,))], fit.width_mm, None)
+    weighed: tuple[np.ndarray, Whitener] | None = None
     for k, asked in enumerate(options):
         terms = [*rest, Term(LAGGING, asked, (0.0,))]
         state = look(fit.runs, fit.law, fit.geometry, terms, fit.width_mm, now)
         use = told & state.placed.ok & np.isfinite(state.residual)
         if np.count_nonzero(use) < 0.9 * np.count_nonzero(told):
             continue
-        white = whitener(scatter(fit.runs, state.placed, use, state.blur_mm), components)
+        if weighed is None or not np.array_equal(use, weighed[0]):
+            weighed = use, whitener(scatter(fit.runs, state.placed, use, state.blur_mm), components)
+        white = weighed[1]
         value = profile(white, state.residual[use], state.design[use][:, :-1], state.prior[:-1])[0]
         out[k] = 2 * value * np.count_nonzero(told) / np.count_nonzero(use)
     return out

@@ -281,8 +281,14 @@ def name(
             one = with_the_trace_sharpened(session, before, one, plateau)
             # The position fits bend circles a little, tremor with them: that would not show in the gap.
             names[k] = replace(one, improves=one.improves and (one.gain > SURELY_SMOOTH or shrinks(before, one.fit)))
-    # Where likelihoods all but agree, the name that closes the gap on held-out runs is the better one.
-    near = [n for n in names if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)]
+    # Where likelihoods all but agree, the name that closes the gap on held-out runs is the better one. Those of what
+    # follows the acceleration hold a scatter of their own, and say less.
+    near = [
+        n
+        for n in names
+        if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)
+        or ({n.effect, names[0].effect} <= set(FOLLOW_ACCELERATION) and n.gain > HALF * names[0].gain)
+    ]
     names.sort(key=lambda n: (n not in near, n.gap_after_mm if n in near else 0.0, -n.gain))
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE

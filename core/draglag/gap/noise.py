@@ -12,9 +12,9 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix, identity
+from scipy.sparse import block_diag, csr_matrix, diags, identity
 
-from draglag.gap.edges import Placed, Windows, joined_rows
+from draglag.gap.edges import Placed
 from draglag.gap.run_data import RunData
 from draglag.recording import FloatArray, IntArray
 
@@ -73,21 +73,11 @@ def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> t
     # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
     leverage = velocity[:, 1] * placed.slope_s2_mm * placed.stretch
     along_y, along_x = (leverage * velocity[:, axis] / shown for axis in (1, 0))
-    across, beside, before = [], [], 0
-    for k, data in enumerate(runs):
-        mine = placed.run == k
-        kept = use[mine]
-        position, fast = placed.position_fit[k], placed.speed_fit[k]
-        velocities = fast.by_event.velocity
-        own = Windows(position.first[kept] + before, data.noise_mm * position.by_event.position[kept])
-        by_y, by_x = (
-            Windows(fast.first[kept] + before, data.noise_mm * velocities[kept] * along[mine][kept][:, None])
-            for along in (along_y, along_x)
-        )
-        before += data.t_s.size
-        across.append((own, by_y))
-        beside.append((by_x,))
-    rows = joined_rows(across, before), joined_rows(beside, before)
+    place = diags(placed.traces.noise_mm[use]) @ placed.position_rows[use]
+    across, beside = (
+        diags((placed.traces.noise_mm * along)[use]) @ placed.velocity_rows[use] for along in (along_y, along_x)
+    )
+    rows = place + across, beside
     spread = _spread(runs)
     return rows if spread is None else (rows[0] @ spread, rows[1] @ spread)
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import partial
 
-from draglag.gap.edges import Placed, Windows, joined_rows
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from draglag.gap.edges import Placed
 from draglag.gap.model import Geometry, LawParameters, side_of
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, Effect
@@ -58,12 +61,12 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
 
 def averaged_of(placed: Placed) -> Averaged:
     """The weights by which each edge's position is averaged from the events of its run."""
-    windows, before = [], 0
-    for fit, events in zip(placed.position_fit, placed.events_mm, strict=True):
-        windows.append((Windows(fit.first + before, fit.by_event.position),))
-        before += events.shape[0]
-    x_mm, y_mm = np.concatenate(placed.events_mm).T
-    return Averaged(joined_rows(windows, before), x_mm, y_mm)
+    x_mm, y_mm = placed.traces.smooth_mm.T
+    return Averaged(partial(_position_rows, placed), x_mm, y_mm)
+
+
+def _position_rows(placed: Placed) -> csr_matrix:
+    return placed.position_rows
 
 
 def _spline(values: FloatArray, knots: int) -> FloatArray:

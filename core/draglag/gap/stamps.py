@@ -9,6 +9,7 @@ import numpy as np
 from draglag.recording import TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
+SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000  # a panel's frame clock is even over the first, and a beat at most the second
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
 
@@ -84,8 +85,8 @@ def spread(touch: TouchTrace, size: int) -> TouchTrace:
     return replace(touch, t_s=spread)
 
 
-def evened(touch: TouchTrace) -> TouchTrace:
-    """Stamps of an even frame clock through coarse ones: frames counted, the stamps' slow course kept."""
+def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
+    """Stamps of an even frame clock through those of a coarse one: frames counted, the stamps' slow course kept."""
     t = touch.t_s
     if t.size < 100:
         return touch
@@ -94,7 +95,12 @@ def evened(touch: TouchTrace) -> TouchTrace:
     frame_s = float(np.mean(typical[typical < 2.5 * frame_s]))
     count = np.concatenate([[0], np.cumsum(np.where(typical < 2.5 * frame_s, 1, np.round(typical / frame_s)))])
     late = t - frame_s * count
-    slow = np.convolve(np.pad(late, 30, mode="edge"), np.full(61, 1 / 61), mode="valid")
+    # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
+    off = abs(frame_s / quantum_s - round(frame_s / quantum_s))
+    beats = np.arange(1, SLOW_FRAMES + 1) / max(off, 1 / SLOWEST_FRAMES)
+    width = min(round(beats[np.searchsorted(beats, SLOW_FRAMES)]), t.size)
+    course = np.convolve(late, np.full(width, 1 / width), mode="valid")
+    slow = np.pad(course, (width // 2, width - 1 - width // 2), mode="edge")
     even = frame_s * count + slow
     return replace(touch, t_s=np.maximum.accumulate(even + 1e-9 * np.arange(t.size)))
 

@@ -34,7 +34,7 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     elif coarse is not None:
         # A grid of stamps without repeated positions is a coarse clock; with them it is a loop that holds.
         found.append(coarse)
-        runs = tuple(replace(r, touch=evened(r.touch)) for r in runs)
+        runs = tuple(replace(r, touch=evened(r.touch, coarse.value)) for r in runs)
     elif held is not None:
         first = [first_of_repeats(r.touch) for r in runs]
         even = unheld(first, 1 / held.value)

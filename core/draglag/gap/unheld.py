@@ -20,12 +20,14 @@ from draglag.recording import FloatArray, IntArray, TouchTrace
 WINDOW, DEGREE = 17, 3  # ticks of the local path
 SLOWEST = 0.06  # turns a tick: a slower beat is taken for the path's own
 LINES = 4  # of the spectrum that are tried
+CLEAR = 0.5  # share that a sawtooth explains which is no harmonic of another
 GRID = 1 << 16
 PHASES = np.arange(64) / 64
 IN_STEP = 4  # frames a tick, halves, thirds and quarters of one
 FASTEST = 6  # runs that tell α: the faster, the less a position's noise is in time
+NEAR_JUMP = 0.2  # of a turn: a jump may come so much sooner or later
 LEAST_GAIN = 0.1  # share of the fast runs' deviations that the sawtooth has to explain; of noise it explains 0.01
-HEIGHT = (0.7, 1.1)  # of the frames' period, that a sawtooth may seem to have
+HEIGHT = (0.6, 1.1)  # of the frames' period, that a sawtooth may seem to have: frames that jitter blur its jumps
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] |
     # The sawtooth's height is the frames' period, of which only p_t / (n + α) are possible.
     height_s = float(np.median([fit.height_s for fit in best]))
     possible_s = period_s / (np.arange(6) + alpha)
-    frame_s = float(possible_s[np.argmin(np.abs(np.log(possible_s / max(height_s, 1e-6))))])
+    frame_s = float(np.min(possible_s, where=possible_s > height_s / HEIGHT[1], initial=possible_s[0]))
     if not HEIGHT[0] * frame_s < height_s < HEIGHT[1] * frame_s:
         return None
     fits = [None if d is None else _sawtooth(d, alpha) for d in seen]
@@ -67,6 +69,7 @@ def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] |
             out.append(touch)
             continue
         age_s = frame_s * np.mod(alpha * _ticks(touch.t_s, period_s) - fit.phase, 1.0)
+        age_s = _jumped(touch, age_s, frame_s, 8 * period_s)
         # Less half a frame, not less the run's own mean: where loop and frames nearly keep step, that differs by run.
         own_s = touch.t_s - (age_s - 0.5 * frame_s)
         if frame_s > period_s:
@@ -76,6 +79,18 @@ def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] |
         else:
             out.append(_as_of(touch, own_s, 4 * period_s))
     return out
+
+
+def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: float) -> FloatArray:
+    """Ages (n,) s whose jump comes where the positions show it: jittering frames take turns a tick sooner or later."""
+    own_s = np.maximum.accumulate(touch.t_s - age_s + 1e-9 * np.arange(age_s.size))
+    xy = np.column_stack([touch.x_mm, touch.y_mm])
+    fit = local_fit(own_s, xy, own_s, half_width_s)
+    ahead_s = np.sum((xy - fit.xy_mm) * fit.v_mm_s, axis=1) / np.maximum(fit.speed_mm_s, 1e-6) ** 2
+    part = age_s / frame_s
+    fresh = fit.ok & (part > 1 - NEAR_JUMP) & (ahead_s > 0.5 * frame_s)
+    old = fit.ok & (part < NEAR_JUMP) & (ahead_s < -0.5 * frame_s)
+    return age_s + frame_s * (old.astype(float) - fresh)
 
 
 def _as_of(touch: TouchTrace, own_s: FloatArray, half_width_s: float) -> TouchTrace:
@@ -105,7 +120,8 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
     off = np.column_stack([touch.x_mm, touch.y_mm]) - smooth
     moving = speed > 0.3 * np.median(speed)
     ahead_s = np.where(moving, np.sum(off * velocity, axis=1) / np.maximum(speed, 1e-6) ** 2, 0.0)
-    limit = 6 * 1.4826 * float(np.median(np.abs(ahead_s)))
+    # The jumps of a slow beat are few, far beyond the median, and no outliers.
+    limit = max(6 * 1.4826 * float(np.median(np.abs(ahead_s))), period_s)
     return _Deviation(tick, np.clip(ahead_s, -limit, limit), np.where(moving, speed**2, 0.0))
 
 
@@ -113,16 +129,22 @@ def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
     """α, from runs that show it well.
 
     A spectrum tells a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow to
-    show by itself shows by those: a line may be α's double.
+    show by itself shows by those: a line may be α's double, or another multiple of a slow α.
     """
     best: tuple[float, list[float]] = (-np.inf, [0.5])
-    for line in _beats(fast):
-        lines = np.array([_finer(run, line) for run in fast])
-        for turns in (lines, lines / 2, (lines + 1) / 2):
-            for one in (turns, 1 - turns):
-                pairs = zip(fast[:2], one[:2], strict=True)
-                share = float(np.mean([_sawtooth(run, float(alpha), PHASES[::2]).share for run, alpha in pairs]))
-                best = max(best, (share, [float(alpha) for alpha in one]))
+    beats = _beats(fast)
+    lines = [np.array([_finer(run, line) for run in fast]) for line in beats]
+    turns = [one for line in lines for one in (line, line / 2, (line + 1) / 2)]
+    # Neighbouring multiples of a slow α lie α apart.
+    apart = float(np.min(np.diff(np.sort(beats))))
+    slow = [lines[0] / round(beats[0] / one) for one in (apart, apart / 2) if one < SLOWEST]
+    for some in (turns, slow):
+        for alphas in (side for one in some for side in (one, 1 - one)):
+            pairs = zip(fast[:2], alphas[:2], strict=True)
+            share = float(np.mean([_sawtooth(run, float(alpha), PHASES[::2]).share for run, alpha in pairs]))
+            best = max(best, (share, [float(alpha) for alpha in alphas]))
+        if best[0] > CLEAR:
+            break
     return float(np.median(best[1]))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -60,14 +61,23 @@ class View:
 
 @dataclass(frozen=True)
 class Averaged:
-    """How a displacement of the events becomes one of the edges: rows (m, n) of weights over all events, (n,) mm."""
+    """How a displacement of the events becomes one of the edges: weights over all events, (n,) mm, told when asked."""
 
-    rows: csr_matrix
+    weights: Callable[[], csr_matrix]
     x_mm: FloatArray
     y_mm: FloatArray
 
+    @cached_property
+    def rows(self) -> csr_matrix:
+        """(m, n)"""
+        return self.weights()
+
     def __getitem__(self, use: np.ndarray) -> Averaged:
-        return Averaged(self.rows[use], self.x_mm, self.y_mm)
+        return Averaged(partial(_taken, self, use), self.x_mm, self.y_mm)
+
+
+def _taken(averaged: Averaged, use: np.ndarray) -> csr_matrix:
+    return averaged.rows[use]
 
 
 @dataclass(frozen=True)

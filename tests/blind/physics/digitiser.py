@@ -8,6 +8,8 @@ from scipy.signal import lfilter
 from .hand import STEP_HZ, Motion
 from .rig import Rig, RunPlan, stream
 
+LEAST_DELAY_S = 0.001  # of any panel
+
 
 @dataclass(frozen=True)
 class Panel:
@@ -17,8 +19,9 @@ class Panel:
     variants: dict[str, object]
 
 
-def draw_variants(seed: int, effects: dict[str, float], width_mm: float, height_mm: float) -> dict[str, object]:
+def draw_variants(seed: int, effects: dict[str, float], rig: Rig) -> dict[str, object]:
     """The parts of effects that their one size leaves open."""
+    width_mm = rig.screen[1]
     out: dict[str, object] = {}
     for name in effects:
         rng = stream(seed, f"variant {name}")
@@ -44,7 +47,9 @@ def draw_variants(seed: int, effects: dict[str, float], width_mm: float, height_
                 "dwell_s": rng.uniform(4, 15),
             }
         elif name == "smoothing_shrink":
-            out[name] = {"delay_in_law": bool(rng.random() < 0.5)}
+            # A panel that is quicker than its low-pass does not smooth with it: the delay comes on top.
+            fits = effects[name] < rig.law["a7"] - LEAST_DELAY_S
+            out[name] = {"delay_in_law": bool(rng.random() < 0.5) and fits}
         elif name == "lagging_law":
             out[name] = {"present": bool(rng.random() < 0.25)}
         elif name in ("split_panel", "split_offset"):
@@ -110,7 +115,7 @@ def latency(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, own_s: float, 
     # A panel never goes back in time and skips nothing: where the latency would fall faster than time passes (a sudden
     # start), it catches up, showing the past at most 1/catch_up as fast as it happened.
     steady = rig.catch_up * motion.t_s
-    return np.maximum.accumulate(motion.t_s + np.maximum(out, 0.001) - steady) + steady - motion.t_s
+    return np.maximum.accumulate(motion.t_s + np.maximum(out, LEAST_DELAY_S) - steady) + steady - motion.t_s
 
 
 def _mode_active(where: dict, motion: Motion, seed: int, run_id: str) -> np.ndarray:

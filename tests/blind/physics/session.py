@@ -48,7 +48,7 @@ def make_session(
     effects = dict(effects or {})
     rig = draw_rig(seed, profile or Profile())
     name, width, height, width_px, height_px = rig.screen
-    panel = Panel(effects, draw_variants(seed, effects, width, height))
+    panel = Panel(effects, draw_variants(seed, effects, rig))
     runs, latencies, details, n_edges = [], {}, {}, 0
     for run in rig.plan:
         motion = move(rig, run, stream(seed, f"hand {run.id}"))
