@@ -90,7 +90,7 @@ def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: 
     part = age_s / frame_s
     fresh = fit.ok & (part > 1 - NEAR_JUMP) & (ahead_s > 0.5 * frame_s)
     old = fit.ok & (part < NEAR_JUMP) & (ahead_s < -0.5 * frame_s)
-    return age_s + frame_s * (old.astype(float) - fresh)
+    return np.asarray(age_s + frame_s * (old.astype(float) - fresh))
 
 
 def _as_of(touch: TouchTrace, own_s: FloatArray, half_width_s: float) -> TouchTrace:
