@@ -15,6 +15,7 @@ from draglag.gap.fit import RIPPLE, Fit, fit_session, latency_of_terms, log_like
 from draglag.gap.heldout import gap_mm, improves, shrinks, shrinks_with
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
+from draglag.gap.plateau import promised_gain
 from draglag.gap.signatures import SIGNATURES, unnamed_columns
 from draglag.gap.state import FOLLOW_ACCELERATION, LAGGING, Term
 from draglag.gap.stepped import find_step
@@ -219,9 +220,9 @@ def name(
 ) -> tuple[list[Name], Candidate | None]:
     """Names best first, and the smooth term that beats them all (or None).
 
-    Every significant library effect among the best few, the plateau always (as a change of the law it has no column to
-    be found by), and a law that follows another moment's speed wherever its mean effect hints at it, is refitted
-    jointly with the rest of the model, but for those hopeless beside a sure name.
+    Every significant library effect among the best few, the plateau wherever it promises anything (as a change of the
+    law it has no column to be found by), and a law that follows another moment's speed wherever its mean effect hints
+    at it, is refitted jointly with the rest of the model, but for those hopeless beside a sure name.
     """
     significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
     jump = sure_jump(before, finding)
@@ -239,7 +240,7 @@ def name(
         switching = find_switching(before)
     if switching is not None and switching.gain > RARE:
         tries = [t for t in tries if t[0] != MODE] + [(MODE, switching.theta, 1, 1)]
-    if PLATEAU in candidates and not plateau:
+    if PLATEAU in candidates and not plateau and promised_gain(before) > 0:
         tries.append((PLATEAU, (), 1, 8))
     tries = [t for t in tries if t[0] != LAGGING]
     if LAGGING in candidates and any(c.effect == LAGGING and c.gain > HINTED for c in finding.candidates):

@@ -16,6 +16,7 @@ from draglag.recording import FloatArray
 RATES_S_MM = np.geomspace(0.001, 0.06, 20)
 REACH = np.geomspace(0.7, 1.4, 57)  # of the best speed
 N_LAW = 6  # parameters of Eq. 5 with a plateau
+FASTEST_MM_S, PROMISED = 400.0, 16  # a plateau's bound, and how many are tried
 
 
 def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
@@ -37,11 +38,23 @@ def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
     return min(float(likely[0]), best - reach), max(float(likely[-1]), best + reach)
 
 
+def promised_gain(fit: Fit) -> float:
+    """Twice the log-likelihood that the best plateau would add to a fit without one, its edges left where they are.
+
+    Negative where every plateau that holds for more than the slowest run is worse than none. (A refit that gained 10
+    and more has never been promised less than 0.)
+    """
+    slowest = min(float(fit.view.speed[fit.run_index == k].mean()) for k in np.unique(fit.run_index))
+    none, *gain = _profile(fit, np.append(0.0, np.geomspace(slowest, FASTEST_MM_S, PROMISED)))
+    return float(np.max(gain) - none)
+
+
 def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:
     """Twice the log-likelihood, up to a constant, of each plateau speed (k,); one rate alone is a law, too."""
     placed, use = fit.placed, fit.use
     v_n = placed.v_mm_s[use, 1] * placed.stretch[use]
-    rest, prior = fit.design[:, N_LAW:], fit.prior[N_LAW:]
+    n_law = N_LAW if fit.law.plateau_mm_s > 0 else N_LAW - 1
+    rest, prior = fit.design[:, n_law:], fit.prior[n_law:]
     white = fit.whiteners[fit.best]
     told = without_law(fit.law, placed.speed_mm_s[use], v_n, fit.residual_mm, rest, prior, white)
     at = (pairs_at(told, float(plateau), RATES_S_MM) for plateau in plateaus_mm_s)
