@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -46,3 +47,11 @@ def test_a_row_about_an_edge_is_made_once_for_each_time_and_width() -> None:
     np.testing.assert_allclose(moved, np.column_stack([[0.02, 5.06, 9.0], [0.1, 0.1, 0.3], edges]))
     np.testing.assert_array_equal(kept.at(at_s[1:], half_s[1:], edges[1:]), first[1:])
     assert asked == [3, 2]
+
+
+def test_traces_go_to_another_process_after_fits_were_made_on_them() -> None:
+    traces = traces_of(gather(read_exchange(SAMPLES / "none-A")))
+    at_s = traces.edge_t_s + 0.06
+    here = traces.positions.at(at_s, traces.half_s, traces.edges)
+    sent = pickle.loads(pickle.dumps(traces))
+    np.testing.assert_array_equal(sent.positions.at(at_s, sent.half_s, sent.edges), here)

@@ -7,7 +7,7 @@ about each edge, so fine that a fit's own velocity and acceleration bridge what 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
@@ -98,6 +98,10 @@ class Traces:
     falling: np.ndarray
     steady: np.ndarray
     half_s: FloatArray
+
+    def __getstate__(self) -> dict[str, object]:
+        """To another process go the traces; what is kept about them is made anew there."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def edges(self) -> IntArray:
