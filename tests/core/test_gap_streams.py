@@ -133,6 +133,7 @@ def test_stalls_are_owned_up_to(sound: Session) -> None:
         return replace(touch, t_s=t_s)
 
     assert stalls(sound) is None
+    assert inspect(with_touch(sound, stalled))[0] == ()  # bursts are no frames on one tick of a coarse clock
     found = stalls(with_touch(sound, stalled))
     assert found is not None
     assert found.effect is None

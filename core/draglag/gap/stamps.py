@@ -9,6 +9,7 @@ import numpy as np
 from draglag.recording import TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
+EXACT = 2e-3  # of a clock's tick
 SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000  # a panel's frame clock is even over the first, and a beat at most the second
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
@@ -118,7 +119,8 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
     common = np.sort(common)
     gaps = np.diff(common)
     gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
-    if np.mean(intervals < 1e-4) > 0.01:
+    at_once = bool(np.mean(intervals < 1e-4) > 0.01)
+    if at_once:
         gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
     if gaps.size == 0:
         return None
@@ -134,6 +136,8 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
     share = float(np.mean(off < 0.03 * quantum_s))
     if share < 0.95 or np.mean(np.round(intervals / quantum_s) == np.round(typical / quantum_s)) > 0.999:
         return None
+    if at_once and np.median(off) > EXACT * quantum_s:
+        return None  # frames that jitter, and bursts after the pauses of a host
     if _reaches_further(touches) > 0.5:
         return None  # frames are missing
     return StreamEffect(
