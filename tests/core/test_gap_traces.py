@@ -23,7 +23,7 @@ from draglag.gap.state import _not_far
 from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
-from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.smoothing_shrink import behind
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
@@ -230,3 +230,15 @@ def test_an_edge_of_a_stylus_that_stands_nearly_still_is_no_level_of_its_own() -
     keep = _not_far(residual_mm, np.full(26, 0.15), placed, np.ones(26, bool), loose=False)  # type: ignore[arg-type]
     assert keep[:25].all()
     assert not keep[25]
+
+
+def test_a_ripple_that_may_not_be_named_is_owned_up_to_although_edges_hardly_scatter(sound: Session) -> None:
+    def weakly(run: Run) -> Run:
+        touch, whole = run.touch, rippled(run).touch
+        x_mm, y_mm = touch.x_mm + 0.5 * (whole.x_mm - touch.x_mm), touch.y_mm + 0.5 * (whole.y_mm - touch.y_mm)
+        return replace(run, touch=replace(touch, x_mm=x_mm, y_mm=y_mm))
+
+    others = [effect for effect in EFFECTS if effect != "pitch_ripple"]
+    report = close_gap(replace(sound, runs=tuple(map(weakly, sound.runs))), candidates=others)
+    assert (report.verdict, report.unexplained_by, report.steps) == ("unexplained", "x", ())
+    assert close_gap(sound, candidates=others).verdict == "no_gap"

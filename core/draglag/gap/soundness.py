@@ -9,8 +9,11 @@ import numpy as np
 
 from draglag.gap.finding import Candidate
 from draglag.gap.fit import Fit, log_likelihood_of
+from draglag.gap.lattice import lattice_of
 from draglag.gap.model import N_NUISANCES, base_prior
 from draglag.gap.noise import TREMOR_MM_S, scatter
+from draglag.gap.results import COVARIATE
+from draglag.gap.run_data import as_shown
 
 # What single edges scatter by on sound panels beyond the touch noise, from none to the most (generated sound sessions).
 SOUND_EDGE_MM = (0.0, 0.05, 0.1)
@@ -25,6 +28,7 @@ SHARE_MOST = 0.12
 # Between runs, beyond what panels differ by from run to run; on 40 sound sessions it never fitted better.
 WIDER_S = (0.002, 0.004, 0.008)
 MOST_BETWEEN = 20.0
+LEAST_RIPPLE_MM = 0.1
 BY_TURN = 0.7  # of what runs differ by
 
 
@@ -70,6 +74,15 @@ def _follows_turn(fit: Fit) -> bool:
         return False
     within = sum(float(np.sum((group - group.mean()) ** 2)) for group in each)
     return within < (1 - BY_TURN) * float(np.sum((np.array(late) - np.mean(late)) ** 2))
+
+
+def nameless_ripple(fit: Fit) -> Candidate | None:
+    """A ripple that the touch events show, large enough to matter, where it may not be named; edges show it less."""
+    raw = as_shown(fit.runs)
+    lattice = lattice_of([(data.t_s, data.xy_mm) for data in raw])
+    if lattice is None or float(np.abs(lattice.sizes_mm).max()) < LEAST_RIPPLE_MM:
+        return None
+    return Candidate(None, COVARIATE["pitch_ripple"], "offset", 0.0, 1, 1, 0.0)
 
 
 def follows_another_speed(fit: Fit) -> Candidate | None:

@@ -23,14 +23,14 @@ from draglag.gap.doubts import (
     without_proxies,
 )
 from draglag.gap.finding import LEVEL, Candidate, Finding, find
-from draglag.gap.fit import Fit, fit_session
+from draglag.gap.fit import RIPPLE, Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks
 from draglag.gap.naming import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, TOO_CLOSE, Name, gained, name, refit
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.run_data import gather
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
-from draglag.gap.soundness import excess_between_runs, excess_scatter, follows_another_speed
+from draglag.gap.soundness import excess_between_runs, excess_scatter, follows_another_speed, nameless_ripple
 from draglag.gap.stalls import stalls
 from draglag.gap.stamps import StreamEffect
 from draglag.gap.streams import inspect
@@ -171,6 +171,8 @@ def close_gap(
     coarse = any(s.effect == "timestamp_quantisation" for s in (*seen, *strange))
     if unexplained is None and all(s.effect != "frame_batching" for s in seen):
         unexplained = stalls(whole if coarse else session)  # two stamps alike on a coarse clock are no burst
+    if unexplained is None and RIPPLE not in allowed:
+        unexplained = nameless_ripple(fit)
     if unexplained is None and strange:
         # Seen in the streams, and there is no name for it to be given.
         unexplained = Candidate(None, COVARIATE[strange[0].effect], "latency", 0.0, 1, 1, 0.0)
