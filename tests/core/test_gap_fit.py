@@ -47,6 +47,13 @@ def test_poor_rates_to_begin_with_do_not_matter(plain: tuple[Session, Fit], slow
     assert again.log_likelihood == pytest.approx(best.log_likelihood, abs=LIKELY)
 
 
+def test_a_law_far_off_to_begin_with_costs_no_edges(plain: tuple[Session, Fit]) -> None:
+    session, best = plain
+    far = fit_session(session, best.runs, law=replace(best.law, a7_s=best.law.a7_s + 0.09))
+    for k in range(len(best.runs)):
+        assert np.count_nonzero(far.run_index == k) >= 0.9 * np.count_nonzero(best.run_index == k)
+
+
 def test_a_law_that_no_edge_can_be_placed_by_is_refused(plain: tuple[Session, Fit]) -> None:
     session, best = plain
     hopeless = replace(best.law, a7_s=3.0)

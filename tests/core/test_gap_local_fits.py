@@ -47,6 +47,8 @@ def test_a_row_about_an_edge_is_made_once_for_each_time_and_width() -> None:
     np.testing.assert_allclose(moved, np.column_stack([[0.02, 5.06, 9.0], [0.1, 0.1, 0.3], edges]))
     np.testing.assert_array_equal(kept.at(at_s[1:], half_s[1:], edges[1:]), first[1:])
     assert asked == [3, 2]
+    kept.at(np.full(3, np.nan), half_s, edges)  # nowhere, and no other time's row
+    np.testing.assert_allclose(kept.at(np.array([0.0, 5.0, 9.0]), half_s, edges)[:, 0], [0.0, 5.0, 9.0])
 
 
 def test_traces_go_to_another_process_after_fits_were_made_on_them() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap.stalls import stalls
+from draglag.gap.stamps import evened
 from draglag.gap.streams import inspect
 from draglag.gap.unwarped import Shown, _kept, _smoothed
 from draglag.protocols import load_protocol
@@ -57,6 +58,16 @@ def test_coarse_stamps_that_beat_slowly_with_the_frames_are_even_again(sound: Se
     for run, original in zip(repaired.runs, sound.runs, strict=True):
         jitter_s = np.std(np.diff(original.touch.t_s)[np.diff(original.touch.t_s) < 0.015]) / np.sqrt(2)
         assert np.std(run.touch.t_s - original.touch.t_s) < 1.5 * jitter_s + 5e-5
+
+
+def test_coarse_stamps_of_frames_whose_rate_wanders_follow_it() -> None:
+    # 100 frames a second, a thousandth more or less within 40 s, on a clock of 1 ms that all but keeps step with them.
+    count = np.arange(4000)
+    true_s = 3.1 + 0.01 * count + 1e-3 * np.cumsum(0.01 * np.sin(2 * np.pi * count / 4000))
+    true_s = true_s + np.random.default_rng(0).normal(0, 1e-4, count.size)
+    even = evened(TouchTrace(np.floor(true_s / 1e-3) * 1e-3, 0.0 * count, 0.0 * count), 1e-3)
+    off_s = even.t_s - true_s
+    assert np.std(off_s) < 3e-4  # as far as rounding alone scatters
 
 
 def test_missing_frames_of_an_even_clock_are_not_taken_for_coarse_stamps(sound: Session) -> None:

@@ -21,9 +21,9 @@ from draglag.recording import FloatArray, IntArray
 Law = Callable[[FloatArray], FloatArray]
 STRAIGHT_S = 0.001  # so near, a velocity and its rate of change say what a new fit would
 NEAR_S = 0.004  # further, they say nothing
-ROUNDS, STEPS = 5, 6
+ROUNDS, STEPS = 8, 6  # a step is at most 20 ms: a law may lie far off where a fit begins
 EXACT_S = 2e-5
-FEW = 0.005  # of all edges
+FEW = 0.002  # of all edges
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ def place(
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
     if start is not None:
-        latency, half_s = start.latency_s, start.speed_half_s
+        half_s = start.speed_half_s
+        latency = np.where(np.isfinite(start.latency_s), start.latency_s, start.speed_at_s - edge_s)
     else:
         latency, half_s = _begun(traces, law)
     asked_at = _asked(traces, law, asked)
@@ -209,7 +210,7 @@ def _solved(
     """
     latency, step, speed = latency.copy(), np.zeros(edges.size), np.zeros(edges.size)
     edge_s, steady = traces.edge_t_s[edges], traces.steady[edges]
-    share = np.where(steady, 1.0, 0.5) * (fast[:, 7] > 0)
+    share = np.where(steady, 1.0, 0.5)
     moving = np.arange(edges.size)
     for _ in range(STEPS):
         at_s = edge_s[moving] + latency[moving]
@@ -222,6 +223,7 @@ def _solved(
                 own = np.maximum(own + np.interp(at_s[changing], *asked_at.apart), 0.0)
             now[changing] = own
         by_s = share[moving] * (law(now) + added_s[moving] - latency[moving]).clip(-0.02, 0.02)
+        by_s = np.where(fast[moving, 7] > 0, by_s, 0.0)
         speed[moving], step[moving] = now, by_s
         latency[moving] += by_s
         moving = moving[(np.abs(by_s) >= EXACT_S) & (np.abs(edge_s + latency - fast[:, 0])[moving] <= NEAR_S)]

@@ -49,13 +49,13 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
     # Where the loop is faster than the touch most events repeat, and none advances by the usual step.
     told = told or [_repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm == 0]
     share = float(np.mean(np.concatenate(told))) if told else 0.0
-    age_s = _uneven_age_s(touches, step_mm)
+    age_s = uneven_age_s(touches, step_mm)
     if share <= 0.02 and age_s > UNEVEN_AGE * period_s:
         # A ripple of the panel is uneven along the path as well, but by its place.
         ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
         if ripple is not None:
             even = [_at(t, ripple.undone_mm(np.column_stack([t.x_mm, t.y_mm]))) for t in touches]
-            age_s = _uneven_age_s(even, step_mm)
+            age_s = uneven_age_s(even, step_mm)
     if float(np.mean(regular)) < 0.97 or not (share > 0.02 or age_s > UNEVEN_AGE * period_s):
         return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
@@ -78,15 +78,15 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
 
 def still_uneven(held: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
     """Whether positions of uneven age are hardly evener after their ages were undone."""
-    before_s = _uneven_age_s(held)
-    return before_s > UNEVEN_AGE * period_s and _uneven_age_s(even) > STILL * before_s
+    before_s = uneven_age_s(held)
+    return before_s > UNEVEN_AGE * period_s and uneven_age_s(even) > STILL * before_s
 
 
 def _at(touch: TouchTrace, xy_mm: np.ndarray) -> TouchTrace:
     return TouchTrace(touch.t_s, xy_mm[:, 0], xy_mm[:, 1], touch.contact_id, gaps_s=touch.gaps_s)
 
 
-def _uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
+def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
     """By how much the age of the positions varies from stamp to stamp, s (median over runs fast enough to tell; or 0).
 
     A position of another age lies further along the path, not beside it: what third differences scatter by along the

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.recording import TouchTrace
+from draglag.recording import FloatArray, TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
 EXACT = 2e-3  # of a clock's tick
+BEAT = 1.2  # of a tick: as far apart as rounding alone puts stamps
 SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000  # a panel's frame clock is even over the first, and a beat at most the second
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
@@ -91,19 +92,28 @@ def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
     t = touch.t_s
     if t.size < 100:
         return touch
-    frame_s = float((t[-1] - t[0]) / (t.size - 1))
     typical = np.diff(t)
-    frame_s = float(np.mean(typical[typical < 2.5 * frame_s]))
-    count = np.concatenate([[0], np.cumsum(np.where(typical < 2.5 * frame_s, 1, np.round(typical / frame_s)))])
+    frame_s = float((t[-1] - t[0]) / (t.size - 1))
+    # On a clock coarser than half a frame, one frame and two may lie as far apart.
+    single = 1.5 if quantum_s < 0.45 * frame_s else 2.5
+    frame_s = float(np.mean(typical[typical < single * frame_s]))
+    count = np.concatenate([[0], np.cumsum(np.where(typical < single * frame_s, 1, np.round(typical / frame_s)))])
     late = t - frame_s * count
     # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
     off = abs(frame_s / quantum_s - round(frame_s / quantum_s))
     beats = np.arange(1, SLOW_FRAMES + 1) / max(off, 1 / SLOWEST_FRAMES)
-    width = min(round(beats[np.searchsorted(beats, SLOW_FRAMES)]), t.size)
-    course = np.convolve(late, np.full(width, 1 / width), mode="valid")
-    slow = np.pad(course, (width // 2, width - 1 - width // 2), mode="edge")
+    slow = _running_mean(late, round(beats[np.searchsorted(beats, SLOW_FRAMES)]))
+    if np.ptp(np.quantile(late - slow, [0.01, 0.99])) > BEAT * quantum_s:
+        slow = _running_mean(late, SLOW_FRAMES)  # not the beat alone: the frames' own rate wanders faster than that
     even = frame_s * count + slow
     return replace(touch, t_s=np.maximum.accumulate(even + 1e-9 * np.arange(t.size)))
+
+
+def _running_mean(values: FloatArray, width: int) -> FloatArray:
+    """Over so many of the values (n,); at the ends continued as it came."""
+    width = min(width, values.size // 2)
+    mean = np.convolve(values, np.full(width, 1 / width), mode="valid")
+    return np.pad(mean, (width // 2, width - 1 - width // 2), mode="reflect", reflect_type="odd")
 
 
 def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:

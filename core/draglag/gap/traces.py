@@ -26,6 +26,7 @@ CHANGE_STEP_S = 0.004  # so near, the accelerations of a hand are the same
 # hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
 APART_S, WIDTH_S = 0.12, 0.13
 WIDTH_UNIT_S = 1e-5  # windows closer than this are one
+FURTHEST, WIDEST = (1 << 23) - 1, (1 << 20) - 1  # of what a key can hold: steps, units of a width
 SIZES = 2.0  # windows per doubling of their number of events that are fitted together
 
 Fitted = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
@@ -45,8 +46,10 @@ class Kept:
 
     def at(self, at_s: FloatArray, half_s: FloatArray, edges: IntArray) -> FloatArray:
         """Rows (q, c) at the times of the grid that are next to ``at_s`` (q,); each edge once."""
-        steps = np.rint((at_s - self._edge_t_s[edges]) / self._step_s).astype(np.int64)
-        keys = (edges << 44) + ((steps + (1 << 23)) << 20) + np.rint(half_s / WIDTH_UNIT_S).astype(np.int64)
+        away = np.rint((at_s - self._edge_t_s[edges]) / self._step_s)
+        steps = np.clip(np.nan_to_num(away, nan=FURTHEST), -FURTHEST, FURTHEST).astype(np.int64)
+        widths = np.minimum(np.rint(half_s / WIDTH_UNIT_S), WIDEST).astype(np.int64)
+        keys = (edges << 44) + ((steps + (1 << 23)) << 20) + widths
         where, known = self._found(keys)
         if not known.all():
             new = np.flatnonzero(~known)

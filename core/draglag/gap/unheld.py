@@ -14,20 +14,20 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
+from draglag.gap.holding import uneven_age_s
 from draglag.motion import local_fit
 from draglag.recording import FloatArray, IntArray, TouchTrace
 
 WINDOW, DEGREE = 17, 3  # ticks of the local path
 SLOWEST = 0.06  # turns a tick: a slower beat is taken for the path's own
 LINES = 4  # of the spectrum that are tried
-CLEAR = 0.5  # share that a sawtooth explains which is no harmonic of another
 GRID = 1 << 16
 PHASES = np.arange(64) / 64
 IN_STEP = 4  # frames a tick, halves, thirds and quarters of one
 FASTEST = 6  # runs that tell α: the faster, the less a position's noise is in time
 NEAR_JUMP = 0.2  # of a turn: a jump may come so much sooner or later
 LEAST_GAIN = 0.1  # share of the fast runs' deviations that the sawtooth has to explain; of noise it explains 0.01
-HEIGHT = (0.6, 1.1)  # of the frames' period, that a sawtooth may seem to have: frames that jitter blur its jumps
+HEIGHT = (0.45, 1.1)  # of the frames' period, that a sawtooth may seem to have: frames that jitter blur its jumps
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,20 @@ def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] |
     best = [_sawtooth(run, alpha) for run in fast]
     if float(np.median([fit.share for fit in best])) < LEAST_GAIN:
         return None
-    # The sawtooth's height is the frames' period, of which only p_t / (n + α) are possible.
+    # The sawtooth's height is the frames' period, of which only p_t / (n + α) are possible; jitter makes it look lower.
     height_s = float(np.median([fit.height_s for fit in best]))
     possible_s = period_s / (np.arange(6) + alpha)
-    frame_s = float(np.min(possible_s, where=possible_s > height_s / HEIGHT[1], initial=possible_s[0]))
-    if not HEIGHT[0] * frame_s < height_s < HEIGHT[1] * frame_s:
-        return None
+    told_s = possible_s[(HEIGHT[0] * possible_s < height_s) & (height_s < HEIGHT[1] * possible_s)]
     fits = [None if d is None else _sawtooth(d, alpha) for d in seen]
+    tried = [_at_even_ages(touches, fits, alpha, period_s, float(frame_s)) for frame_s in told_s]
+    return min(tried, key=uneven_age_s) if len(tried) > 1 else next(iter(tried), None)
+
+
+def _at_even_ages(
+    touches: Sequence[TouchTrace], fits: Sequence[_Fit | None], alpha: float, period_s: float, frame_s: float
+) -> list[TouchTrace]:
+    """The traces freed of the ages that frames of this period have on the loop's ticks; runs without a fit as they
+    are."""
     out = []
     for touch, fit in zip(touches, fits, strict=True):
         if fit is None:
@@ -138,13 +145,10 @@ def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
     # Neighbouring multiples of a slow α lie α apart.
     apart = float(np.min(np.diff(np.sort(beats))))
     slow = [lines[0] / round(beats[0] / one) for one in (apart, apart / 2) if one < SLOWEST]
-    for some in (turns, slow):
-        for alphas in (side for one in some for side in (one, 1 - one)):
-            pairs = zip(fast[:2], alphas[:2], strict=True)
-            share = float(np.mean([_sawtooth(run, float(alpha), PHASES[::2]).share for run, alpha in pairs]))
-            best = max(best, (share, [float(alpha) for alpha in alphas]))
-        if best[0] > CLEAR:
-            break
+    for alphas in (side for one in (*turns, *slow) for side in (one, 1 - one)):
+        pairs = zip(fast[:2], alphas[:2], strict=True)
+        share = float(np.mean([_sawtooth(run, float(alpha), PHASES[::2]).share for run, alpha in pairs]))
+        best = max(best, (share, [float(alpha) for alpha in alphas]))
     return float(np.median(best[1]))
 
 

@@ -139,7 +139,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
             rhythm = 0.0
     top = max(NOISE_UP_TO_HZ, 2.5 * rhythm)
     between = (f > rhythm + 2 * step) & (f < top)
-    noise = median(power[between]) / spectrum.median
+    noise = median(power[between]) / spectrum.median if between.any() else float(power.min())
     start = max(1.15 * rhythm, rhythm + 2 * step, 3 * step)
     corners = start * (max(12.0, 3 * rhythm) / start) ** np.linspace(0, 1, 30)
     shape, at = _penalty(f, rhythm), _penalty_at_corner(corners, rhythm)
