@@ -70,6 +70,20 @@ def test_coarse_stamps_of_frames_whose_rate_wanders_follow_it() -> None:
     assert np.std(off_s) < 3e-4  # as far as rounding alone scatters
 
 
+def test_missing_frames_on_a_clock_hardly_coarser_than_they_are_both_told(sound: Session) -> None:
+    # 100 frames a second, every seventh lost, on a clock of 10.3 ms.
+    def lossy(touch: TouchTrace) -> TouchTrace:
+        keep = np.random.default_rng(4).random(touch.t_s.size) > 1 / 7
+        t_s = np.floor(touch.t_s[keep] / 0.0103) * 0.0103
+        return TouchTrace(t_s, touch.x_mm[keep], touch.y_mm[keep])
+
+    found, _ = inspect(with_touch(sound, lossy))
+    assert [f.effect for f in found] == ["timestamp_quantisation", "frame_drop"]
+    low, high = found[1].ci95
+    assert low < 1 / 7 < high
+    assert not found[0].undone  # which frame a stamp is of is not sure: no effect of the acceleration will be named
+
+
 def test_missing_frames_of_an_even_clock_are_not_taken_for_coarse_stamps(sound: Session) -> None:
     def thinned(touch: TouchTrace) -> TouchTrace:
         even_s = touch.t_s[0] + 0.01 * np.arange(touch.t_s.size)

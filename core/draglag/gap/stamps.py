@@ -9,6 +9,7 @@ import numpy as np
 from draglag.recording import FloatArray, TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
+CROWDED = 0.01  # of the stamps, that the one before is like
 EXACT = 2e-3  # of a clock's tick
 BEAT = 1.2  # of a tick: as far apart as rounding alone puts stamps
 SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000  # a panel's frame clock is even over the first, and a beat at most the second
@@ -94,10 +95,13 @@ def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
         return touch
     typical = np.diff(t)
     frame_s = float((t[-1] - t[0]) / (t.size - 1))
-    # On a clock coarser than half a frame, one frame and two may lie as far apart.
-    single = 1.5 if quantum_s < 0.45 * frame_s else 2.5
-    frame_s = float(np.mean(typical[typical < single * frame_s]))
-    count = np.concatenate([[0], np.cumsum(np.where(typical < single * frame_s, 1, np.round(typical / frame_s)))])
+    if np.mean(typical < 0.25 * quantum_s) > CROWDED:
+        longest_s = 1.5 * quantum_s  # of one frame to the next: on a clock coarser than they, some share a tick
+    else:
+        # On a clock coarser than half a frame, one frame and two may lie as far apart.
+        longest_s = (1.5 if quantum_s < 0.45 * frame_s else 2.5) * frame_s
+    frame_s = float(np.mean(typical[typical < longest_s]))
+    count = np.concatenate([[0], np.cumsum(np.where(typical < longest_s, 1, np.round(typical / frame_s)))])
     late = t - frame_s * count
     # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
     off = abs(frame_s / quantum_s - round(frame_s / quantum_s))
@@ -129,7 +133,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
     common = np.sort(common)
     gaps = np.diff(common)
     gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
-    at_once = bool(np.mean(intervals < 1e-4) > 0.01)
+    at_once = bool(np.mean(intervals < 1e-4) > CROWDED)
     if at_once:
         gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
     if gaps.size == 0:
@@ -148,8 +152,9 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
         return None
     if at_once and np.median(off) > EXACT * quantum_s:
         return None  # frames that jitter, and bursts after the pauses of a host
-    if _reaches_further(touches) > 0.5:
-        return None  # frames are missing
+    missing = _reaches_further(touches) > 0.5
+    if missing and not at_once:
+        return None  # frames of an even clock, some of them lost
     return StreamEffect(
         "timestamp_quantisation",
         "quantum_s",
@@ -158,6 +163,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
         "every stamp",
         f"{100 * share:.0f} % of intervals are multiples of {1e3 * quantum_s:.2f} ms",
         share,
+        undone=not missing,  # which frame a stamp is of is then not sure
     )
 
 

@@ -12,6 +12,8 @@ from draglag.gap.stamps import StreamEffect, batches, coarse_clock, drops, evene
 from draglag.gap.unheld import unheld
 from draglag.recording import Run, Session
 
+UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open which frame a stamp is of
+
 
 def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     """Effects that the streams give away, and the session with them repaired as far as they can be.
@@ -43,8 +45,11 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
         found.append(replace(held, undone=even is not None))
         runs = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
     dropped = drops(touches)
-    if dropped is not None and batched is None and held is None and coarse is None:
-        found.append(dropped)
+    told = held is None if coarse is None else not coarse.undone
+    if dropped is not None and batched is None and told:
+        sure = (1.0, 1.0) if coarse is None else (1 - UNSURE, 1 + UNSURE)
+        low, high = (each * one for each, one in zip(sure, dropped.ci95, strict=True))
+        found.append(replace(dropped, ci95=(low, min(high, 1.0))))
     lost, runs = filled_losses(runs, held is not None, step_mm)
     if lost is not None:
         found.append(lost)

@@ -41,6 +41,7 @@ from draglag.simulation.effects import known_effects
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
 FOLLOW_ACCELERATION = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
+OF_UNSURE_AGE = {"sample_hold", "timestamp_quantisation"}
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
 UNFITTED = (
     "edges that no law can be fitted to: touch or laser misses a large part of most runs, or they are not of one drag"
@@ -100,8 +101,9 @@ def close_gap(
     first_mm = steps[0].gap_before_mm if steps else gap_mm(fit)
     first = fit
     plateau = False
-    # Held positions scatter edges, unless the beat of loop and frames gives their ages away.
-    ages = any(s.effect == "sample_hold" and not (s.undone and seen) for s in (*seen, *strange))
+    # Held positions scatter edges, unless the beat of loop and frames gives their ages away; so do stamps of no
+    # certain frame.
+    ages = any(s.effect in OF_UNSURE_AGE and not (s.undone and seen) for s in (*seen, *strange))
     finding = find(fit, without=left_out(allowed) | beside((), ages))
     unexplained: Candidate | None = None
     grace: _Grace | None = None
