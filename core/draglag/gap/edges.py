@@ -126,8 +126,8 @@ def place(
     run, t_s = traces.run, edge_s - traces.shift_s[traces.run]
     first_s = np.array([data.t_s[0] for data in runs])
     judged = ok & traces.steady
-    mean = np.bincount(run[judged], speed[judged], len(runs)) / np.maximum(np.bincount(run[judged], None, len(runs)), 1)
-    known = traces.steady & (np.bincount(run[judged], None, len(runs)) > 0)[run]
+    count = np.bincount(run[judged], None, len(runs))
+    mean = np.bincount(run[judged], speed[judged], len(runs)) / np.maximum(count, 1)
     return Placed(
         run=run,
         t_s=t_s,
@@ -143,7 +143,7 @@ def place(
         accel_mm_s2=along,
         accel_apart_mm_s2=apart,
         slope_s2_mm=slope,
-        uneven_mm_s=np.where(known, speed - mean[run], 0.0),
+        uneven_mm_s=np.where(traces.steady & (count > 0)[run], speed - mean[run], 0.0),
         stretch=1 / np.clip(1 - slope * apart, 0.7, 1.5),
         ok=ok,
         speed_half_s=half_s,

@@ -21,6 +21,7 @@ AMPLITUDE_SD_S = 0.15
 # the windows of the speeds leave on sound sessions.
 FOLLOWS_LATER_SD = 0.07
 FLATTENING_SD = 0.5
+PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
 LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
 BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends
@@ -94,7 +95,9 @@ class LawParameters:
             a7_s=self.a7_s + step[4],
         )
         if self.plateau_mm_s > 0:
-            moved = replace(moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), 20, 400)))
+            moved = replace(
+                moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), *PLATEAUS_MM_S))
+            )
         return moved
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from scipy.stats import t as student
 
 from draglag.gap.fit import Fit
+from draglag.gap.model import PLATEAUS_MM_S
 from draglag.gap.rates import pairs_at, without_law
 from draglag.recording import FloatArray
 
 RATES_S_MM = np.geomspace(0.001, 0.06, 20)
 REACH = np.geomspace(0.7, 1.4, 57)  # of the best speed
 N_LAW = 6  # parameters of Eq. 5 with a plateau
-FASTEST_MM_S, PROMISED = 400.0, 16  # a plateau's bound, and how many are tried
+PROMISED = 16  # plateaus tried, from the slowest run to the fastest that a fit allows
 
 
 def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
@@ -42,10 +43,11 @@ def promised_gain(fit: Fit) -> float:
     """Twice the log-likelihood that the best plateau would add to a fit without one, its edges left where they are.
 
     Negative where every plateau that holds for more than the slowest run is worse than none. (A refit that gained 10
-    and more has never been promised less than 0.)
+    and more has never been promised less than 0: of 30 in recorded and generated sessions three gained 400 to 1300,
+    promised 400 to 800, and the others at most 5, promised 10 at the most.)
     """
     slowest = min(float(fit.view.speed[fit.run_index == k].mean()) for k in np.unique(fit.run_index))
-    none, *gain = _profile(fit, np.append(0.0, np.geomspace(slowest, FASTEST_MM_S, PROMISED)))
+    none, *gain = _profile(fit, np.append(0.0, np.geomspace(slowest, PLATEAUS_MM_S[1], PROMISED)))
     return float(np.max(gain) - none)
 
 

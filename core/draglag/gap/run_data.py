@@ -151,7 +151,7 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = F
     if not runs:
         return runs
     raw = as_shown(runs)
-    lattice = (runs[0].lattice or _lattice_in(raw)) if ripple else None
+    lattice = (runs[0].lattice or lattice_in(raw)) if ripple else None
     if lattice is runs[0].lattice and (lag_s, even) == (runs[0].lag_s, runs[0].even):
         return runs
     if lattice is None and lag_s == 0:
@@ -190,7 +190,7 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = F
 
 
 @lru_cache(maxsize=1)
-def _lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
+def lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
     """The same for the same runs, whichever model is tried on them."""
     return lattice_of([(data.t_s, data.xy_mm) for data in runs])
 

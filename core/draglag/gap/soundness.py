@@ -8,12 +8,13 @@ from itertools import product
 import numpy as np
 
 from draglag.gap.finding import Candidate
-from draglag.gap.fit import Fit, log_likelihood_of
-from draglag.gap.lattice import lattice_of
+from draglag.gap.fit import RIPPLE, Fit, log_likelihood_of
 from draglag.gap.model import N_NUISANCES, base_prior
+from draglag.gap.naming import SMALLEST
 from draglag.gap.noise import TREMOR_MM_S, scatter
 from draglag.gap.results import COVARIATE
-from draglag.gap.run_data import as_shown
+from draglag.gap.run_data import as_shown, lattice_in
+from draglag.simulation.effects import EFFECTS
 
 # What single edges scatter by on sound panels beyond the touch noise, from none to the most (generated sound sessions).
 SOUND_EDGE_MM = (0.0, 0.05, 0.1)
@@ -28,7 +29,6 @@ SHARE_MOST = 0.12
 # Between runs, beyond what panels differ by from run to run; on 40 sound sessions it never fitted better.
 WIDER_S = (0.002, 0.004, 0.008)
 MOST_BETWEEN = 20.0
-LEAST_RIPPLE_MM = 0.1
 BY_TURN = 0.7  # of what runs differ by
 
 
@@ -77,12 +77,12 @@ def _follows_turn(fit: Fit) -> bool:
 
 
 def nameless_ripple(fit: Fit) -> Candidate | None:
-    """A ripple that the touch events show, large enough to matter, where it may not be named; edges show it less."""
-    raw = as_shown(fit.runs)
-    lattice = lattice_of([(data.t_s, data.xy_mm) for data in raw])
-    if lattice is None or float(np.abs(lattice.sizes_mm).max()) < LEAST_RIPPLE_MM:
+    """A ripple that the touch events show, large enough for a name, where it may have none; edges show it less."""
+    lattice = lattice_in(as_shown(fit.runs))
+    least_mm = SMALLEST[RIPPLE] * EFFECTS[RIPPLE].parameters[0].typical
+    if lattice is None or float(np.abs(lattice.sizes_mm).max()) < least_mm:
         return None
-    return Candidate(None, COVARIATE["pitch_ripple"], "offset", 0.0, 1, 1, 0.0)
+    return Candidate(None, COVARIATE[RIPPLE], "offset", 0.0, 1, 1, 0.0)
 
 
 def follows_another_speed(fit: Fit) -> Candidate | None:

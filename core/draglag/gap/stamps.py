@@ -9,8 +9,8 @@ import numpy as np
 from draglag.recording import FloatArray, TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
-CROWDED = 0.01  # of the stamps, that the one before is like
-EXACT = 2e-3  # of a clock's tick
+CROWDED = 0.01  # of the stamps, that the one before is like: more than accidents make
+EXACT = 2e-3  # of a tick: stamps are written to 1 µs; frames of the sample sessions jitter by 6e-3 of their interval
 BEAT = 1.2  # of a tick: as far apart as rounding alone puts stamps
 SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000  # a panel's frame clock is even over the first, and a beat at most the second
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
