@@ -1,8 +1,9 @@
 """The speed that the law is asked at, behind the speed that a trace shows: of the same moment, or of another.
 
-An event at t + L(v(t − d)) runs 1 + L′ v̇(t − d) times slower than the stylus: u = v / (1 + L′ v̇(t − d)). About a run's
-speed v₀ that is v(t) + τ v̇(t − d) = u with τ = −v₀ L′. In frequencies it reads V (1 + iωτ e^{−iωd}) = U, a first-order
-low-pass of the shown speed where d = 0. The law's speed is then v(t − d).
+An event at t + L(w) runs 1 + L′ ẇ times slower than the stylus: the trace shows u = v / (1 + L′ ẇ), where the stylus
+has the speed v and the law is asked at w, v itself or that of d before. As functions of the event's time that is
+v + τ ẇ = u with τ = −v L′(w): where d = 0, a first-order low-pass of the shown speed whose time constant follows the
+speed.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import solve_banded, solveh_banded
 from scipy.signal import lfilter
 
 from draglag.recording import FloatArray
@@ -24,24 +26,18 @@ Asked = tuple[float, float]
 """(which, delay_s): the speed of ``delay_s`` before, 0; or 1, of that times the latency over the usual one, so that
 minus the usual latency is the speed of the moment of the report."""
 NOW: Asked = (0.0, 0.0)
-RESONANCE = 2.0  # by which a frequency may be amplified at the most: there is noise in it, too
-PADDED_S = 2.0
+CHANGING_STEP_S, PASSES = 0.01, 3
+DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # no hand changes its speed faster
+PADDED_S = 1.0
+SMOOTH_S4 = 4e-6  # a change of speed at 2 Hz is taken for noise where less than a tenth of its square is shown
 
 
 def asked_speeds(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
-    """For each of some steady runs, times (g,) s on its trace and the speed that the law is asked at there, (g,) mm/s.
-
-    A run of changing speed has no usual one: its edges are solved one by one.
-    """
-    usual = np.array([float(np.mean(data.quick[1])) for data in runs])
-    slow = np.maximum(usual - 1.0, 0.0)
-    slope = (law(usual + 1.0) - law(slow)) / (usual + 1.0 - slow)
-    taus_s = np.maximum(-slope * usual, 0.0)
-    if asked[1] == 0:
-        return [_now(data, float(tau_s)) for data, tau_s in zip(runs, taus_s, strict=True)]
-    delays_s = before_s(asked, law(usual))
-    each = zip(runs, usual, taus_s, delays_s, strict=True)
-    return [_steady(data, float(v), float(tau_s), float(delay_s)) for data, v, tau_s, delay_s in each]
+    """For each of some runs that keep moving, times (g,) s on its trace and the speed that the law is asked at there,
+    (g,) mm/s."""
+    if asked[1] and runs:
+        return _delayed(runs, law, asked)
+    return [_now(data, law) if data.steady else _changing(data, law) for data in runs]
 
 
 def speed_apart(data: RunData, law: Law, asked: Asked) -> tuple[FloatArray, FloatArray]:
@@ -62,9 +58,13 @@ def before_s(asked: Asked, latency_s: FloatArray) -> FloatArray:
     return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
 
 
-def _now(data: RunData, tau_s: float) -> tuple[FloatArray, FloatArray]:
+def _now(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+    """About a run's usual speed the time constant is one."""
     grid_s, shown = data.quick
     step_s = grid_s[1] - grid_s[0]
+    usual = float(np.mean(shown))
+    slow = max(usual - 1.0, 0.0)
+    tau_s = -usual * float(np.diff(law(np.array([slow, usual + 1.0])))[0]) / (usual + 1.0 - slow)
     if tau_s < 0.1 * step_s:
         return grid_s, shown
     keep = float(np.exp(-step_s / tau_s))
@@ -72,14 +72,85 @@ def _now(data: RunData, tau_s: float) -> tuple[FloatArray, FloatArray]:
     return grid_s + 0.5 * step_s, speed  # each step takes in what is shown at its end
 
 
-def _steady(data: RunData, usual: float, tau_s: float, delay_s: float) -> tuple[FloatArray, FloatArray]:
-    grid_s, shown = data.quick
-    step_s = grid_s[1] - grid_s[0]
-    padded = min(shown.size - 1, round(PADDED_S / step_s))
-    off = np.pad(shown - usual, padded, mode="reflect")
-    omega = 2 * np.pi * np.fft.rfftfreq(off.size, step_s)
-    turned = np.exp(-1j * omega * delay_s)
-    pole = 1 / (1 + 1j * omega * tau_s * turned)
-    pole /= np.maximum(np.abs(pole) / RESONANCE, 1.0)
-    speed = np.fft.irfft(np.fft.rfft(off) * pole * turned, off.size)[padded : padded + shown.size]
-    return grid_s, np.maximum(speed + usual, 0.0)
+def _changing(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+    """The low-pass step by step, backwards in each: no size of a step lets it swing."""
+    step_s = CHANGING_STEP_S
+    grid_s = np.arange(data.quick[0][0], data.quick[0][-1], step_s)
+    shown = np.interp(grid_s, *data.quick)
+    knots, falls = _falls(law, float(shown.max()))
+    speed, bands = shown, np.zeros((2, shown.size))
+    bands[1, :-1] = -1.0
+    for _ in range(PASSES):
+        share = step_s / np.maximum(speed * np.interp(speed, knots, falls), 1e-3 * step_s)
+        bands[0], given = 1 + share, share * shown
+        bands[0, 0], given[0] = 1.0, shown[0]
+        speed = solve_banded((1, 0), bands, given, check_finite=False)
+    return grid_s, speed
+
+
+def _delayed(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
+    """v + τ ẇ = u of all runs at once, w being v of ``asked`` before, as smooth as it has to be.
+
+    At some frequencies the delay turns τ ẇ against v: there u holds little of v and much noise, so that the least
+    squares also ask for little v̈.
+    """
+    times, shown = [], []
+    for data in runs:
+        grid_s, speed = data.quick
+        t_s = np.arange(grid_s[0], grid_s[-1], DELAYED_STEP_S)
+        edge = min(round(PADDED_S / DELAYED_STEP_S), t_s.size - 1)  # what was before a trace began is not known
+        times.append(t_s)
+        shown.append(np.pad(np.interp(t_s, grid_s, speed), edge, mode="reflect"))
+    u = np.concatenate(shown)
+    knots, falls = _falls(law, 1.5 * float(u.max()))
+    latency_s = law(knots)
+    at = np.arange(u.size)
+    v = u
+    for _ in range(DELAYED_PASSES):
+        back = before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S
+        tau = v * np.interp(np.interp(at - back, at, v), knots, falls)
+        v = np.maximum(_solved(u, tau / (2 * DELAYED_STEP_S), back), 0.0)
+    w = np.interp(at - before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S, at, v)
+    ends = np.cumsum([part.size for part in shown])
+    out = []
+    for t_s, part, end in zip(times, shown, ends, strict=True):
+        edge = (part.size - t_s.size) // 2
+        out.append((t_s, w[end - part.size + edge : end - edge]))
+    return out
+
+
+def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray) -> FloatArray:
+    """v (n,) of u = v + half_tau · (v one step after ``back`` steps before, less one step before that).
+
+    The normal equations of it and of the second differences, whose matrix is a band.
+    """
+    n = u.size
+    row = np.arange(n)
+    place = np.clip(row - back, 1.0, n - 2.001)
+    first = np.minimum(place.astype(np.int64), n - 3)
+    part = place - first
+    # The matrix is one and a band: what each row takes from four neighbouring columns.
+    taken = half_tau * np.stack([part - 1, -part, 1 - part, part])
+    columns = first - 1 + np.arange(4)[:, None]
+    off = row - columns
+    bands = np.zeros((max(int(np.abs(off).max()), 3) + 1, n))
+    bands[0] = 1.0
+    size = bands.size
+    for of, column, by in zip(taken, columns, off, strict=True):
+        flat = np.abs(by) * n + np.minimum(row, column)
+        bands += np.bincount(flat, np.where(by == 0, 2 * of, of), size).reshape(bands.shape)
+    for i in range(4):
+        for j in range(i + 1):
+            bands[i - j] += np.bincount(columns[j], taken[i] * taken[j], n)
+    stiff = SMOOTH_S4 / DELAYED_STEP_S**4
+    for j, part_of in enumerate((6.0, -4.0, 1.0)):
+        bands[j, : n - j] += stiff * part_of
+    given = u + sum(np.bincount(column, of * u, n) for of, column in zip(taken, columns, strict=True))
+    return np.asarray(solveh_banded(bands, given, lower=True, check_finite=False))
+
+
+def _falls(law: Law, fastest_mm_s: float) -> tuple[FloatArray, FloatArray]:
+    """Speeds (k,) mm/s and −L′ at each, s²/mm; no less than none."""
+    knots = np.arange(0.0, fastest_mm_s + 2.0)
+    slow, fast = np.maximum(knots - 0.5, 0.0), knots + 0.5
+    return knots, np.maximum((law(slow) - law(fast)) / (fast - slow), 0.0)

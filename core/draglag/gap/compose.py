@@ -117,6 +117,7 @@ class Gap:
 
 
 PRICE = 6.0  # deviance that one more number must save
+WORTH_A_NAME = 0.02  # share of the gap
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,8 @@ class Shrinkage:
     def verdict(self) -> str:
         low, high = self.change_ci95_mm
         # Runs may agree by chance on an effect that their edges do not ask for at all.
-        if self.improves and high < 0 and not self.deviance_gained < PRICE:
+        enough = self.after_mm < (1 - WORTH_A_NAME) * self.before_mm
+        if self.improves and enough and high < 0 and not self.deviance_gained < PRICE:
             return "shrinks"
         return "grows" if low > 0 else "open"
 

@@ -173,7 +173,7 @@ def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class _AskedAt:
-    """Over all traces: the speed that the law is asked at where a run is steady, and what is added to the edge's own
+    """Over all traces: the speed that the law is asked at where a run keeps moving, and what is added to the edge's own
     speed elsewhere; None where the edge's own is meant."""
 
     followed: tuple[FloatArray, FloatArray]
@@ -182,9 +182,9 @@ class _AskedAt:
 
 def _asked(traces: Traces, law: Law, asked: Asked) -> _AskedAt:
     each = list(zip(traces.runs, traces.shift_s, strict=True))
-    steady = asked_speeds([data for data, _ in each if data.steady], law, asked)
-    followed = [(t + by, v) for (t, v), by in zip(steady, [by for d, by in each if d.steady], strict=True)]
-    apart = [(speed_apart(d, law, asked), by) for d, by in each if not d.steady and asked[1]]
+    moving = asked_speeds([data for data, _ in each if data.keeps_moving], law, asked)
+    followed = [(t + by, v) for (t, v), by in zip(moving, [by for d, by in each if d.keeps_moving], strict=True)]
+    apart = [(speed_apart(d, law, asked), by) for d, by in each if not d.keeps_moving and asked[1]]
     return _AskedAt(_joined(followed) or (np.zeros(1), np.zeros(1)), _joined([(t + by, v) for (t, v), by in apart]))
 
 
@@ -209,13 +209,13 @@ def _solved(
     fast: (q, 8) rows of the speeds' fits. An edge that has left what its fit can tell waits for another.
     """
     latency, step, speed = latency.copy(), np.zeros(edges.size), np.zeros(edges.size)
-    edge_s, steady = traces.edge_t_s[edges], traces.steady[edges]
-    share = np.where(steady, 1.0, 0.5)
+    edge_s, followed = traces.edge_t_s[edges], traces.keeps_moving[edges]
+    share = np.where(traces.steady[edges], 1.0, 0.5)
     moving = np.arange(edges.size)
     for _ in range(STEPS):
         at_s = edge_s[moving] + latency[moving]
         now = np.interp(at_s, *asked_at.followed)
-        changing = np.flatnonzero(~steady[moving])
+        changing = np.flatnonzero(~followed[moving])
         if changing.size:
             rows = fast[moving[changing]]
             own = stylus_speed(law, _moved(rows, at_s[changing])[1], rows[:, 5:7])

@@ -21,6 +21,7 @@ BENDS = 5  # its degree for a place: a quick circle is half a turn in a window
 LOOKED_AT = 4  # runs that are enough to find the pitch
 MANY = 2500  # events of each that are enough for a first look
 USUAL_MM_S = 300.0  # quicker than a hand's own unevenness, slow enough for several events a pitch
+GRID_MM, STEP_BINS = 0.2, 400  # of a first look: fine beside any pitch, and beside what events are apart
 STANDS_OUT = 12.0  # robust standard deviations of what other pitches explain; chance alone reaches 5
 FINER = tuple(reach * np.linspace(-1, 1, 9) for reach in (0.004, 0.001, 3e-4, 1e-4, 3e-5))  # of the pitch, by rounds
 SETTLING, INVERSE = 2, 6  # rounds
@@ -97,18 +98,33 @@ def _power(runs: Sequence[FloatArray]) -> FloatArray:
     passes = np.abs(np.exp(2j * np.pi * turns[:, None] * np.arange(WINDOW)) @ kernel) ** 2  # of a wave, its power
     out = np.zeros(PITCHES_MM.size)
     for axis in (0, 1):
-        moment = np.zeros((PITCHES_MM.size, 2), complex)
-        size = np.zeros(PITCHES_MM.size)
+        where, off, steps = [], [], []
         for shown in runs:
             path = _path(shown)
-            off = shown - path
-            off = (off - _path(off))[WINDOW:-WINDOW]  # beside the path twice: the wave's own deviation, by symmetry
-            at_mm, step_mm = path[WINDOW:-WINDOW, axis], np.gradient(path[:, axis])[WINDOW:-WINDOW]
-            moment += np.exp(2j * np.pi * at_mm / PITCHES_MM[:, None]) @ off
-            turn = np.abs(step_mm) / PITCHES_MM[:, None]
-            size += np.interp(np.abs(turn - np.round(turn)), turns, passes).sum(axis=1)
+            beside = shown - path
+            off.append((beside - _path(beside))[WINDOW:-WINDOW])  # twice: the wave's own deviation, by symmetry
+            where.append(path[WINDOW:-WINDOW, axis])
+            steps.append(np.abs(np.gradient(path[:, axis]))[WINDOW:-WINDOW])
+        at_mm, deviation_mm = _on_grid(np.concatenate(where), np.concatenate(off))
+        moment = np.exp(2j * np.pi * at_mm / PITCHES_MM[:, None]) @ deviation_mm
+        count, edges = np.histogram(np.concatenate(steps), STEP_BINS)
+        turn = 0.5 * (edges[1:] + edges[:-1]) / PITCHES_MM[:, None]
+        size = np.interp(np.abs(turn - np.round(turn)), turns, passes) @ count
         out += np.sum(np.abs(moment) ** 2, axis=1) / np.maximum(size, 1.0)
     return out
+
+
+def _on_grid(at_mm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (g,) every GRID_MM and the values (n, 2) shared out between the two next to each, (g, 2)."""
+    at = (at_mm - at_mm.min()) / GRID_MM
+    left = at.astype(np.int64)
+    share = at - left
+    grid_mm = at_mm.min() + GRID_MM * np.arange(int(left.max()) + 2)
+    columns = [
+        np.bincount(left, (1 - share) * v, grid_mm.size) + np.bincount(left + 1, share * v, grid_mm.size)
+        for v in values.T
+    ]
+    return grid_mm, np.column_stack(columns)
 
 
 def _fitted(runs: Sequence[tuple[FloatArray, FloatArray]], pitch_mm: float) -> tuple[FloatArray, float]:

@@ -13,16 +13,18 @@ from draglag.gap.delayed import LEAST_LEFT_S, OTHER, USUAL, delay_profile, with_
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import RIPPLE, Fit, fit_session, latency_of_terms, log_likelihood_on, most_promising
 from draglag.gap.heldout import gap_mm, improves, shrinks, shrinks_with
+from draglag.gap.lattice import Lattice
 from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
 from draglag.gap.plateau import promised_gain
+from draglag.gap.run_data import as_shown, lattice_in
 from draglag.gap.signatures import SIGNATURES, unnamed_columns
 from draglag.gap.state import FOLLOW_ACCELERATION, LAGGING, Term
 from draglag.gap.stepped import find_step
 from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, law_beside, settled
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
-from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM
+from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S
 
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
@@ -45,6 +47,7 @@ SMALLEST = {
     "direction_asymmetry": 0.2,
 }
 SETTLING, SETTLED = 4, 0.01
+NO_WORSE = 0.02  # share of the gap
 SURELY_SMOOTH = 50.0  # gain of a low-pass that does not show in the gap
 PRESENT = (1,)  # a lagging law's setting to first order
 ROUNDS = 2  # of a delay's refits
@@ -175,10 +178,34 @@ def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau:
             if better is None or not possible(SMOOTHING, better):
                 break
             fit = better
-            if shrinks(found.fit, fit):
+            # Quick circles tell one kind from another: all edges together, not run by run.
+            if shrinks(name.fit, fit) and gap_mm(fit) < (1 - NO_WORSE) * gap_mm(found.fit):
                 gain = max(name.gain, name.gain + gained(name.fit, fit))
                 found = Name(SMOOTHING, fit, gain, name.gap_before_mm, gap_mm(fit), improves(before, fit))
     return found
+
+
+def in_the_best_window(session: Session, before: Fit, fit: Fit, plateau: bool) -> Fit:
+    """The acceleration smoothed as closes the gap best."""
+    *others, term = fit.terms
+    if term.theta[0] <= 0:
+        return fit
+    best = fit
+    for window_s in WINDOWS_S:
+        if window_s == term.theta[1]:
+            continue
+        terms = [*others, replace(term, theta=(term.theta[0], window_s))]
+        other = refit(session, before, terms, plateau, fit.law)
+        if other is not None and gap_mm(other) < (1 - NO_WORSE) * gap_mm(best):
+            best = other
+    return best
+
+
+def shown_ripple(fit: Fit) -> Lattice | None:
+    """The lattice that the touch events show, if large enough for a name, however little of it the edges show."""
+    lattice = lattice_in(as_shown(fit.runs))
+    least_mm = SMALLEST[RIPPLE] * EFFECTS[RIPPLE].parameters[0].typical
+    return None if lattice is None or float(np.abs(lattice.sizes_mm).max()) < least_mm else lattice
 
 
 def sure_jump(fit: Fit, finding: Finding) -> Candidate | None:
@@ -245,6 +272,11 @@ def name(
     tries = [t for t in tries if t[0] != LAGGING]
     if LAGGING in candidates and any(c.effect == LAGGING and c.gain > HINTED for c in finding.candidates):
         tries.append((LAGGING, (), 1, len(OTHER)))
+    if RIPPLE in candidates and all(t[0] != RIPPLE for t in tries) and all(t.effect != RIPPLE for t in before.terms):
+        lattice = shown_ripple(before)
+        if lattice is not None:
+            tries.append((RIPPLE, (lattice.pitch_mm, 1.0), 4, 1))
+            scores[RIPPLE] = np.inf
     before_mm = gap_mm(before)
     names = []
     sure = 0.0
@@ -263,8 +295,9 @@ def name(
             options = [[*before.terms, Term(effect, at, (step.size_s,))] for at in thresholds]
             fit = refit(session, before, most_promising(before, options, step.law), plateau, step.law)
         elif effect == "acceleration_lag":
-            options = [[*before.terms, Term(effect, (lag,), (lag,))] for lag in LAGS_S3_MM]
+            options = [[*before.terms, Term(effect, (lag, WINDOWS_S[0]), (lag,))] for lag in LAGS_S3_MM]
             fit = refit(session, before, most_promising(before, options, before.law), plateau)
+            fit = fit and in_the_best_window(session, before, fit, plateau)
         else:
             fit = refit(session, before, [*before.terms, Term(effect, theta)], plateau)
         if fit is None:

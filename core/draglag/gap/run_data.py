@@ -50,6 +50,11 @@ class RunData:
     def steady(self) -> bool:
         return self.estimate is not None
 
+    @property
+    def keeps_moving(self) -> bool:
+        """Whether its speed is that of a hand which follows on; after a rest, a panel catches up in its own way."""
+        return self.steady or self.run.protocol in ("chirp", "multisine")
+
     @cached_property
     def losses_s(self) -> FloatArray:
         """Contact losses, (k, 2) first and last time of each."""

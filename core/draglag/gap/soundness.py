@@ -10,11 +10,9 @@ import numpy as np
 from draglag.gap.finding import Candidate
 from draglag.gap.fit import RIPPLE, Fit, log_likelihood_of
 from draglag.gap.model import N_NUISANCES, base_prior
-from draglag.gap.naming import SMALLEST
+from draglag.gap.naming import shown_ripple
 from draglag.gap.noise import TREMOR_MM_S, scatter
 from draglag.gap.results import COVARIATE
-from draglag.gap.run_data import as_shown, lattice_in
-from draglag.simulation.effects import EFFECTS
 
 # What single edges scatter by on sound panels beyond the touch noise, from none to the most (generated sound sessions).
 SOUND_EDGE_MM = (0.0, 0.05, 0.1)
@@ -78,11 +76,7 @@ def _follows_turn(fit: Fit) -> bool:
 
 def nameless_ripple(fit: Fit) -> Candidate | None:
     """A ripple that the touch events show, large enough for a name, where it may have none; edges show it less."""
-    lattice = lattice_in(as_shown(fit.runs))
-    least_mm = SMALLEST[RIPPLE] * EFFECTS[RIPPLE].parameters[0].typical
-    if lattice is None or float(np.abs(lattice.sizes_mm).max()) < least_mm:
-        return None
-    return Candidate(None, COVARIATE[RIPPLE], "offset", 0.0, 1, 1, 0.0)
+    return None if shown_ripple(fit) is None else Candidate(None, COVARIATE[RIPPLE], "offset", 0.0, 1, 1, 0.0)
 
 
 def follows_another_speed(fit: Fit) -> Candidate | None:

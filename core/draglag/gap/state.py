@@ -23,6 +23,7 @@ FOLLOW_ACCELERATION = ("acceleration_lag", LAGGING)
 ACCEL_UNKNOWN = 0.2
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
 FAR_S = 0.001  # moved by more, an edge lies where an effect of its place is another
+STRAYED_S = 0.005  # placed by so much more or less than the place itself asks for, it has not come to an end
 FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 
@@ -69,10 +70,14 @@ def look(
     when = asked[0], asked[1]
     placed = _placed_anew(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
     view = view_of(placed, law, geometry, width_mm)
-    lag = next((t.theta[0] for t in terms if t.effect == "acceleration_lag" and t.theta), 0.0)
-    if lag > 0:
-        view = replace(view, accel=view.trace.acceleration(lag)[0])
+    lag = next((t.theta for t in terms if t.effect == "acceleration_lag" and t.theta), (0.0,))
+    if lag[0] > 0:
+        view = replace(view, accel=view.trace.acceleration(*lag)[0])
     signatures = tuple(term_signature(t, view) for t in terms)
+    if extra is not None:
+        # What an edge was placed by has to hold where it came to lie; beside a hole it may have come from anywhere.
+        strayed = np.abs(total(signatures, terms, view, "latency") - extra) > STRAYED_S
+        placed = replace(placed, ok=placed.ok & ~strayed)
     residual = residual_mm(placed, geometry) - total(signatures, terms, view, "offset")
     columns = [s.columns(view) for s in signatures]
     design = np.column_stack([-base_columns(placed, law), *columns])
@@ -124,7 +129,7 @@ def stepped(
         k = len(t.sizes)
         sizes = tuple(float(q) for q in np.array(t.sizes) + step[n : n + k])
         # The trace is unwarped by what is found in it.
-        theta = (max(sizes[0], 0.0),) if t.effect == "acceleration_lag" else t.theta
+        theta = (max(sizes[0], 0.0), *t.theta[1:]) if t.effect == "acceleration_lag" else t.theta
         terms.append(replace(t, sizes=sizes, theta=theta))
         n += k
     there = look(runs, law, geometry, terms, width_mm, state)

@@ -87,7 +87,7 @@ class Traces:
     Attributes:
         t_s, xy_mm: (n,), (n, 2) all events. shift_s, begin: (runs,), (runs + 1,) by how much a run is shifted, and its
         first event. losses_s: (k, 2) contact losses and what lies between the runs.
-        run, edge_t_s, falling, steady, half_s: (m,) of all edges; edge_t_s shifted as the traces are.
+        run, edge_t_s, falling, steady, keeps_moving, half_s: (m,) of all edges; edge_t_s shifted as the traces are.
     """
 
     runs: tuple[RunData, ...]
@@ -100,6 +100,7 @@ class Traces:
     edge_t_s: FloatArray
     falling: np.ndarray
     steady: np.ndarray
+    keeps_moving: np.ndarray
     half_s: FloatArray
 
     def __getstate__(self) -> dict[str, object]:
@@ -235,5 +236,6 @@ def traces_of(runs: tuple[RunData, ...]) -> Traces:
         np.concatenate([data.edge_t_s + by for data, by in zip(runs, shift_s, strict=True)]),
         np.concatenate([data.falling for data in runs]),
         np.repeat([data.steady for data in runs], count),
+        np.repeat([data.keeps_moving for data in runs], count),
         np.repeat([data.half_s for data in runs], count),
     )

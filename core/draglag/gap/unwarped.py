@@ -1,8 +1,8 @@
 """The stylus' own acceleration behind a trace that an effect of the acceleration has warped.
 
 When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ). About a mean speed v₀ that is
-the shown speed u = v − v₀ c·v̈: changes of speed are shown amplified by 1 + v₀ c ω², four times at 1 m/s. The inverse,
-1 / (1 + τ² ω²) with τ² = v₀ c, is a two-sided exponential: the shown speed smoothed by exp(−|t|/τ) / 2τ.
+the shown speed u = v − v₀ c·ȧ, where a is the change of the speed as the panel's tracker smooths it, G v̇: changes of
+speed are shown amplified by 1 + v₀ c ω² G, four times at 1 m/s, and a = iω G u / (1 + v₀ c ω² G).
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import lfilter
 
 from draglag.events import sample_interval_s
 from draglag.motion import local_fit
@@ -22,8 +21,9 @@ if TYPE_CHECKING:
 
 # Half the window of a speed, and half the span of a change of speed: a hand speeds up and slows down at 1–4 Hz, its
 # tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.
-WIDTH_S, APART_S = 0.18, 0.05
-TURNING = 0.7
+WIDTH_S, APART_S = 0.12, 0.05
+TURNING = 0.5
+PADDED_S = 1.0
 STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rate
 
 
@@ -50,18 +50,21 @@ class Unwarped:
     def __getitem__(self, use: np.ndarray) -> Unwarped:
         return replace(self, run=self.run[use], at_s=self.at_s[use])
 
-    def acceleration(self, lag_s3_mm: float) -> tuple[FloatArray, FloatArray]:
+    def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
         """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
-        ``lag_s3_mm`` times it (s per mm/s²)."""
+        ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's own smoothing of the speed."""
         out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k
-            keep = _kept(np.sqrt(max(shown.mean_mm_s * lag_s3_mm, 0.0)), shown.step_s)
-            speed = _smoothed(shown.speed_mm_s, keep)
-            at = self.at_s[own]
-            earlier, now, later = (np.interp(at + j * shown.apart_s, shown.grid_s, speed) for j in (-1, 0, 1))
-            out[own] = (later - earlier) / (2 * shown.apart_s)
-            change[own] = (later - 2 * now + earlier) / shown.apart_s**2
+            edge = min(round(PADDED_S / shown.step_s), shown.grid_s.size - 1)
+            speed = np.pad(shown.speed_mm_s - shown.mean_mm_s, edge, mode="reflect")
+            omega = 2 * np.pi * np.fft.rfftfreq(speed.size, shown.step_s)
+            smooth = np.exp(-0.5 * (omega * window_s) ** 2)
+            amplified = 1 + max(shown.mean_mm_s * lag_s3_mm, 0.0) * omega**2 * smooth
+            of = np.fft.rfft(speed) * 1j * omega * smooth / amplified
+            for values, factor in ((out, 1.0), (change, 1j * omega)):
+                at_grid = np.fft.irfft(of * factor, speed.size)[edge : edge + shown.grid_s.size]
+                values[own] = np.interp(self.at_s[own], shown.grid_s, at_grid)
         return out, change
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -88,18 +91,3 @@ def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mea
     fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * interval_s), degree=2, roundness=3)
     speed = np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok]) if fit.ok.any() else np.zeros(grid_s.size)
     return Shown(grid_s, step_s, speed, float(min(APART_S, turning_s)), mean_mm_s or float(np.mean(speed)))
-
-
-def _kept(tau_s: float, step_s: float) -> float:
-    """What a one-pole filter keeps from step to step."""
-    return float(np.exp(-step_s / tau_s)) if tau_s > 0 else 0.0
-
-
-def _smoothed(values: FloatArray, keep: float) -> FloatArray:
-    """Two-sided exponential smoothing: one pole forwards, one backwards."""
-    return _one_pole(_one_pole(values, keep)[::-1], keep)[::-1]
-
-
-def _one_pole(values: FloatArray, keep: float) -> FloatArray:
-    out, _ = lfilter([1 - keep], [1, -keep], values, zi=[keep * values[0]])
-    return np.asarray(out, float)

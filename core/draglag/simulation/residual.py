@@ -19,9 +19,9 @@ LineGains = Callable[[FloatArray], FloatArray]
 class Trace(Protocol):
     """The touch trace about m edges."""
 
-    def acceleration(self, lag_s3_mm: float) -> tuple[FloatArray, FloatArray]:
+    def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
         """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
-        ``lag_s3_mm`` times it (s per mm/s²)."""
+        ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's own smoothing of the speed."""
         ...
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:

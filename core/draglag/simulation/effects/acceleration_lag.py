@@ -13,6 +13,8 @@ from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
 LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5, 3e-5)  # sizes to begin from
+# Standard deviation of the window over which a panel's tracker may smooth the speed that it takes the acceleration of.
+WINDOWS_S = (0.05, 0.03, 0.07)
 
 
 @dataclass(frozen=True)
@@ -40,10 +42,10 @@ class AccelerationLag(Effect):
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        lag_s3_mm = theta[0] if theta else 0.0
+        lag_s3_mm, window_s = (*theta, WINDOWS_S[0])[:2] if theta else (0.0, WINDOWS_S[0])
         if lag_s3_mm <= 0:
-            return Signature(latency=column(view.accel), theta=(0.0,), n_grid=len(LAGS_S3_MM))
-        accel, change = view.trace.acceleration(lag_s3_mm)
+            return Signature(latency=column(view.accel), theta=(0.0, window_s), n_grid=len(LAGS_S3_MM))
+        accel, change = view.trace.acceleration(lag_s3_mm, window_s)
         # A trace whose latency grows shows a speed too low, and the law is asked at that speed.
         late = accel + view.law_slope * view.speed * change
-        return Signature(latency=column(late), theta=(lag_s3_mm,), n_grid=len(LAGS_S3_MM))
+        return Signature(latency=column(late), theta=(lag_s3_mm, window_s), n_grid=len(LAGS_S3_MM))
