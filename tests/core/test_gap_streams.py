@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from draglag.exchange import read_exchange
 from draglag.gap.stalls import stalls
 from draglag.gap.stamps import evened
 from draglag.gap.streams import inspect
-from draglag.gap.unwarped import Shown, _kept, _smoothed
+from draglag.gap.unwarped import Shown, Unwarped
 from draglag.protocols import load_protocol
 from draglag.recording import Session, TouchTrace
 from draglag.simulation import simulate_session
@@ -186,20 +187,26 @@ def test_bursts_after_stalls_are_neither_fills_of_whole_steps_nor_missing_frames
     assert inspect(with_touch(sound, stalled))[0] == ()
 
 
-def test_the_speed_behind_a_warped_trace_is_given_back() -> None:
-    # A stylus at 800 mm/s whose speed varies at 2.5 Hz, reported with 10 µs per mm/s² more latency: exact, no fits.
+@pytest.mark.parametrize("window_s", [0.03, 0.07])
+def test_the_acceleration_behind_a_trace_that_it_warps_is_given_back(window_s: float) -> None:
+    # A stylus at 800 mm/s whose speed varies at 2.5 Hz, reported with 10 µs per mm/s² more latency, the acceleration
+    # taken of a speed smoothed over a window: exact, no fits.
     t_s = np.arange(0, 12, 1e-3)
     rate, swing, lag = 2 * np.pi * 2.5, 30.0, 1e-5
-    speed = 800 + swing * np.sin(rate * t_s)
-    path = 800 * t_s - swing / rate * np.cos(rate * t_s)
-    shown_s = t_s + 0.03 + lag * swing * rate * np.cos(rate * t_s)
-    grid_s = np.arange(0.5, 11.5, 0.008)
-    shown = Shown(grid_s, 0.008, np.gradient(np.interp(grid_s, shown_s, path), grid_s), 0.05, 800.0)
-    middle = slice(200, -200)
-    assert np.std(shown.speed_mm_s[middle]) > 2.5 * np.std(speed)  # 1 + v c ω² = 2.97
-    back = _smoothed(shown.speed_mm_s, _kept(np.sqrt(800 * lag), 0.008))
-    truth = np.interp(grid_s - 0.03, t_s, speed)
-    assert np.std((back - truth)[middle]) < 0.1 * swing
+    path_mm = 800 * t_s - swing / rate * np.cos(rate * t_s)
+    told = swing * rate * np.exp(-0.5 * (rate * window_s) ** 2)  # its amplitude, mm/s²
+    shown_s = t_s + 0.03 + lag * told * np.cos(rate * t_s)
+    grid_s = np.arange(0.5, 11.5, 0.004)
+    speed = np.gradient(np.interp(grid_s, shown_s, path_mm), grid_s)
+    run = SimpleNamespace(shown=Shown(grid_s, 0.004, speed, 0.05, 800.0))
+    at_s = np.arange(2.0, 10.0, 0.013)
+    edges = Unwarped((run,), np.zeros(at_s.size, int), at_s + 0.03)  # type: ignore[arg-type]
+    accel, _ = edges.acceleration(lag, window_s)
+    truth = told * np.cos(rate * at_s)
+    raw, _ = edges.acceleration(0.0, window_s)
+    assert np.std(raw - truth) > 0.5 * np.std(truth)
+    # To first order: the acceleration moves an edge by up to 5 ms of the 64 ms in which it turns by one radian.
+    assert np.std(accel - truth) < 0.1 * np.std(truth)
 
 
 def test_two_frames_on_each_tick_of_an_exact_clock_are_no_batch(sound: Session) -> None:
