@@ -29,7 +29,7 @@ NOW: Asked = (0.0, 0.0)
 CHANGING_STEP_S, PASSES = 0.01, 3
 DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # no hand changes its speed faster
 PADDED_S = 1.0
-SMOOTH_S4 = 4e-6  # a change of speed at 2 Hz is taken for noise where less than a tenth of its square is shown
+LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it is taken for noise
 
 
 def asked_speeds(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
@@ -91,8 +91,8 @@ def _changing(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
 def _delayed(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
     """v + τ ẇ = u of all runs at once, w being v of ``asked`` before, as smooth as it has to be.
 
-    At some frequencies the delay turns τ ẇ against v: there u holds little of v and much noise, so that the least
-    squares also ask for little v̈.
+    At some frequencies the delay turns τ ẇ against v, at ω d = 3π/2, or −π/2 where w is later: there u holds little of
+    v and much noise, so that the least squares also ask for little v̈.
     """
     times, shown = [], []
     for data in runs:
@@ -106,10 +106,12 @@ def _delayed(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[Floa
     latency_s = law(knots)
     at = np.arange(u.size)
     v = u
+    delay_s = before_s(asked, np.interp(u, knots, latency_s))
+    smooth_s4 = LITTLE_SHOWN * (delay_s / np.where(delay_s > 0, 1.5 * np.pi, 0.5 * np.pi)) ** 4
     for _ in range(DELAYED_PASSES):
         back = before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S
         tau = v * np.interp(np.interp(at - back, at, v), knots, falls)
-        v = np.maximum(_solved(u, tau / (2 * DELAYED_STEP_S), back), 0.0)
+        v = np.maximum(_solved(u, tau / (2 * DELAYED_STEP_S), back, smooth_s4), 0.0)
     w = np.interp(at - before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S, at, v)
     ends = np.cumsum([part.size for part in shown])
     out = []
@@ -119,10 +121,10 @@ def _delayed(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[Floa
     return out
 
 
-def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray) -> FloatArray:
+def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray, smooth_s4: FloatArray) -> FloatArray:
     """v (n,) of u = v + half_tau · (v one step after ``back`` steps before, less one step before that).
 
-    The normal equations of it and of the second differences, whose matrix is a band.
+    The normal equations of it and of the second differences times √``smooth_s4`` (n,), whose matrix is a band.
     """
     n = u.size
     row = np.arange(n)
@@ -142,9 +144,11 @@ def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray) -> FloatArray
     for i in range(4):
         for j in range(i + 1):
             bands[i - j] += np.bincount(columns[j], taken[i] * taken[j], n)
-    stiff = SMOOTH_S4 / DELAYED_STEP_S**4
-    for j, part_of in enumerate((6.0, -4.0, 1.0)):
-        bands[j, : n - j] += stiff * part_of
+    stiff = smooth_s4 / DELAYED_STEP_S**4
+    before, after = np.append(0.0, stiff[:-1]), np.append(stiff[1:], 0.0)
+    bands[0] += before + 4 * stiff + after
+    bands[1, :-1] -= 2 * (stiff + after)[:-1]
+    bands[2, :-2] += after[:-2]
     given = u + sum(np.bincount(column, of * u, n) for of, column in zip(taken, columns, strict=True))
     return np.asarray(solveh_banded(bands, given, lower=True, check_finite=False))
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 # Half the window of a speed, and half the span of a change of speed: a hand speeds up and slows down at 1–4 Hz, its
 # tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.
-WIDTH_S, APART_S = 0.12, 0.05
-TURNING = 0.5
+WIDTH_S, APART_S = 0.18, 0.05
+TURNING = 0.7
 PADDED_S = 1.0
 STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rate
 
