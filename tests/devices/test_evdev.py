@@ -223,6 +223,24 @@ def test_exclusive_use_begins_and_ends_only_while_nothing_is_down():
     assert device.calls[-2:] == [("grab", False, False), "close"]
 
 
+def test_a_finger_that_comes_between_the_look_and_the_taking_is_let_go_of():
+    class TouchedThen(FakeDevice):
+        def grab(self, exclusively):
+            if len(self.calls) == 1:  # after its clock was set: the first of all
+                self.state = {0: (1, 5, 5), 1: (-1, 0, 0)}
+            super().grab(exclusively)
+
+    device = TouchedThen([], [])
+    source, _ = touch_source(device, "?exclusive=1")
+    source.open()
+    source.read(0.1)
+    assert device.calls[1:] == [("grab", True, True), ("grab", False, True)]
+    device.state = {0: (-1, 5, 5), 1: (-1, 0, 0)}
+    source.read(0.1)
+    assert device.calls[3:] == [("grab", True, False)]
+    source.close()
+
+
 def test_exclusive_use_that_another_program_has_is_told_once():
     device = FakeDevice()
     device.grab_error = errno.EBUSY

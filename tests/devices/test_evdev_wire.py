@@ -124,12 +124,13 @@ def test_exclusive_use_waits_for_the_finger_to_lift(start):
     reader.until(lambda rows: reader.column("down") == [1, 0])
     # Taken once the lift has been read, which a busy machine does when it gets to it.
     deadline_s = time.monotonic() + 10
-    while not panel.do("state")["grab_log"] and time.monotonic() < deadline_s:
+    while [True, False] not in panel.do("state")["grab_log"] and time.monotonic() < deadline_s:
         pass
     reader.finish()
     log = panel.do("state")["grab_log"]
-    assert [taken for taken, _ in log] == [True, False]
-    assert not any(down for _, down in log)
+    assert [taken for taken, down in log if not down] == [True, False]
+    # A finger that came between a look and the taking is let go of at once.
+    assert [taken for taken, down in log if down] in ([], [True, False])
 
 
 def test_fuzz_is_told_over_the_wire(start):

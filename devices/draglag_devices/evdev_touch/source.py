@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import time
 from collections.abc import Callable
@@ -284,6 +285,10 @@ class EvdevTouch:
             self._exclusive = False
             why = "another program holds it" if error.errno == errno.EBUSY else error.strerror or "refused"
             self._tell("warning", f"The touchscreen is not used exclusively: {why}.")
+            return
+        if _is_down(device):  # since the look before: let go at once, and wait for its end
+            with contextlib.suppress(OSError):  # one that is gone is told by the next read
+                device.grab(False)
             return
         self._grabbed = True
 
