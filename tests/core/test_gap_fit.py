@@ -110,9 +110,9 @@ def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
     report = close_gap(session)
     (step,) = report.steps
     assert step.effect == "lagging_law"
-    _, (low_s, high_s) = step.parameters["delay_s"]
+    delay_s, (low_s, high_s) = step.parameters["delay_s"]
     assert low_s < 0.1 < high_s
-    assert low_s > 0.025  # later than on any sound panel
+    assert high_s - low_s < delay_s
     assert report.gap_first_mm is not None
     assert report.gap_last_mm is not None
-    assert report.gap_last_mm < 0.95 * report.gap_first_mm
+    assert report.gap_last_mm < 0.9 * report.gap_first_mm

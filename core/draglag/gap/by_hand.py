@@ -14,8 +14,8 @@ from draglag.gap.finding import Finding, find
 from draglag.gap.fit import Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm
 from draglag.gap.model import LawParameters
-from draglag.gap.naming import PLATEAU, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.parameters import parameters_of, where_of
+from draglag.gap.refits import PLATEAU, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
 from draglag.gap.signatures import SIGNATURES

@@ -20,11 +20,11 @@ from draglag.gap.doubts import left_out
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.finding import find as find_in
 from draglag.gap.fit import Fit, fit_session
-from draglag.gap.heldout import IN_EVERY_FIT, floor_mm, folds, gap_mm, held_out_residual_mm, shrinks
+from draglag.gap.heldout import IN_EVERY_FIT, clearly_less, floor_mm, folds, gap_mm, held_out_residual_mm, shrinks
 from draglag.gap.model import Geometry, LawParameters
-from draglag.gap.naming import PLATEAU, gained
 from draglag.gap.naming import name as names_of
 from draglag.gap.parameters import parameters_of
+from draglag.gap.refits import PLATEAU, gained
 from draglag.gap.results import COVARIATE, TERM_OF, Step
 from draglag.gap.run_data import gather
 from draglag.gap.separate import times_out_of_order
@@ -117,7 +117,6 @@ class Gap:
 
 
 PRICE = 6.0  # deviance that one more number must save
-WORTH_A_NAME = 0.02  # share of the gap
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ class Shrinkage:
     def verdict(self) -> str:
         low, high = self.change_ci95_mm
         # Runs may agree by chance on an effect that their edges do not ask for at all.
-        enough = self.after_mm < (1 - WORTH_A_NAME) * self.before_mm
+        enough = clearly_less(self.after_mm, self.before_mm)
         if self.improves and enough and high < 0 and not self.deviance_gained < PRICE:
             return "shrinks"
         return "grows" if low > 0 else "open"

@@ -10,9 +10,10 @@ from draglag.gap.finding import Candidate, Finding, find
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.model import base_prior
-from draglag.gap.naming import MODE, PLATEAU, UNNAMED_MARGIN, Name, gained, name, possible, refit
+from draglag.gap.naming import UNNAMED_MARGIN, Name, name
 from draglag.gap.noise import EDGE_MM, UNEVEN
 from draglag.gap.parameters import parameters_of
+from draglag.gap.refits import MODE, PLATEAU, gained, possible, refit
 from draglag.gap.results import COVARIATE, TERM_OF, PassedOver, Step
 from draglag.gap.separate import clock_offset
 from draglag.gap.signatures import SIGNATURES, unnamed_columns

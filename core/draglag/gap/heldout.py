@@ -17,7 +17,7 @@ LEAST_WHITE_GAIN = 12.0  # in −2 ln L of held-out residuals
 NO_WORSE = 0.02
 # Of −2 ln L an edge: beyond doubt, though a law fitted without one speed may miss that speed by a little more.
 DECISIVE, A_LITTLE_WORSE = 0.5, 0.1
-LEAST_GAIN = 0.04  # of the held-out mean square: less than 2 % of the gap is not worth a name
+WORTH_A_NAME = 0.02  # of the gap: by less it has not shrunk
 
 
 def folds(fit: Fit) -> IntArray:
@@ -77,9 +77,14 @@ def gap_mm(fit: Fit) -> float:
     return float(np.sqrt(np.mean(residual[folds(fit) != IN_EVERY_FIT] ** 2)))
 
 
+def clearly_less(after_mm: float, before_mm: float) -> bool:
+    """Whether one gap is so much smaller than another that it is worth a name."""
+    return after_mm < (1 - WORTH_A_NAME) * before_mm
+
+
 def shrinks(before: Fit, after: Fit) -> bool:
     """Whether held-out runs fit better, run by run: the geometric mean of their RMS, which no single run decides."""
-    return _change(before, after) < -LEAST_GAIN
+    return _change(before, after) < -2 * WORTH_A_NAME  # of the mean square
 
 
 def _change(before: Fit, after: Fit) -> float:
@@ -102,7 +107,7 @@ def improves(before: Fit, after: Fit) -> bool:
     What moves few edges, or all of them a little, hardly shows in an RMS.
     """
     change = _change(before, after)
-    if change < -LEAST_GAIN:
+    if change < -2 * WORTH_A_NAME:
         return True
     each = white_level(before) - white_level(after)
     if each > DECISIVE and change < A_LITTLE_WORSE:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.delayed import LEAST_LEFT_S, OTHER, USUAL, delay_profile, with_what_is_left
+from draglag.gap.delayed import OTHER, delayed
 from draglag.gap.finding import Candidate, Finding
-from draglag.gap.fit import RIPPLE, Fit, fit_session, latency_of_terms, log_likelihood_on, most_promising
-from draglag.gap.heldout import gap_mm, improves, shrinks, shrinks_with
+from draglag.gap.fit import RIPPLE, Fit, latency_of_terms, most_promising
+from draglag.gap.heldout import clearly_less, gap_mm, improves, shrinks, shrinks_with
 from draglag.gap.lattice import Lattice
-from draglag.gap.model import LawParameters
 from draglag.gap.parameters import parameters_of
 from draglag.gap.plateau import promised_gain
+from draglag.gap.refits import HOPELESS, MODE, PLATEAU, RARE, SMALLEST, SMOOTHING, gained, possible, refit
 from draglag.gap.run_data import as_shown, lattice_in
 from draglag.gap.signatures import SIGNATURES, unnamed_columns
 from draglag.gap.state import FOLLOW_ACCELERATION, LAGGING, Term
@@ -29,33 +29,12 @@ from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S
 TOO_CLOSE = 6.0  # units of deviance within which two names cannot be told apart
 UNNAMED_MARGIN = 8.0  # units by which a smooth term must beat every named effect
 REFITTED = 6
-SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
 NEARLY = 0.05  # of the best gain: names so close are told apart by the gap on held-out runs
 HALF = 0.5  # of the best gain, that a low-pass's mean effect must have to be weighed in its own form
-HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will not overtake it
-RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
-PLATEAU, MODE, SMOOTHING = "low_speed_plateau", "second_filter_mode", "smoothing_shrink"
-# Of an effect's typical size, 0.1 where not said: less is of no use to anybody, and a proxy more likely than itself.
-# The position fits bend circles as a low-pass of some 8 ms would; a hand's acceleration is some 100 mm/s², and the time
-# that a speed belongs to is known to some 30 ms.
-SMALLEST = {
-    "smoothing_shrink": 0.6,
-    "acceleration_lag": 1.0,
-    "lagging_law": 0.75,
-    "second_filter_mode": 0.33,
-    "pitch_ripple": 0.25,
-    "direction_asymmetry": 0.2,
-}
 SETTLING, SETTLED = 4, 0.01
-NO_WORSE = 0.02  # share of the gap
 SURELY_SMOOTH = 50.0  # gain of a low-pass that does not show in the gap
-PRESENT = (1,)  # a lagging law's setting to first order
-ROUNDS = 2  # of a delay's refits
-LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
-LEAST_SURE_S = 0.01  # of another moment than the present one, for all that its interval allows
 JUMP_SURE, JUMP_LEAST = 1.2, 100.0
-BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
 
 @dataclass(frozen=True)
@@ -68,99 +47,6 @@ class Name:
     gap_before_mm: float
     gap_after_mm: float
     improves: bool
-
-
-def refit(
-    session: Session,
-    before: Fit,
-    terms: Sequence[Term],
-    plateau: bool,
-    law: LawParameters | None = None,
-    only: np.ndarray | None = None,
-) -> Fit | None:
-    """The model with these terms, on the edges of ``before`` (``only`` those); None where it cannot be fitted."""
-    try:
-        return fit_session(session, before.runs, terms, plateau, before, law, only)
-    except (EstimateError, np.linalg.LinAlgError):
-        return None
-
-
-def gained(before: Fit, after: Fit) -> float:
-    """Twice the log-likelihood that ``after`` gains on the edges that both use."""
-    lost = int(before.use.sum() - (before.use & after.use).sum())
-    if lost > 0.1 * before.use.sum():
-        return -np.inf
-    if lost:
-        return 2 * (after.log_likelihood - log_likelihood_on(before, before.use & after.use))
-    return 2 * (after.log_likelihood - before.log_likelihood)
-
-
-def possible(effect: str, fit: Fit) -> bool:
-    """Whether the size can matter and lies within the bounds of the effect's class: a low-pass cannot swell."""
-    numbers = parameters_of(effect, fit)
-    if effect == SMOOTHING and numbers["time_constant_s"][0] <= 0:
-        return False
-    if effect == RIPPLE and fit.runs[0].lattice is None:
-        return False  # thousands of events show one that a hundred edges can
-    leading = EFFECTS[effect].parameters[0]
-    if leading.name in numbers:
-        size = abs(numbers[leading.name][0])
-        if size < SMALLEST.get(effect, 0.1) * abs(leading.typical):
-            return False
-    if effect == PLATEAU:
-        slowest = min(float(fit.view.speed[fit.run_index == k].mean()) for k in np.unique(fit.run_index))
-        if fit.law.plateau_mm_s < BEYOND_SLOWEST * slowest:
-            return False
-    for spec in EFFECTS[effect].parameters:
-        if spec.name in numbers and not spec.lower <= numbers[spec.name][0] <= spec.upper:
-            return False
-    return True
-
-
-def delayed(session: Session, before: Fit, finding: Finding, plateau: bool, sure: float) -> Fit | None:
-    """The law asked at the speed of another moment, where that is likelier by far than the moments of sound panels.
-
-    sure: gain of a sure name, beside which less is hopeless.
-    """
-    if any(t.effect in FOLLOW_ACCELERATION for t in before.terms):
-        return None
-    best: Fit | None = None
-    profile = delay_profile(before, [*USUAL, *OTHER])
-    usual, other = profile[: len(USUAL)], profile[len(USUAL) :]
-    term = Term(LAGGING, OTHER[int(np.argmax(other))], (0.0,))
-    asked_for = other.max() > usual.max() and other.max() - usual[0] > HOPELESS * sure
-    for _ in range(ROUNDS if asked_for else 0):
-        fit = refit(session, before, [*before.terms, term], plateau, before.law)
-        if fit is None or not possible(LAGGING, fit):
-            break
-        if best is None or fit.log_likelihood > best.log_likelihood:
-            best = fit
-        left_s = fit.terms[-1].sizes[0]
-        if abs(left_s) < LEAST_LEFT_S:
-            break
-        term = with_what_is_left(term, left_s)
-    if best is not None:
-        # The likelihood is flat towards longer delays: the gap on held-out runs decides.
-        longer = with_what_is_left(best.terms[-1], (LONGER - 1) * best.terms[-1].theta[1])
-        fit = refit(session, before, [*before.terms, longer], plateau, before.law)
-        if fit is not None and possible(LAGGING, fit) and gained(best, fit) > -RARE and gap_mm(fit) < gap_mm(best):
-            best = fit
-    if any(c.effect == LAGGING and c.theta == PRESENT for c in finding.significant):
-        # Of a later speed a slow trace tells little: to first order it is told better than by that speed itself.
-        fit = refit(session, before, [*before.terms, Term(LAGGING, PRESENT)], plateau)
-        if fit is not None and possible(LAGGING, fit):
-            best = fit if best is None or fit.log_likelihood > best.log_likelihood else best
-    if best is None or gained(before, best) < 2 * RARE:
-        return None
-    low, high = parameters_of(LAGGING, best)["delay_s"][1]
-    if low * high <= 0 or min(abs(low), abs(high)) < LEAST_SURE_S:
-        return None
-    theta = best.terms[-1].theta
-    own = usual[0] + gained(before, best)  # of the first order's form; the other is compared under its own law
-    if len(theta) == 2:
-        own, *others = delay_profile(best, [(theta[0], theta[1]), *USUAL])
-        usual = np.array(others)
-    return best if own - usual.max() > RARE else None
 
 
 def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau: bool) -> Name:
@@ -179,7 +65,7 @@ def with_the_trace_sharpened(session: Session, before: Fit, name: Name, plateau:
                 break
             fit = better
             # Quick circles tell one kind from another: all edges together, not run by run.
-            if shrinks(name.fit, fit) and gap_mm(fit) < (1 - NO_WORSE) * gap_mm(found.fit):
+            if shrinks(name.fit, fit) and clearly_less(gap_mm(fit), gap_mm(found.fit)):
                 gain = max(name.gain, name.gain + gained(name.fit, fit))
                 found = Name(SMOOTHING, fit, gain, name.gap_before_mm, gap_mm(fit), improves(before, fit))
     return found
@@ -196,7 +82,7 @@ def in_the_best_window(session: Session, before: Fit, fit: Fit, plateau: bool) -
             continue
         terms = [*others, replace(term, theta=(term.theta[0], window_s))]
         other = refit(session, before, terms, plateau, fit.law)
-        if other is not None and gap_mm(other) < (1 - NO_WORSE) * gap_mm(best):
+        if other is not None and clearly_less(gap_mm(other), gap_mm(best)):
             best = other
     return best
 

@@ -10,7 +10,8 @@ import numpy as np
 from draglag.gap.finding import Candidate, Finding
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import gap_mm, improves
-from draglag.gap.naming import MODE, UNNAMED_MARGIN, Name, gained, possible, refit
+from draglag.gap.naming import UNNAMED_MARGIN, Name
+from draglag.gap.refits import MODE, gained, possible, refit
 from draglag.gap.signatures import SIGNATURES
 from draglag.gap.state import Term
 from draglag.recording import FloatArray, Session

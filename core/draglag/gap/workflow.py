@@ -25,8 +25,9 @@ from draglag.gap.doubts import (
 from draglag.gap.finding import LEVEL, Candidate, Finding, find
 from draglag.gap.fit import RIPPLE, Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks
-from draglag.gap.naming import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, TOO_CLOSE, Name, gained, name, refit
+from draglag.gap.naming import TOO_CLOSE, Name, name
 from draglag.gap.parameters import parameters_of, where_of
+from draglag.gap.refits import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.run_data import gather
 from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
@@ -40,7 +41,7 @@ from draglag.simulation.effects import known_effects
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
-FOLLOW_ACCELERATION = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
+LEAVE_ANOTHER_SPEED = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
 OF_UNSURE_AGE = {"sample_hold", "timestamp_quantisation"}
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
 UNFITTED = (
@@ -168,7 +169,7 @@ def close_gap(
         unexplained = excess_scatter(fit) or excess_between_runs(fit) or (None if steps else strained(fit, finding))
         if unexplained is not None and unexplained.score > max((s.gain for s in steps), default=0.0):
             steps, fit = without_parts(steps, fit, first, unexplained, finding)
-    if unexplained is None and not ages and not {s.effect for s in steps} & FOLLOW_ACCELERATION:
+    if unexplained is None and not ages and not {s.effect for s in steps} & LEAVE_ANOTHER_SPEED:
         unexplained = follows_another_speed(fit)
     coarse = any(s.effect == "timestamp_quantisation" for s in (*seen, *strange))
     if unexplained is None and all(s.effect != "frame_batching" for s in seen):
