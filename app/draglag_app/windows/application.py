@@ -17,6 +17,7 @@ from PySide6.QtGui import QIcon, QPixmap
 from PySide6.QtWidgets import QApplication
 
 from draglag.errors import DraglagError
+from draglag_app.windows.garbage import collect_in_this_thread
 from draglag_app.windows.i18n import translate, use_language
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.theme import apply_theme
@@ -27,6 +28,7 @@ def make_application(arguments: Sequence[str], settings: Settings | None = None)
     """The one application of this process, made on first call, in the settings' theme and language."""
     present = QCoreApplication.instance()
     application = cast(QApplication, present) if present is not None else QApplication(list(arguments))
+    collect_in_this_thread(application)
     application.setApplicationName("draglag")
     application.setDesktopFileName("draglag")
     settings = settings or Settings()

@@ -18,6 +18,7 @@ from draglag.protocols import Protocol, load_protocol
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_app.windows.application import make_application
+from draglag_app.windows.garbage import collect_in_this_thread
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.rig import make_rig
@@ -62,6 +63,14 @@ def _threads() -> set[object]:
         for item in gc.get_objects()
         if isinstance(item, QThread) and shiboken6.isValid(item) and item.isRunning() and not item.isMainThread()
     }
+
+
+@pytest.fixture(scope="session", autouse=True)
+def garbage_as_in_the_program(qapp: QApplication) -> Iterator[None]:
+    """Collected in the windows' thread alone; elsewhere in the tests as Python does."""
+    garbage = collect_in_this_thread(qapp)
+    yield
+    garbage.stop()
 
 
 @pytest.fixture(autouse=True)

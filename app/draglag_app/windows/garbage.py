@@ -1,0 +1,42 @@
+"""Garbage is collected in the thread of the windows alone.
+
+Python looks for garbage in whichever thread happens to make an object. Device threads make many, and windows that were
+closed lie in cycles with what they were connected to: a widget that is finalised in another thread ends the program.
+"""
+
+from __future__ import annotations
+
+import gc
+
+from PySide6.QtCore import QCoreApplication, QObject, QTimer
+
+_EVERY_MS = 500
+
+
+class Garbage(QObject):
+    """Looks as often as Python would, but from this thread's event loop."""
+
+    def __init__(self, application: QCoreApplication) -> None:
+        super().__init__(application)
+        gc.disable()
+        self._timer = QTimer(self)
+        self._timer.timeout.connect(self.look)
+        self._timer.start(_EVERY_MS)
+
+    def look(self) -> None:
+        """Collect the generations that are due, the oldest of them and all younger ones."""
+        limits, counts = gc.get_threshold(), gc.get_count()
+        due = [k for k, (count, limit) in enumerate(zip(counts, limits, strict=True)) if 0 < limit < count]
+        if due:
+            gc.collect(due[-1])
+
+    def stop(self) -> None:
+        """Leave it to Python again."""
+        self._timer.stop()
+        gc.enable()
+
+
+def collect_in_this_thread(application: QCoreApplication) -> Garbage:
+    """The application's one collector of garbage, begun on the first call."""
+    present = application.findChild(Garbage)
+    return present if isinstance(present, Garbage) else Garbage(application)
