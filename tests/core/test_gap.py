@@ -41,7 +41,8 @@ def test_a_sound_session_has_no_gap(sound: Session) -> None:
     assert report.steps == ()
     assert report.gap_last_mm is not None
     assert report.noise_floor_mm is not None
-    assert report.gap_last_mm < 1.15 * report.noise_floor_mm
+    # 1,400 edges tell a level to 3 %, of noise whose sizes are tried in steps of two: its floor to some 10 %.
+    assert 0.85 * report.noise_floor_mm < report.gap_last_mm < 1.15 * report.noise_floor_mm
 
 
 @pytest.mark.parametrize("screen", ["screen-1", "screen-2"])

@@ -166,7 +166,8 @@ def strained(fit: Fit, finding: Finding) -> Candidate | None:
 
     No sound session needs a law that its runs follow so unevenly, and none leaves a gap of twice its noise.
     """
-    stretched = fit.whiteners[fit.best].components.uneven >= max(UNEVEN) or gap_mm(fit) > STRETCHED * floor_mm(fit)
+    widest = fit.whiteners[fit.best].components.uneven >= max(UNEVEN)
+    stretched = widest or gap_mm(fit) > STRETCHED * floor_mm(fit, granted=True)
     found = [c for c in finding.significant if c.p_value <= BEYOND_DOUBT] if stretched else []
     return next((c for c in found if c.effect is None), next(iter(found), None))
 

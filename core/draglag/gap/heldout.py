@@ -47,12 +47,15 @@ def held_out_residual_mm(fit: Fit) -> FloatArray:
     return out
 
 
-def noise_variance_mm2(fit: Fit) -> FloatArray:
+def noise_variance_mm2(fit: Fit, granted: bool = False) -> FloatArray:
     """What noise alone leaves at every used edge, parameters fitted without its fold.
 
-    That a run of changing speed may miss the law as a whole is granted by the fit, but it is no noise.
+    That a run of changing speed may miss the law as a whole, and follow its own changes of speed unevenly, is granted
+    by the fit, but it is no noise. granted: the second is counted all the same.
     """
-    parts = replace(scatter(fit.runs, fit.placed, fit.use, fit.blur_mm), loose_s=np.zeros(len(fit.runs)))
+    parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
+    noise_mm = parts.uneven_mm if granted else np.where(fit.placed.steady[fit.use], parts.uneven_mm, 0.0)
+    parts = replace(parts, loose_s=np.zeros(len(fit.runs)), uneven_mm=noise_mm)
     variance = whitener(parts, fit.whiteners[fit.best].components).variance_mm2.copy()
     fold = folds(fit)
     a, _ = _white(fit)
@@ -128,6 +131,6 @@ def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
     return shrinks(fit, replace(fit, design=np.column_stack([fit.design, columns]), prior=prior))
 
 
-def floor_mm(fit: Fit) -> float:
-    """RMS that the noise alone leaves on held-out runs, mm."""
-    return float(np.sqrt(np.mean(noise_variance_mm2(fit)[folds(fit) != IN_EVERY_FIT])))
+def floor_mm(fit: Fit, granted: bool = False) -> float:
+    """RMS that noise alone leaves on held-out runs, mm. granted: with runs of changing speed that follow it unevenly."""
+    return float(np.sqrt(np.mean(noise_variance_mm2(fit, granted)[folds(fit) != IN_EVERY_FIT])))
