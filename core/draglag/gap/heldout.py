@@ -132,5 +132,5 @@ def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
 
 
 def floor_mm(fit: Fit, granted: bool = False) -> float:
-    """RMS that noise alone leaves on held-out runs, mm. granted: with runs of changing speed that follow it unevenly."""
+    """RMS that noise alone leaves on held-out runs, mm; granted: with what runs of changing speed follow unevenly."""
     return float(np.sqrt(np.mean(noise_variance_mm2(fit, granted)[folds(fit) != IN_EVERY_FIT])))
