@@ -128,6 +128,28 @@ def _switched(session: Session, before: Fit, switching: Switching, plateau: bool
     return fit
 
 
+def with_times_anew(session: Session, first: Fit, name: Name, plateau: bool) -> Name:
+    """Beside a filter named before that comes and goes: its times looked for again beside what was added, where that
+    closes more. Another effect of the same size hides them. first: the fit without effects, whose edges all count."""
+    mode = next((t for t in name.fit.terms if t.effect == MODE and t.theta[1:2] == (2.0,)), None)
+    if mode is None or name.effect == MODE or first.use.size != name.fit.use.size:
+        return name
+    fit, best, theta = name.fit, name, mode.theta
+    for _ in range(SETTLING):
+        size_s, last = next(t.sizes[0] for t in fit.terms if t.effect == MODE), theta
+        theta = settled(fit, size_s, theta)
+        if theta == last or len(theta) < 4:
+            break
+        terms = [Term(MODE, theta, (size_s,)) if t.effect == MODE else t for t in fit.terms]
+        anew = refit(session, first, terms, plateau, fit.law, away(fit.placed.since_start_s, theta))
+        if anew is None:
+            break
+        fit = anew
+        if clearly_less(gap_mm(fit), gap_mm(best.fit)):
+            best = replace(name, fit=fit, gap_after_mm=gap_mm(fit))
+    return best
+
+
 def name(
     session: Session, before: Fit, finding: Finding, candidates: Collection[str], plateau: bool
 ) -> tuple[list[Name], Candidate | None]:

@@ -25,7 +25,7 @@ from draglag.gap.doubts import (
 from draglag.gap.finding import LEVEL, Candidate, Finding, find
 from draglag.gap.fit import RIPPLE, Fit, fit_session
 from draglag.gap.heldout import floor_mm, gap_mm, shrinks
-from draglag.gap.naming import TOO_CLOSE, Name, name
+from draglag.gap.naming import TOO_CLOSE, Name, name, with_times_anew
 from draglag.gap.parameters import parameters_of, where_of
 from draglag.gap.refits import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.results import COVARIATE, GapReport, Step
@@ -146,6 +146,7 @@ def close_gap(
                 break
             added, unexplained = [[two[0]], [two[1]]], None
         for found in added:
+            found[0] = with_times_anew(repaired, first, found[0], plateau)
             steps.append(step_of(session, found, finding, allowed))
             plateau = plateau or found[0].effect == PLATEAU
             fit = found[0].fit
