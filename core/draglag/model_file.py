@@ -196,7 +196,7 @@ def load_model(path: Path | str) -> LatencyModel:
         raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the name and the rights") from error
     except (ValueError, RecursionError):
         raise DataError(f"{path}: is not JSON", MADE_BY) from None
-    if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version") != VERSION:
+    if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version", VERSION) != VERSION:
         raise DataError(f"{path}: model version {raw.get('version')!r} is not known here", "Update draglag")
     try:
         model = LatencyModel.model_validate(raw)

@@ -80,6 +80,8 @@ def test_a_saved_model_says_what_it_holds_and_where_it_comes_from(
     assert source.gap_mm is not None
     assert source.gap_mm[1] < source.gap_mm[0]
     assert source.noise_floor_mm
+    # Runs of 15 s know their latency to some 0.5 ms, the slowest to 2 ms; the clock drifts by 20 ms meanwhile.
+    assert 0 < back.rms_ms < 2
 
 
 def test_the_law_of_a_fit_is_the_same_law_as_a_file() -> None:

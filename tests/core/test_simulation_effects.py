@@ -368,6 +368,7 @@ def test_effects_are_parsed_with_defaults_for_what_is_not_said():
         ("clock_drift=fast", r"'fast' is not a number for drift_ppm"),
         ("clock_drift=1e9", r"clock_drift: drift_ppm = 1e\+09 is out of bounds. choose -500 to 500 ppm"),
         ("clock_drift=nan", r"out of bounds"),
+        ("frame_batching=2.5", r"frames = 2.5 is no whole number. choose 2"),
         ("pitch_ripple=0.2,colour=1", r"no parameter 'colour'"),
     ],
 )

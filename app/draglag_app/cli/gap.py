@@ -8,7 +8,7 @@ import click
 
 from draglag.errors import DataError, EstimateError
 from draglag.gap.extended import extended_model
-from draglag.gap.provisional import Provisional, provisional_term
+from draglag.gap.provisional import provisional_term
 from draglag.gap.results import GapReport, followed, unexplained_in_words
 from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model
@@ -80,14 +80,14 @@ def gap(
     data = load_session(session)
     with progress("Closing the gap") as tell:
         result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], tell)
+    unnamed = provisional_term(result) if provisional else None
     if report is not None and result.verdict is not None:
         from draglag.report.gap import write_gap_report
 
         with progress("Simulating the session again") as tell:
-            write_gap_report(data, result, report, tell)
+            write_gap_report(data, result, report, tell, unnamed)
     if model_path is not None and result.verdict is not None:
         save_model(extended_model(data, result, now_utc(), checksum(session)), model_path)
-    unnamed = provisional_term(result) if provisional else None
     if as_json:
         more = {"provisional": None if unnamed is None else unnamed.to_dict()} if provisional else {}
         print_json({**result.to_dict(), **more})
@@ -96,25 +96,18 @@ def gap(
         remedy = "" if told else "Record what is missing"
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     if not as_json:
-        _tell(result, report)
+        _tell(result, report, max_effects)
         if provisional:
-            click.echo(_unnamed_words(unnamed))
+            nothing = "No provisional term: nothing is unexplained that a smooth term would close."
+            click.echo(nothing if unnamed is None else unnamed.words())
         if model_path is not None:
-            click.echo(f"Model: {model_path}")
+            without_it = (
+                "" if unnamed is None else ", without the provisional term: what has no name is no part of a model"
+            )
+            click.echo(f"Model: {model_path}{without_it}")
 
 
-def _unnamed_words(term: Provisional | None) -> str:
-    if term is None:
-        return "No provisional term: nothing is unexplained that a smooth term would close."
-    k = int(abs(term.value).argmax())
-    return (
-        f"Provisional term {term.name} ({term.role}): gap {term.gap_before_mm:.3f} → {term.gap_after_mm:.3f} mm, noise "
-        f"floor {term.noise_floor_mm:.3f} mm, p {term.p_value:.1g}; at most {term.value[k]:.3g} {term.unit} "
-        f"({term.low[k]:.3g} to {term.high[k]:.3g}) at {term.x[k]:.4g}. It has no name: look for the cause."
-    )
-
-
-def _tell(result: GapReport, report: Path | None) -> None:
+def _tell(result: GapReport, report: Path | None, max_effects: int) -> None:
     rows = []
     for step in result.steps:
         sizes = ", ".join(f"{k} {v:.4g} ({low:.4g} to {high:.4g})" for k, (v, (low, high)) in step.parameters.items())
@@ -127,6 +120,12 @@ def _tell(result: GapReport, report: Path | None) -> None:
         "explained": "Explained: with these effects only noise is left.",
         "unexplained": unexplained_in_words(result.unexplained_by),
     }
+    if len(result.steps) >= max_effects:
+        follows = followed(result.unexplained_by or "")
+        words["unexplained"] = (
+            f"Unexplained with --max-effects {max_effects}: a gap remains that follows {follows}; no more effects were "
+            "tried."
+        )
     if result.passed_over:  # told below
         words["no_gap"] = "No gap worth a name: what is left beyond chance is too little for one."
         words["explained"] = "Explained by these effects; what is left beyond chance is too little for a name."

@@ -19,7 +19,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
 
     The plateau's corner, which the fit rounds by what a speed is unsure by, is sharp here.
 
-    rms_s and between_runs_s are of the runs' own latencies about the law.
+    rms_s and between_runs_s are of the runs' own latencies about the law and the effects beside it.
     """
     plateau = fit.law.plateau_mm_s > 0
     form = FORMS["double_exponential_plateau" if plateau else "double_exponential"]
@@ -32,13 +32,17 @@ def law_of_fit(fit: Fit) -> CurveFit:
     scale = np.array([1e3, law.a2_s_mm, 1e3, law.a5_s_mm, 1e3, 1.0][: 6 if plateau else 5])
     covariance = fit.covariance[: scale.size, : scale.size] * np.outer(scale, scale)
     order = [list(values).index(name) for name in form.names]
+    added_s = fit.placed.latency_s - law(fit.placed.speed_mm_s)  # by effects
     points = [
-        (d.estimate.speed_mm_s, d.estimate.latency_s)
-        for d in fit.runs
-        if d.estimate is not None and d.estimate.latency_s is not None and d.estimate.speed_mm_s is not None
+        (d.estimate.speed_mm_s, d.estimate.latency_s, float(np.mean(added_s[own])))
+        for d, own in ((d, (fit.placed.run == k) & fit.use) for k, d in enumerate(fit.runs))
+        if own.any()
+        and d.estimate is not None
+        and d.estimate.latency_s is not None
+        and d.estimate.speed_mm_s is not None
     ]
-    table = np.array(points, float).reshape(-1, 2)
-    left = table[:, 1] - law(table[:, 0])
+    table = np.array(points, float).reshape(-1, 3)
+    left = table[:, 1] - law(table[:, 0]) - table[:, 2]
     speeds = fit.view.speed
     return CurveFit(
         form.name,

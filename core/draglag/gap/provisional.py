@@ -46,6 +46,15 @@ class Provisional:
     def unit(self) -> str:
         return ROLES[self.role]
 
+    def words(self) -> str:
+        """What it closes and how large it is, in two sentences."""
+        k = int(np.abs(self.value).argmax())
+        return (
+            f"Provisional term {self.name} ({self.role}): gap {self.gap_before_mm:.3f} → {self.gap_after_mm:.3f} mm, "
+            f"noise floor {self.noise_floor_mm:.3f} mm, p {self.p_value:.1g}; at most {self.value[k]:.3g} {self.unit} "
+            f"({self.low[k]:.3g} to {self.high[k]:.3g}) at {self.x[k]:.4g}. It has no name: look for the cause."
+        )
+
     def to_dict(self) -> dict[str, object]:
         return {
             "name": self.name,

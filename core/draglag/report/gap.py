@@ -13,6 +13,7 @@ import numpy as np
 from draglag.errors import DataError, DraglagError
 from draglag.gap.fit import Fit
 from draglag.gap.heldout import noise_variance_mm2
+from draglag.gap.provisional import Provisional
 from draglag.gap.replay import Replay, replays
 from draglag.gap.results import GapReport, followed, unexplained_in_words
 from draglag.recording import Session
@@ -57,9 +58,16 @@ def headline(report: GapReport) -> str:
 
 
 def write_gap_report(
-    session: Session, report: GapReport, path: Path, progress: Callable[[float, str], None] | None = None
+    session: Session,
+    report: GapReport,
+    path: Path,
+    progress: Callable[[float, str], None] | None = None,
+    provisional: Provisional | None = None,
 ) -> Path:
-    """Write the page. Raises DataError when the report has no verdict or the folder cannot be written."""
+    """Write the page, with what a provisional term would close.
+
+    Raises DataError when the report has no verdict or the folder cannot be written.
+    """
     if report.first is None or report.last is None:
         raise DataError("there is no verdict to report", "Record what is missing: " + "; ".join(report.missing))
     again, unsimulated = _simulated(session, report, progress)
@@ -93,6 +101,8 @@ def write_gap_report(
         f"{len(report.last.runs)} runs.</p>"
     )
     body.append(_table(report))
+    if provisional is not None:
+        body.append(f"<p>{escape(provisional.words())}</p>")
     for left in report.passed_over:
         told = f"<b>{escape(followed(left.what))}</b>, {escape(left.text)}"
         body.append(f"<p>Beyond chance (p {_p(left.p_value)}) but left: {told}.</p>")

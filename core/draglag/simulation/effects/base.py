@@ -26,6 +26,7 @@ class Parameter:
     lower: float
     upper: float
     typical: float
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ class Effect:
                     f"{self.id}: {spec.name} = {number:g} is out of bounds",
                     f"choose {spec.lower:g} to {spec.upper:g} {spec.unit}, typically {spec.typical:g}",
                 )
+            if spec.whole and number != round(number):
+                raise DataError(f"{self.id}: {spec.name} = {number:g} is no whole number", f"choose {round(number)}")
 
     def numbers(self) -> dict[str, float]:
         """Parameter name → number, the size of the effect first."""

@@ -18,7 +18,7 @@ class FrameBatching(Effect):
     meaning: ClassVar[str] = (
         "Touch frames are delivered in groups of this many, all stamped when the last of them arrives, 20 µs apart."
     )
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("frames", "1", 1.0, 20.0, 2.0),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("frames", "1", 1.0, 20.0, 2.0, whole=True),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "timestamp_quantisation",
