@@ -23,7 +23,7 @@ def report(verdict, *left):
 @pytest.mark.parametrize("verdict", ["no_gap", "explained"])
 def test_only_noise_is_called_noise(verdict, capsys):
     for made in (report(verdict), report(verdict, RIPPLE)):
-        _tell(made, None, 6)
+        _tell(made, None)
         for said in (capsys.readouterr().out, headline(made)):
             if made.passed_over:
                 assert "beyond chance" in said
@@ -38,20 +38,20 @@ def test_what_stays_unexplained_stays_so():
 
 def test_what_a_gap_follows_is_told_in_words(capsys):
     made = replace(report("unexplained"), unexplained_by="normal_acceleration")
-    _tell(made, None, 6)
+    _tell(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: a gap remains that follows the normal acceleration;")
 
 
 def test_scatter_is_not_told_as_something_that_a_gap_follows(capsys):
     made = replace(report("unexplained"), unexplained_by="scatter")
-    _tell(made, None, 6)
+    _tell(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: single edges scatter more than those of a sound rig")
 
 
 def test_what_is_left_of_a_covariate_is_told_in_words(capsys):
-    _tell(report("no_gap", PassedOver("time_in_run", 1e-5, "too little")), None, 6)
+    _tell(report("no_gap", PassedOver("time_in_run", 1e-5, "too little")), None)
     assert "but left: the time in the run, too little." in capsys.readouterr().out
 
 
@@ -64,8 +64,11 @@ def test_a_wider_shadow_is_not_told_twice():
         assert ("scale_error" in not_seen(session, fit)) is listed
 
 
-def test_a_limit_of_effects_is_told_instead_of_that_none_is_known(capsys):
-    _tell(report("unexplained"), None, 0)
-    said = capsys.readouterr().out
-    assert "--max-effects 0" in said
-    assert "no known effect" not in said
+@pytest.mark.parametrize("follows", ["speed", "scatter"])
+def test_a_limit_of_effects_is_told_instead_of_that_none_is_known(follows, capsys):
+    made = replace(report("unexplained"), unexplained_by=follows, stopped_at=0)
+    _tell(made, None)
+    for said in (capsys.readouterr().out, headline(made)):
+        assert "effects were limited to 0" in said
+        assert "no known effect" not in said
+        assert "follows scatter" not in said

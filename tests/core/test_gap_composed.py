@@ -105,6 +105,7 @@ def test_a_gap_without_a_name_is_closed_provisionally() -> None:
     slope = (term.value[-1] - term.value[0]) / (term.x[-1] - term.x[0]) * 509.2
     assert slope == pytest.approx(30, abs=6)
     assert term.words().startswith(f"Provisional term {term.name} ")
+    assert " mm. It has no name" in term.words()  # where on the panel it is largest
 
 
 def test_without_a_gap_there_is_no_provisional_term(whole: GapReport) -> None:

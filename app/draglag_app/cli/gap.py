@@ -96,7 +96,7 @@ def gap(
         remedy = "" if told else "Record what is missing"
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     if not as_json:
-        _tell(result, report, max_effects)
+        _tell(result, report)
         if provisional:
             nothing = "No provisional term: nothing is unexplained that a smooth term would close."
             click.echo(nothing if unnamed is None else unnamed.words())
@@ -107,7 +107,7 @@ def gap(
             click.echo(f"Model: {model_path}{without_it}")
 
 
-def _tell(result: GapReport, report: Path | None, max_effects: int) -> None:
+def _tell(result: GapReport, report: Path | None) -> None:
     rows = []
     for step in result.steps:
         sizes = ", ".join(f"{k} {v:.4g} ({low:.4g} to {high:.4g})" for k, (v, (low, high)) in step.parameters.items())
@@ -118,14 +118,8 @@ def _tell(result: GapReport, report: Path | None, max_effects: int) -> None:
     words = {
         "no_gap": "No gap: what is left is noise.",
         "explained": "Explained: with these effects only noise is left.",
-        "unexplained": unexplained_in_words(result.unexplained_by),
+        "unexplained": unexplained_in_words(result.unexplained_by, result.stopped_at),
     }
-    if len(result.steps) >= max_effects:
-        follows = followed(result.unexplained_by or "")
-        words["unexplained"] = (
-            f"Unexplained with --max-effects {max_effects}: a gap remains that follows {follows}; no more effects were "
-            "tried."
-        )
     if result.passed_over:  # told below
         words["no_gap"] = "No gap worth a name: what is left beyond chance is too little for one."
         words["explained"] = "Explained by these effects; what is left beyond chance is too little for a name."

@@ -14,7 +14,7 @@ _EVERY_MS = 500
 
 
 class Garbage(QObject):
-    """Looks as often as Python would, but from this thread's event loop."""
+    """Looks by Python's own thresholds, but from this thread's event loop, at most twice a second."""
 
     def __init__(self, application: QCoreApplication) -> None:
         super().__init__(application)

@@ -15,6 +15,10 @@ from draglag.recording import FloatArray
 from draglag.simulation.residual import View
 
 POINTS = 25
+UNITS = {
+    "session_time": "s", "time_in_run": "s", "x": "mm", "speed": "mm/s", "acceleration": "mm/s²",
+    "normal_acceleration": "mm/s²", "direction_angle": "rad",
+}  # fmt: skip
 ROLES = {"latency": "ms", "direction": "ms", "offset": "mm", "width": "mm"}
 
 
@@ -52,7 +56,8 @@ class Provisional:
         return (
             f"Provisional term {self.name} ({self.role}): gap {self.gap_before_mm:.3f} → {self.gap_after_mm:.3f} mm, "
             f"noise floor {self.noise_floor_mm:.3f} mm, p {self.p_value:.1g}; at most {self.value[k]:.3g} {self.unit} "
-            f"({self.low[k]:.3g} to {self.high[k]:.3g}) at {self.x[k]:.4g}. It has no name: look for the cause."
+            f"({self.low[k]:.3g} to {self.high[k]:.3g}) at {self.x[k]:.4g} {UNITS[self.covariate]}. "
+            "It has no name: look for the cause."
         )
 
     def to_dict(self) -> dict[str, object]:

@@ -33,11 +33,18 @@ def followed(covariate: str) -> str:
     return FOLLOWS.get(covariate, covariate)
 
 
-def unexplained_in_words(covariate: str | None) -> str:
-    """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate: it follows none."""
-    if covariate == "scatter":
-        return "Unexplained: single edges scatter more than those of a sound rig, and no known effect makes them."
-    return f"Unexplained: a gap remains that follows {followed(covariate or '')}; no known effect makes it."
+def unexplained_in_words(covariate: str | None, stopped_at: int | None = None) -> str:
+    """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate: it follows none. stopped_at: as many
+    effects as the workflow was allowed, where more might be known."""
+    scatter = covariate == "scatter"
+    what = (
+        "single edges scatter more than those of a sound rig"
+        if scatter
+        else (f"a gap remains that follows {followed(covariate or '')}")
+    )
+    if stopped_at is not None:
+        return f"Unexplained: {what}; effects were limited to {stopped_at}."
+    return f"Unexplained: {what}{', and no known effect makes them' if scatter else '; no known effect makes it'}."
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,8 @@ class PassedOver:
 
 @dataclass(frozen=True)
 class GapReport:
-    """The workflow's result. verdict: explained | no_gap | unexplained, or None with ``missing`` for a poor session."""
+    """The workflow's result. verdict: explained | no_gap | unexplained, or None with ``missing`` for a poor session.
+    stopped_at: how many effects were allowed, where that ended the search."""
 
     session: str
     verdict: str | None
@@ -99,6 +107,7 @@ class GapReport:
     first: Fit | None = field(default=None, repr=False)
     last: Fit | None = field(default=None, repr=False)
     finding: Finding | None = field(default=None, repr=False)
+    stopped_at: int | None = None
 
     def to_dict(self) -> dict[str, object]:
         """The design's ``gap --json`` (section 5)."""

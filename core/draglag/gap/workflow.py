@@ -152,6 +152,7 @@ def close_gap(
             fit = found[0].fit
         fit, steps = without_proxies(repaired, fit, steps)
         finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
+    stopped_at = max_effects if finding.significant and len(steps) >= max_effects else None
     if unexplained is None and finding.significant:
         unexplained = still_there(fit, finding)
     if grace is not None and unexplained is not None and unexplained.covariate == grace.covariate:
@@ -200,6 +201,7 @@ def close_gap(
         first,
         fit,
         finding,
+        stopped_at,
     )
 
 

@@ -52,7 +52,7 @@ _WORDS_PASSED_OVER = {
 def headline(report: GapReport) -> str:
     """The verdict in a sentence; nothing that is beyond chance is called noise."""
     if report.verdict == "unexplained":
-        return unexplained_in_words(report.unexplained_by)
+        return unexplained_in_words(report.unexplained_by, report.stopped_at)
     words = _WORDS | (_WORDS_PASSED_OVER if report.passed_over else {})
     return words[report.verdict or "no_gap"]
 
