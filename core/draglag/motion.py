@@ -18,6 +18,7 @@ from draglag.recording import FloatArray, IntArray, TouchTrace
 
 SAVGOL_ORDER = 4  # the paper, Section III.A
 SAVGOL_WINDOW = 61
+IN_CACHE = 8192  # numbers that are worked on at once
 DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at the centre of a window
 
 
@@ -117,19 +118,24 @@ def local_fit(
     last = np.searchsorted(t_s, at_s + width_s, side="left")
     middle, count = np.searchsorted(t_s, at_s), last - first
     w = max(int(np.max(count, initial=1)), degree + 1)
-    index = np.minimum(first[:, None] + np.arange(w), t_s.size - 1)
-    u = (t_s[index] - at_s[:, None]) / width_s[:, None]
-    kernel = np.maximum(1 - u * u, 0.0) * (np.arange(w) < count[:, None])
-    # Powers and both coordinates side by side: one product of matrices gives the normal ones and the right-hand sides.
-    sides, weighted = np.empty((degree + 3, m, w)), np.empty((degree + 1, m, w))
-    sides[0], weighted[0] = 1.0, kernel
-    for _ in range(roundness - 1):
-        weighted[0] *= kernel
-    for order in range(degree):
-        np.multiply(sides[order], u, out=sides[order + 1])
-        np.multiply(weighted[order], u, out=weighted[order + 1])
-    sides[-2], sides[-1] = xy_mm[:, 0][index], xy_mm[:, 1][index]
-    normal, moment = np.split(np.swapaxes(weighted, 0, 1) @ np.moveaxis(sides, 0, 2), [degree + 1], axis=2)
+    weighted = np.empty((degree + 1, m, w))
+    normal, moment = np.empty((m, degree + 1, degree + 1)), np.empty((m, degree + 1, 2))
+    rows = max(IN_CACHE // w, 1)
+    for part in (slice(begin, begin + rows) for begin in range(0, m, rows)):
+        index = np.minimum(first[part, None] + np.arange(w), t_s.size - 1)
+        u = (t_s[index] - at_s[part, None]) / width_s[part, None]
+        kernel = np.maximum(1 - u * u, 0.0) * (np.arange(w) < count[part, None])
+        # Powers and both coordinates side by side: one product of matrices gives the normal ones and the moments.
+        sides, own = np.empty((degree + 3, *u.shape)), weighted[:, part]
+        sides[0], own[0] = 1.0, kernel
+        for _ in range(roundness - 1):
+            own[0] *= kernel
+        for order in range(degree):
+            np.multiply(sides[order], u, out=sides[order + 1])
+            np.multiply(own[order], u, out=own[order + 1])
+        sides[-2], sides[-1] = xy_mm[:, 0][index], xy_mm[:, 1][index]
+        both = np.swapaxes(own, 0, 1) @ np.moveaxis(sides, 0, 2)
+        normal[part], moment[part] = both[:, :, :-2], both[:, :, -2:]
     # Inside a window of half width h the events must reach to both sides, or the fit extrapolates.
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
     normal[~ok] = np.eye(degree + 1)

@@ -13,7 +13,7 @@ from draglag.gap.heldout import gap_mm
 from draglag.gap.likelihood import profile
 from draglag.gap.noise import scatter
 from draglag.gap.parameters import parameters_of
-from draglag.gap.refits import HOPELESS, RARE, gained, possible, refit
+from draglag.gap.refits import RARE, gained, possible, refit
 from draglag.gap.state import FOLLOW_ACCELERATION, LAGGING, Term, look
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
@@ -34,6 +34,7 @@ LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are r
 # Of a delay's gain: from one delay to the next the likelihood jumps by so much, and speeds read from noisy events draw
 # it to delays a fifth to a third too short (our own simulation, and sessions of another generator).
 ROUGH = 0.1
+OVERTAKES = 0.5  # of a sure name's gain: what the edges as they are placed promise less will not overtake it
 LEAST_SURE_S = 0.01  # of another moment than the present one, for all that its interval allows
 
 
@@ -79,7 +80,7 @@ def delayed(session: Session, before: Fit, finding: Finding, plateau: bool, sure
     profile = delay_profile(before, [*USUAL, *OTHER])
     usual, other = profile[: len(USUAL)], profile[len(USUAL) :]
     term = Term(LAGGING, OTHER[int(np.argmax(other))], (0.0,))
-    asked_for = other.max() > usual.max() and other.max() - usual[0] > HOPELESS * sure
+    asked_for = other.max() > usual.max() and other.max() - usual[0] > OVERTAKES * sure
     for _ in range(ROUNDS if asked_for else 0):
         fit = refit(session, before, [*before.terms, term], plateau, before.law)
         if fit is None or not possible(LAGGING, fit):

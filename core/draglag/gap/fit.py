@@ -10,12 +10,12 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.edges import Placed
-from draglag.gap.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
+from draglag.gap.likelihood import cost_without_nuisances, downhill, likeliest, likelihoods, profile
 from draglag.gap.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
 from draglag.gap.run_data import RunData, undone
 from draglag.gap.search import at_best_rates, cost_beside
-from draglag.gap.state import Term, look, stepped, term_signature, usable
+from draglag.gap.state import State, Term, look, stepped, term_signature, usable
 from draglag.gap.unwarped import Unwarped
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
@@ -23,6 +23,9 @@ from draglag.simulation.residual import Averaged, View
 
 RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
 HELD = 1e9  # precision
+STEPS, ATTEMPTS = 12, 6
+PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
+ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
 START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
 
@@ -114,7 +117,7 @@ def fit_session(
         if other_cost < cost_without_nuisances(white, state, use):
             state, use = states[1], use & ~strayed
             white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-    for iteration in range(12):
+    for iteration in range(STEPS):
         if iteration == 1:
             better, fewer = at_best_rates(state, white, use, runs, width)
             if better is not state:
@@ -134,40 +137,23 @@ def fit_session(
             if better is not state:
                 state, use = better, fewer
                 white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-        a, b = white.apply(state.design[use]), white.apply(state.residual[use])
-        calm = 1 / np.sqrt(np.maximum(1.0, np.abs(b) / 4))  # Huber: far edges pull, but not with their square
-        normal = (a * calm[:, None]).T @ (a * calm[:, None])
-        moment = (a * calm[:, None]).T @ (b * calm)
-        cost = cost_without_nuisances(white, state, use)
-        for attempt in range(6):
-            # Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave.
-            damped = normal + np.diag(state.prior + damping * np.diag(normal))
-            step = np.linalg.pinv(damped, hermitian=True) @ moment
-            trial = stepped(state, step, runs, width)
-            new_cost, strayed = cost_beside(white, trial, state, use)
-            if new_cost <= cost + 0.1:  # placing an edge is exact to a few µm only
-                if attempt == 0:
-                    damping = damping / 10 if damping > 1e-5 else 0.0
-                break
-            damping = max(10 * damping, 1e-3)
-        else:
-            settled = not judged
-            if judged:
-                break
+        found = _next(state, white, use, runs, width, damping, ENOUGH if judged else ROUGHLY)
+        if found is None and judged:
+            break
+        settled = found is None
+        if found is None:
             continue
-        gained = cost - new_cost
-        state = trial
+        state, strayed, gained, damping = found
         if strayed.any():
             use = use & ~strayed
             white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
         # Edges and weights follow the law, but not to the end: or the search would chase them.
-        if not judged:
-            if start is None:
-                use = usable(state, runs, loose=iteration < 2)
+        if start is None and not judged:
+            use = usable(state, runs, loose=iteration < 2)
             white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-        if judged and gained < 0.05:
+        if judged and gained < ENOUGH:
             break
-        settled = not judged and gained < 0.5 and iteration >= 2
+        settled = not judged and gained < ROUGHLY and iteration >= 2
     placed, view, law, geometry, active = state.placed, state.view, state.law, state.geometry, list(state.terms)
     use = use & (usable(state, runs, loose=False) if start is None else placed.ok)
     parts = scatter(runs, placed, use, state.blur_mm)
@@ -199,6 +185,33 @@ def fit_session(
         width,
         state.blur_mm,
     )
+
+
+def _next(
+    state: State,
+    white: Whitener,
+    use: np.ndarray,
+    runs: tuple[RunData, ...],
+    width_mm: float,
+    damping: float,
+    least: float,
+) -> tuple[State, np.ndarray, float, float] | None:
+    """A point further down, which edges cannot be placed there, by how much the cost fell and the damping to go on with
+    (Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave). None where no step
+    promises at least that much, or goes down at all."""
+    down = downhill(white, state, use)
+    for attempt in range(ATTEMPTS):
+        step, promised = down.step(state.prior, damping)
+        if promised < least:
+            return None
+        there = stepped(state, step, runs, width_mm)
+        cost, strayed = cost_beside(white, there, state, use)
+        if cost <= down.cost + PLACING:
+            if attempt == 0:
+                damping = damping / 10 if damping > 1e-5 else 0.0
+            return there, strayed, down.cost - cost, damping
+        damping = max(10 * damping, 1e-3)
+    return None
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:

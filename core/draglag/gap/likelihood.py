@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +13,8 @@ from draglag.gap.noise import LOCAL, Components, Scatter
 from draglag.gap.state import State
 from draglag.gap.whitening import Seen, Whitener, seen
 from draglag.recording import FloatArray
+
+CALM = 4.0  # standard deviations: Huber's corner
 
 
 def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: FloatArray) -> tuple[float, FloatArray]:
@@ -69,19 +71,60 @@ def likeliest(
 
 def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:
     """Huber's cost after the best nuisances: a step must not be refused for what they would take up."""
+    left, own_cost = _without_nuisances(white, state, use)
+    return _calm_cost(left) + own_cost
+
+
+@dataclass(frozen=True)
+class Downhill:
+    """What Gauss–Newton knows at a point of all that is sought, the nuisances at their best.
+
+    Attributes: curvature (p, p) and slope (p,) of the cost; rows and columns of nuisances are empty. cost: there.
+    """
+
+    curvature: FloatArray
+    slope: FloatArray
+    cost: float
+
+    def step(self, prior: FloatArray, damping: float) -> tuple[FloatArray, float]:
+        """A damped step (p,) and by how much the cost should fall. prior: (p,) precision of the step itself."""
+        damped = self.curvature + np.diag(prior + damping * np.diag(self.curvature))
+        step = np.linalg.pinv(damped, hermitian=True) @ self.slope
+        return step, float(step @ self.slope - 0.5 * step @ self.curvature @ step)
+
+
+def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
+    """The way down from a point, far edges pulling but not with their square (Huber)."""
+    left, own_cost = _without_nuisances(white, state, use)
+    sought = white.apply(state.design[use])
+    calm = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / CALM))
+    whole = sought * calm[:, None]
+    normal, moment = whole.T @ whole, whole.T @ (left * calm)
+    own = _nuisances(state)
+    given = np.linalg.inv(normal[own, own] + np.diag(state.prior[own])) @ normal[own]
+    curvature = normal - normal[:, own] @ given
+    curvature[own], curvature[:, own], moment[own] = 0.0, 0.0, 0.0
+    return Downhill(curvature, moment, _calm_cost(left) + own_cost)
+
+
+def _nuisances(state: State) -> slice:
     end = base_prior(state.law).size
-    nuisance = slice(end - N_NUISANCES, end)
-    a, b = white.apply(state.design[use][:, nuisance]), white.apply(state.residual[use])
-    precision: FloatArray = state.prior[nuisance]
+    return slice(end - N_NUISANCES, end)
+
+
+def _without_nuisances(white: Whitener, state: State, use: np.ndarray) -> tuple[FloatArray, float]:
+    """What the best nuisances leave (m,), and what they cost themselves."""
+    own = _nuisances(state)
+    a, b = white.apply(state.design[use][:, own]), white.apply(state.residual[use])
+    precision: FloatArray = state.prior[own]
     left: FloatArray = b
     for _ in range(2):
-        calm = a / np.maximum(1.0, np.abs(left) / 4)[:, None]
+        calm = a / np.maximum(1.0, np.abs(left) / CALM)[:, None]
         size = np.linalg.solve(calm.T @ a + np.diag(precision), calm.T @ b)
         left = np.asarray(b - a @ size, float)
-    return _calm_cost(left) + 0.5 * float(size**2 @ precision)
+    return left, 0.5 * float(size**2 @ precision)
 
 
 def _calm_cost(z: FloatArray) -> float:
-    """Huber's cost with its corner at 4 standard deviations."""
     size = np.abs(z)
-    return float(np.sum(np.where(size < 4, 0.5 * size**2, 4 * size - 8)))
+    return float(np.sum(np.where(size < CALM, 0.5 * size**2, CALM * size - 0.5 * CALM**2)))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from draglag.gap.likelihood import CALM
 from draglag.gap.model import LEAST_AMPLITUDE_S, LawParameters
 from draglag.gap.state import State
 from draglag.gap.whitening import Whitener
@@ -19,7 +20,6 @@ from draglag.recording import FloatArray
 
 RATES_S_MM = np.geomspace(0.001, 0.06, 12)
 PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one
-CALM = 4.0  # standard deviations beyond which an edge's pull does not grow
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from draglag.simulation.effects import EFFECTS
 
 PLATEAU, MODE, SMOOTHING = "low_speed_plateau", "second_filter_mode", "smoothing_shrink"
 SAME_MODEL_BETTER = 6.0  # twice the log-likelihood by which a second start beats the first
-HOPELESS = 0.2  # of a sure name's gain: what scores less before its refit will not overtake it
+HOPELESS = 0.3  # of a sure name's gain: what promises less before its refit will not overtake it
+SETTLING = 4  # refits of what is found beside its own setting
 RARE = 10.0  # gain after its price that chance alone gives to fewer than one session in a hundred
 # Of an effect's typical size, 0.1 where not said: less is of no use to anybody, and a proxy more likely than itself.
 # The position fits bend circles as a low-pass of some 8 ms would; a hand's acceleration is some 100 mm/s², and the time

@@ -6,13 +6,15 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from scipy.stats import chi2
 
-from draglag.gap.finding import Candidate
+from draglag.gap.finding import LEVEL, Candidate
 from draglag.gap.fit import RIPPLE, Fit, log_likelihood_of
 from draglag.gap.model import N_NUISANCES, base_prior
-from draglag.gap.naming import shown_ripple
-from draglag.gap.noise import TREMOR_MM_S, scatter
+from draglag.gap.noise import RUN_S, TREMOR_MM_S, scatter
 from draglag.gap.results import COVARIATE
+from draglag.gap.tries import shown_ripple
+from draglag.gap.whitening import whitener
 
 # What single edges scatter by on sound panels beyond the touch noise, from none to the most (generated sound sessions).
 SOUND_EDGE_MM = (0.0, 0.05, 0.1)
@@ -27,6 +29,8 @@ SHARE_MOST = 0.12
 # Between runs, beyond what panels differ by from run to run; on 40 sound sessions it never fitted better.
 WIDER_S = (0.002, 0.004, 0.008)
 MOST_BETWEEN = 20.0
+
+SEEN = 0.3  # of the best seen combination of levels: the curve takes up most of what is less
 BY_TURN = 0.7  # of what runs differ by
 
 
@@ -51,9 +55,31 @@ def excess_between_runs(fit: Fit) -> Candidate | None:
     now = fit.whiteners[fit.best].components
     wider = [replace(now, run_s=run_s) for run_s in WIDER_S]
     excess = 2 * (max(log_likelihood_of(fit, parts, c) for c in wider) - log_likelihood_of(fit, parts, now))
-    if excess < MOST_BETWEEN:
+    off, levels = off_the_curve(fit)
+    if excess < MOST_BETWEEN and chi2.sf(off, levels) > LEVEL:
         return None
-    return Candidate(None, "turn" if _follows_turn(fit) else "run", "latency", float(excess), 1, 1, 0.0)
+    return Candidate(None, "turn" if _follows_turn(fit) else "run", "latency", max(float(excess), off), 1, 1, 0.0)
+
+
+def off_the_curve(fit: Fit) -> tuple[float, int]:
+    """χ² of the runs' own latencies about the fitted curve, and its degrees of freedom, if panels differed from run to
+    run by the most that they do.
+
+    A curve of another shape than Eq. 5 leaves runs on either side of it, one or two at each speed: taken for a random
+    latency of each run, that is no more than twice as wide as can be, and yet it is not chance.
+    """
+    steady = [k for k in np.unique(fit.run_index) if fit.runs[k].steady]
+    own = (fit.run_index[:, None] == steady) * fit.view.v_across[:, None]
+    parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
+    white = whitener(parts, replace(fit.whiteners[fit.best].components, run_s=max(RUN_S)))
+    # What is sought has a weak prior of its own: rows of it below those of the edges.
+    prior = np.diag(np.sqrt(fit.prior))
+    model, _ = np.linalg.qr(np.vstack([white.apply(fit.design), prior]))
+    both = np.vstack([white.apply(np.column_stack([own, fit.residual_mm])), np.zeros((len(prior), len(steady) + 1))])
+    left = both - model @ (model.T @ both)
+    levels, size, _ = np.linalg.svd(left[:, :-1], full_matrices=False)
+    told = size > SEEN * size.max(initial=0.0)
+    return float(np.sum((levels[:, told].T @ left[:, -1]) ** 2)), int(np.count_nonzero(told))
 
 
 def _follows_turn(fit: Fit) -> bool:

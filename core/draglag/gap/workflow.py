@@ -43,6 +43,7 @@ MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
 LEAVE_ANOTHER_SPEED = {"acceleration_lag", "lagging_law", "smoothing_shrink", "second_filter_mode"}
 OF_UNSURE_AGE = {"sample_hold", "timestamp_quantisation"}
+OF_ITS_GAIN = 0.1  # that the model's own better point gains: less does not make a name
 CLOSES = 0.5  # of the gap: a name that closes so much of it is not the model's own search that had stopped short
 UNFITTED = (
     "edges that no law can be fitted to: touch or laser misses a large part of most runs, or they are not of one drag"
@@ -119,7 +120,8 @@ def close_gap(
             names = [n for n in names if shrinks(fit, n.fit)]
         better = refit(repaired, fit, fit.terms, plateau, names[0].fit.law) if names and retries else None
         closes = bool(names) and better is not None and names[0].gap_after_mm < CLOSES * gap_mm(better)
-        if better is not None and not closes and gained(fit, better) > SAME_MODEL_BETTER:
+        least = max(SAME_MODEL_BETTER, OF_ITS_GAIN * names[0].gain) if names else np.inf
+        if better is not None and not closes and gained(fit, better) > least:
             # The model itself had not found its best point: an effect must not be named for that.
             retries -= 1
             looked, fit = PLATEAU not in allowed, better

@@ -1,0 +1,109 @@
+"""Which names are worth a joint refit beside a finding, and where each refit begins."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.errors import EstimateError
+from draglag.gap.delayed import OTHER, delayed
+from draglag.gap.finding import Finding
+from draglag.gap.fit import RIPPLE, Fit, latency_of_terms, most_promising
+from draglag.gap.lattice import Lattice
+from draglag.gap.plateau import promised_gain
+from draglag.gap.refits import MODE, PLATEAU, RARE, SETTLING, SMALLEST, refit
+from draglag.gap.run_data import as_shown, lattice_in
+from draglag.gap.signatures import SIGNATURES
+from draglag.gap.state import LAGGING, Term
+from draglag.gap.stepped import Step, find_step
+from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, law_beside, settled
+from draglag.recording import Session
+from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S
+
+REFITTED = 6
+HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
+HINTS = 5.0  # times that gain is what the law itself may come to; 1 to 3 times is usual
+
+
+@dataclass(frozen=True)
+class Try:
+    """A name to be refitted. promised: what it gains as far as that is known before; n_columns, n_grid: its price."""
+
+    effect: str
+    theta: tuple[float, ...]
+    n_columns: int
+    n_grid: int
+    promised: float
+    found: Step | Switching | None = None
+
+
+def tries(before: Fit, finding: Finding, candidates: Collection[str], plateau: bool) -> list[Try]:
+    """The effects worth a refit, the likeliest first where that is known."""
+    significant = [c for c in finding.significant if c.effect in SIGNATURES and c.effect in candidates]
+    out = [Try(c.effect, c.theta, c.n_columns, c.n_grid, c.score) for c in significant[:REFITTED] if c.effect]
+    new = {e for e in candidates if all(t.effect != e for t in before.terms)}
+    step = find_step(before.runs, latency_of_terms(before)) if MODE in new and not plateau else None
+    switching = find_switching(before) if MODE in new and finding.significant else None
+    mode = None if step is None else Try(MODE, (), 1, 32, step.gain, step)
+    if switching is not None and switching.gain > RARE:
+        n_columns = 1 + round(EACH_SWITCH / 6 * len(switching.on_s) * 2)
+        mode = Try(MODE, switching.theta, n_columns, 1, switching.gain, switching)
+    if mode is not None:
+        out = [*(t for t in out if t.effect != MODE), mode]
+    if PLATEAU in candidates and not plateau:
+        promised = promised_gain(before)
+        out += [Try(PLATEAU, (), 1, 8, promised)] if promised > 0 else []
+    out = [t for t in out if t.effect != LAGGING]
+    hint = max((c.gain for c in finding.candidates if c.effect == LAGGING), default=0.0)
+    if LAGGING in candidates and hint > HINTED:
+        out.append(Try(LAGGING, (), 1, len(OTHER), HINTS * hint))
+    if RIPPLE in new and all(t.effect != RIPPLE for t in out):
+        lattice = shown_ripple(before)
+        out += [Try(RIPPLE, (lattice.pitch_mm, 1.0), 4, 1, np.inf)] if lattice is not None else []
+    return out
+
+
+def refitted(session: Session, before: Fit, finding: Finding, plateau: bool, sure: float, a: Try) -> Fit | None:
+    """The joint refit with a name, begun where that name asks for it."""
+    if a.effect == PLATEAU:
+        return refit(session, before, before.terms, True)
+    if a.effect == LAGGING:
+        return delayed(session, before, finding, plateau, sure)
+    if isinstance(a.found, Switching):
+        return _switched(session, before, a.found, plateau)
+    if isinstance(a.found, Step):
+        thresholds = [(float(v), 0.0) for v in a.found.thresholds_mm_s()]
+        options = [[*before.terms, Term(MODE, at, (a.found.size_s,))] for at in thresholds]
+        return refit(session, before, most_promising(before, options, a.found.law), plateau, a.found.law)
+    if a.effect == "acceleration_lag":
+        options = [[*before.terms, Term(a.effect, (lag, WINDOWS_S[0]), (lag,))] for lag in LAGS_S3_MM]
+        return refit(session, before, most_promising(before, options, before.law), plateau)
+    return refit(session, before, [*before.terms, Term(a.effect, a.theta)], plateau)
+
+
+def shown_ripple(fit: Fit) -> Lattice | None:
+    """The lattice that the touch events show, if large enough for a name, however little of it the edges show."""
+    lattice = lattice_in(as_shown(fit.runs))
+    least_mm = SMALLEST[RIPPLE] * EFFECTS[RIPPLE].parameters[0].typical
+    return None if lattice is None or float(np.abs(lattice.sizes_mm).max()) < least_mm else lattice
+
+
+def _switched(session: Session, before: Fit, switching: Switching, plateau: bool) -> Fit | None:
+    """The fit with a filter that comes and goes, its times settled beside the law."""
+    fit, law, theta, size_s = None, None, switching.theta, switching.size_s
+    for _ in range(SETTLING):
+        only = away(before.placed.since_start_s, theta)
+        fit = refit(session, before, [*before.terms, Term(MODE, theta, (size_s,))], plateau, law, only)
+        if fit is None:
+            return None
+        size_s, last = fit.terms[-1].sizes[0], theta
+        theta = settled(fit, size_s, theta)
+        if (theta == last and law is not None) or len(theta) < 4:
+            break
+        with contextlib.suppress(EstimateError):
+            law = law_beside(fit, plateau)
+    return fit
