@@ -177,13 +177,13 @@ def test_a_ripple_along_y_alone_is_named_with_its_amplitude(sound: Session) -> N
     assert step.parameters["pitch_mm"][0] == pytest.approx(5.6, rel=0.01)
 
 
-@pytest.mark.parametrize("bump_s", [0.008, -0.008])
-def test_a_curve_of_another_shape_is_owned_up_to(bump_s: float) -> None:
+@pytest.mark.parametrize(("bump_s", "at_mm_s", "width_mm_s"), [(0.006, 120, 25), (-0.006, 250, 50)])
+def test_a_curve_of_another_shape_is_owned_up_to(bump_s: float, at_mm_s: float, width_mm_s: float) -> None:
     """A bump about one speed leaves runs at either side of Eq. 5, no more than twice as far as panels' runs may lie."""
     session = simulated()
 
     def bumped(run: Run) -> Run:
-        away = ((run.nominal_speed_mm_s or 1e9) - 160) / 40
+        away = ((run.nominal_speed_mm_s or 1e9) - at_mm_s) / width_mm_s
         return replace(run, touch=replace(run.touch, t_s=run.touch.t_s + bump_s * np.exp(-0.5 * away**2)))
 
     report = close_gap(replace(session, runs=tuple(map(bumped, session.runs))))

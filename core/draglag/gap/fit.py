@@ -34,7 +34,8 @@ class Fit:
     """A converged joint fit.
 
     Attributes (m used edges): use: mask over placed; residual_mm; design (m, p): columns that explain residuals, base
-    then terms; view: restricted to the used edges; whiteners: one a grid point; best: index of the likeliest.
+    then terms; view: restricted to the used edges; whiteners: one a grid point; best: index of the likeliest; only:
+    mask over placed of the edges that the fit was to judge by, None for all.
     """
 
     runs: tuple[RunData, ...]
@@ -53,6 +54,7 @@ class Fit:
     log_likelihood: float
     width_mm: float
     blur_mm: FloatArray
+    only: np.ndarray | None = None
 
     @property
     def run_index(self) -> np.ndarray:
@@ -184,6 +186,7 @@ def fit_session(
         float(values[best]),
         width,
         state.blur_mm,
+        only,
     )
 
 

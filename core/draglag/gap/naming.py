@@ -117,7 +117,7 @@ def with_times_anew(session: Session, first: Fit, name: Name, plateau: bool) -> 
         if theta == last or len(theta) < 4:
             break
         terms = [Term(MODE, theta, (size_s,)) if t.effect == MODE else t for t in fit.terms]
-        anew = refit(session, first, terms, plateau, fit.law, away(fit.placed.since_start_s, theta))
+        anew = refit(session, first, terms, plateau, fit.law, away(fit.placed, theta, size_s))
         if anew is None:
             break
         fit = anew

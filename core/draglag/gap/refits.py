@@ -30,6 +30,7 @@ SMALLEST = {
     "pitch_ripple": 0.25,
     "direction_asymmetry": 0.2,
 }
+MOST_LOST, LEAST_JUDGED = 0.1, 0.6  # of the edges
 BEYOND_SLOWEST = 1.25  # a plateau must hold for more than the slowest run
 
 
@@ -49,13 +50,16 @@ def refit(
 
 
 def gained(before: Fit, after: Fit) -> float:
-    """Twice the log-likelihood that ``after`` gains on the edges that both use."""
-    lost = int(before.use.sum() - (before.use & after.use).sum())
-    if lost > 0.1 * before.use.sum():
+    """Twice the log-likelihood that ``after`` gains on the edges that both use; −∞ if it lost many of those that it was
+    to judge by."""
+    both = before.use & after.use
+    asked = before.use if after.only is None else before.use & after.only
+    total = int(before.use.sum())
+    if asked.sum() < LEAST_JUDGED * total or np.count_nonzero(asked & ~after.use) > MOST_LOST * total:
         return -np.inf
-    if lost:
-        return 2 * (after.log_likelihood - log_likelihood_on(before, before.use & after.use))
-    return 2 * (after.log_likelihood - before.log_likelihood)
+    return 2 * (
+        after.log_likelihood - (before.log_likelihood if both.sum() == total else log_likelihood_on(before, both))
+    )
 
 
 def possible(effect: str, fit: Fit) -> bool:

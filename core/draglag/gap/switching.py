@@ -31,6 +31,7 @@ LAW_SD_S = 2e-3  # how well the law of a fit with most of the states right is kn
 LEVELS = 17
 FAR_S = 0.2
 NEAR_SWITCH_S = 0.15
+UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
 EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
 LEAST_STAY_S = 3.0  # on average: shorter are stalls, or something that follows the path
 LEAST_RUNS = 0.5  # of those of steady speed have to have a switch: otherwise it follows the speed
@@ -131,12 +132,17 @@ def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
     return placed, late_s, sd_s, usable & (np.abs(late_s) < FAR_S)
 
 
-def away(since_start_s: FloatArray, theta: tuple[float, ...]) -> np.ndarray:
-    """Edges (m,) that are not about a switch: there a position is an average of both filters'."""
+def away(placed: Placed, theta: tuple[float, ...], size_s: float) -> np.ndarray:
+    """Edges (m,) that are not about a switch, by its times or by a speed: there a position is an average of both
+    filters', and a trace that stands still or jumps by ``size_s`` shows the speed wrong."""
+    if theta[1] == 0:
+        unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
+        unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
+        return np.asarray(~(np.abs(placed.speed_mm_s - theta[0]) < unsure_mm_s))
     times = np.array(theta[2:])
-    after = np.clip(np.searchsorted(times, since_start_s), 1, times.size - 1)
+    after = np.clip(np.searchsorted(times, placed.since_start_s), 1, times.size - 1)
     nearest = np.column_stack([times[after - 1], times[after]])
-    return np.asarray(np.abs(since_start_s[:, None] - nearest).min(axis=1) > NEAR_SWITCH_S)
+    return np.asarray(np.abs(placed.since_start_s[:, None] - nearest).min(axis=1) > NEAR_SWITCH_S)
 
 
 def fit_lever(fit: Fit) -> FloatArray:

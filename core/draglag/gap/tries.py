@@ -25,6 +25,7 @@ from draglag.simulation.effects import EFFECTS
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S
 
 REFITTED = 6
+BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
 HINTS = 5.0  # times that gain is what the law itself may come to; 1 to 3 times is usual
 
@@ -48,7 +49,10 @@ def tries(before: Fit, finding: Finding, candidates: Collection[str], plateau: b
     new = {e for e in candidates if all(t.effect != e for t in before.terms)}
     step = find_step(before.runs, latency_of_terms(before)) if MODE in new and not plateau else None
     switching = find_switching(before) if MODE in new and finding.significant else None
-    mode = None if step is None else Try(MODE, (), 1, 32, step.gain, step)
+    mode = next((t for t in out if t.effect == MODE), None)
+    if step is not None:
+        by_speed, promised = ((), 0.0) if mode is None or mode.theta[1] else (mode.theta, mode.promised)
+        mode = Try(MODE, by_speed, 1, 32, max(step.gain, promised), step)
     if switching is not None and switching.gain > RARE:
         n_columns = 1 + round(EACH_SWITCH / 6 * len(switching.on_s) * 2)
         mode = Try(MODE, switching.theta, n_columns, 1, switching.gain, switching)
@@ -75,10 +79,8 @@ def refitted(session: Session, before: Fit, finding: Finding, plateau: bool, sur
         return delayed(session, before, finding, plateau, sure)
     if isinstance(a.found, Switching):
         return _switched(session, before, a.found, plateau)
-    if isinstance(a.found, Step):
-        thresholds = [(float(v), 0.0) for v in a.found.thresholds_mm_s()]
-        options = [[*before.terms, Term(MODE, at, (a.found.size_s,))] for at in thresholds]
-        return refit(session, before, most_promising(before, options, a.found.law), plateau, a.found.law)
+    if isinstance(a.found, Step) or (a.effect == MODE and not a.theta[1]):
+        return _above_a_speed(session, before, plateau, a)
     if a.effect == "acceleration_lag":
         options = [[*before.terms, Term(a.effect, (lag, WINDOWS_S[0]), (lag,))] for lag in LAGS_S3_MM]
         return refit(session, before, most_promising(before, options, before.law), plateau)
@@ -92,11 +94,23 @@ def shown_ripple(fit: Fit) -> Lattice | None:
     return None if lattice is None or float(np.abs(lattice.sizes_mm).max()) < least_mm else lattice
 
 
+def _above_a_speed(session: Session, before: Fit, plateau: bool, a: Try) -> Fit | None:
+    """A filter that takes over above the likeliest speed: next to the one that single edges show, or between the two
+    runs whose latencies part; beside it no edge is of one filter alone."""
+    law, speeds = before.law, [v * a.theta[0] for v in BESIDE] if a.theta else []
+    if isinstance(a.found, Step):
+        law, speeds = a.found.law, [*speeds, *a.found.thresholds_mm_s()]
+    size_s = a.found.size_s if isinstance(a.found, Step) else EFFECTS[MODE].parameters[0].typical
+    options = [[*before.terms, Term(MODE, (float(v), 0.0), (size_s,))] for v in speeds]
+    terms = most_promising(before, options, law)
+    return refit(session, before, terms, plateau, law, away(before.placed, terms[-1].theta, size_s))
+
+
 def _switched(session: Session, before: Fit, switching: Switching, plateau: bool) -> Fit | None:
     """The fit with a filter that comes and goes, its times settled beside the law."""
     fit, law, theta, size_s = None, None, switching.theta, switching.size_s
     for _ in range(SETTLING):
-        only = away(before.placed.since_start_s, theta)
+        only = away(before.placed, theta, size_s)
         fit = refit(session, before, [*before.terms, Term(MODE, theta, (size_s,))], plateau, law, only)
         if fit is None:
             return None
