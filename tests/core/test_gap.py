@@ -177,6 +177,23 @@ def test_a_ripple_along_y_alone_is_named_with_its_amplitude(sound: Session) -> N
     assert step.parameters["pitch_mm"][0] == pytest.approx(5.6, rel=0.01)
 
 
+@pytest.mark.parametrize("threshold_mm_s", [180, 320])
+def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_beside(threshold_mm_s: float) -> None:
+    """The run at the threshold itself switches with every tremor: about a switch an edge is of neither filter."""
+    report = close_gap(simulated(f"second_filter_mode=0.012,threshold_mm_s={threshold_mm_s}"))
+    (step,) = report.steps
+    assert (report.verdict, step.effect) == ("explained", "second_filter_mode")
+    extra_s, (low, high) = step.parameters["extra_s"]
+    assert extra_s == pytest.approx(0.012, abs=1.5 * (high - low) / 2)
+    assert (high - low) / 2 < 0.0015
+    low, high = step.parameters["threshold_mm_s"][1]
+    assert low < threshold_mm_s < high
+    assert report.gap_last_mm is not None
+    without = close_gap(simulated()).gap_last_mm
+    assert without is not None
+    assert report.gap_last_mm < 1.1 * without
+
+
 @pytest.mark.parametrize(("bump_s", "at_mm_s", "width_mm_s"), [(0.006, 120, 25), (-0.006, 250, 50)])
 def test_a_curve_of_another_shape_is_owned_up_to(bump_s: float, at_mm_s: float, width_mm_s: float) -> None:
     """A bump about one speed leaves runs at either side of Eq. 5, no more than twice as far as panels' runs may lie."""

@@ -11,11 +11,14 @@ import pytest
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.fit import Fit, fit_session
+from draglag.gap.fit import START, Fit, fit_session
 from draglag.gap.heldout import gap_mm
+from draglag.gap.likelihood import cost_without_nuisances, downhill
 from draglag.gap.model import LawParameters
+from draglag.gap.noise import scatter
 from draglag.gap.run_data import gather
-from draglag.gap.state import Term
+from draglag.gap.state import Term, look
+from draglag.gap.whitening import whitener
 from draglag.protocols import load_protocol
 from draglag.recording import Run, Session, TouchTrace
 from draglag.simulation import simulate_session
@@ -45,6 +48,22 @@ def test_poor_rates_to_begin_with_do_not_matter(plain: tuple[Session, Fit], slow
     poor = replace(best.law, a1_s=0.06, a2_s_mm=slow, a4_s=0.06, a5_s_mm=fast)
     again = fit_session(session, best.runs, start=best, law=poor)
     assert again.log_likelihood == pytest.approx(best.log_likelihood, abs=LIKELY)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.0, 100.0])
+def test_a_step_keeps_what_it_promises(damping: float) -> None:
+    """Where edges are moved as far as the step says, the cost falls by what was promised, nuisances at their best."""
+    session = simulated("clock_drift=20")
+    fit = fit_session(session, gather(session))
+    state = look(fit.runs, fit.law, fit.geometry, [Term("clock_drift")], fit.width_mm, None)
+    use = fit.use & state.placed.ok
+    calm = replace(START, edge_mm=2.0)  # no edge so far off that it pulls with less than its square
+    white = whitener(scatter(fit.runs, state.placed, use, state.blur_mm), calm)
+    down = downhill(white, state, use)
+    step, promised = down.step(state.prior, damping)
+    there = replace(state, residual=state.residual - state.design @ step)
+    assert promised > 0.1
+    assert down.cost - cost_without_nuisances(white, there, use) == pytest.approx(promised, rel=1e-3)
 
 
 def test_a_law_far_off_to_begin_with_costs_no_edges(plain: tuple[Session, Fit]) -> None:

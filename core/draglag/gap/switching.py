@@ -31,6 +31,7 @@ LAW_SD_S = 2e-3  # how well the law of a fit with most of the states right is kn
 LEVELS = 17
 FAR_S = 0.2
 NEAR_SWITCH_S = 0.15
+MOSTLY = 0.5
 UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
 EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
 LEAST_STAY_S = 3.0  # on average: shorter are stalls, or something that follows the path
@@ -138,7 +139,10 @@ def away(placed: Placed, theta: tuple[float, ...], size_s: float) -> np.ndarray:
     if theta[1] == 0:
         unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
         unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
-        return np.asarray(~(np.abs(placed.speed_mm_s - theta[0]) < unsure_mm_s))
+        told = ~(np.abs(placed.speed_mm_s - theta[0]) < unsure_mm_s)
+        # Of a run that is about the threshold all along, the few edges left are those whose speed was read wrong.
+        share = np.bincount(placed.run, told) / np.maximum(np.bincount(placed.run), 1)
+        return np.asarray(told & (share > MOSTLY)[placed.run])
     times = np.array(theta[2:])
     after = np.clip(np.searchsorted(times, placed.since_start_s), 1, times.size - 1)
     nearest = np.column_stack([times[after - 1], times[after]])
