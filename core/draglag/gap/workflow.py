@@ -216,6 +216,8 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
     if p_value > LEVEL:  # a change of the law has no column to be found by: it was named for its gain alone
         p_value = min(p_value, LEVEL * float(np.exp(-0.5 * max(best.gain - RARE, 0.0))))
     evidence = f"deviance falls by {best.gain:.0f} after its price"
+    if effect == MODE and best.fit.only is not None:
+        evidence += f"; {np.count_nonzero(~best.fit.only)} edges about its switches are of neither filter, and left out"
     together = tuple(e for e in ALWAYS_TOGETHER.get(effect, ()) if e in allowed)
     if effect == "clock_drift":
         size = next(t.sizes[0] for t in best.fit.terms if t.effect == effect)

@@ -98,7 +98,7 @@ def write_gap_report(
     body.append(
         f"<p>Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
         f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms); {report.last.residual_mm.size} edges of "
-        f"{len(report.last.runs)} runs.</p>"
+        f"{len(report.last.runs)} runs{_left_out(report)}.</p>"
     )
     body.append(_table(report))
     if provisional is not None:
@@ -120,6 +120,14 @@ def write_gap_report(
             f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
         ) from None
     return path
+
+
+def _left_out(report: GapReport) -> str:
+    """That edges are no longer judged by, about the switches of a second filter or beside holes, if any."""
+    if report.first is None or report.last is None or report.first.use.size != report.last.use.size:
+        return ""
+    lost = np.count_nonzero(report.first.use & ~report.last.use)
+    return f"; {lost} more, which the fit without effects used, are left out" if lost else ""
 
 
 def _table(report: GapReport) -> str:
