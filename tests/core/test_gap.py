@@ -183,6 +183,7 @@ def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_beside(thresh
     report = close_gap(simulated(f"second_filter_mode=0.012,threshold_mm_s={threshold_mm_s}"))
     (step,) = report.steps
     assert (report.verdict, step.effect) == ("explained", "second_filter_mode")
+    assert "are of neither filter, and left out" in step.evidence
     extra_s, (low, high) = step.parameters["extra_s"]
     assert extra_s == pytest.approx(0.012, abs=1.5 * (high - low) / 2)
     assert (high - low) / 2 < 0.0015
