@@ -10,8 +10,10 @@ from draglag.errors import EstimateError
 from draglag.gap.fit import Fit
 from draglag.gap.realised import fitted_shape, has_free_shape
 from draglag.gap.results import GapReport, Step
+from draglag.gap.state import shown_in_trace
 from draglag.model_file import LatencyModel, ModelEffect, Provenance, Shape, model_of
-from draglag.recording import Session
+from draglag.recording import FloatArray, Session
+from draglag.simulation.effects.second_filter_mode import within
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
@@ -32,7 +34,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
     scale = np.array([1e3, law.a2_s_mm, 1e3, law.a5_s_mm, 1e3, 1.0][: 6 if plateau else 5])
     covariance = fit.covariance[: scale.size, : scale.size] * np.outer(scale, scale)
     order = [list(values).index(name) for name in form.names]
-    added_s = fit.placed.latency_s - law(fit.placed.speed_mm_s)  # by effects
+    added_s = fit.placed.latency_s - law(fit.placed.speed_mm_s) + _undone_s(fit)  # by effects
     points = [
         (d.estimate.speed_mm_s, d.estimate.latency_s, float(np.mean(added_s[own])))
         for d, own in ((d, (fit.placed.run == k) & fit.use) for k, d in enumerate(fit.runs))
@@ -55,6 +57,14 @@ def law_of_fit(fit: Fit) -> CurveFit:
         float("nan"),
         float("nan"),
     )
+
+
+def _undone_s(fit: Fit) -> FloatArray:
+    """How much later every placed edge was shown than the trace says after a second filter was undone in it, (m,) s."""
+    out = np.zeros(len(fit.placed))
+    for term in filter(shown_in_trace, fit.terms):
+        out += term.theta[0] * within(term.theta[2:], fit.placed.since_start_s + fit.placed.latency_s)
+    return out
 
 
 def extended_model(session: Session, report: GapReport, created_utc: str = "", input_sha256: str = "") -> LatencyModel:

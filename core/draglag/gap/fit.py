@@ -15,7 +15,7 @@ from draglag.gap.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
 from draglag.gap.run_data import RunData, undone
 from draglag.gap.search import at_best_rates, cost_beside
-from draglag.gap.state import State, Term, look, stepped, term_signature, usable
+from draglag.gap.state import State, Term, look, shown_in_trace, stepped, term_signature, usable
 from draglag.gap.unwarped import Unwarped
 from draglag.gap.whitening import Whitener, whitener
 from draglag.recording import FloatArray, Session
@@ -218,10 +218,11 @@ def _next(
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
-    """Traces with what the terms say undone in them: a ripple if they show it, and a low-pass whose setting is its time
-    constant. What such a term keeps is what is left of it."""
+    """Traces with what the terms say undone in them: a ripple if they show it, a low-pass whose setting is its time
+    constant, a second filter that they show. What such a term keeps is what is left of it."""
     lag_s, *even = next((term.theta for term in terms if term.effect == SMOOTHING and term.theta), (0.0,))
-    ready = undone(runs, any(term.effect == RIPPLE for term in terms), lag_s, bool(even))
+    switched = next(((term.theta[0], *term.theta[2:]) for term in terms if shown_in_trace(term)), ())
+    ready = undone(runs, any(term.effect == RIPPLE for term in terms), lag_s, bool(even), switched)
     lattice = ready[0].lattice if ready else None
     if lattice is None or lattice is runs[0].lattice:
         return ready, terms

@@ -8,8 +8,11 @@ from draglag.gap.fit import Fit
 from draglag.gap.model import base_prior
 from draglag.gap.noise import SPEED_TIMING_S
 from draglag.gap.plateau import plateau_ci95_mm_s
-from draglag.gap.state import ACCEL_UNKNOWN, Term
+from draglag.gap.skips import change_behind
+from draglag.gap.state import ACCEL_UNKNOWN, SHOWN, Term, shown_in_trace
 
+SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
+SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed beside a skip
 Parameters = dict[str, tuple[float, tuple[float, float]]]
 # effect → (parameter, factor from the term's size, sign kept)
 LINEAR = {
@@ -33,6 +36,8 @@ def whole_sizes(term: Term, fit: Fit) -> np.ndarray:
         return np.array(term.sizes) + lattice.sizes_mm[:, 1]
     if term.effect == "lagging_law" and len(term.theta) == 2:
         return np.array(term.sizes) + term.theta[1]
+    if shown_in_trace(term):
+        return np.array(term.sizes) + term.theta[0]
     if term.effect == "smoothing_shrink" and term.theta:
         return np.array(term.sizes) + term.theta[0] ** 2
     return np.array(term.sizes)
@@ -63,11 +68,18 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
             "acceleration_lag": ACCEL_UNKNOWN * abs(sizes[0]),
         }
         se[0] = np.hypot(se[0], systematic.get(effect, 0.0))
+        if effect == "second_filter_mode" and theta[1:2] == (SHOWN,):
+            # Known from the touch events' skips too; few edges may lie in its stretches, or none.
+            skips_s = SKIP_UNKNOWN * theta[0]
+            se[0] = skips_s if se[0] == 0 else 1 / np.hypot(1 / se[0], 1 / skips_s)
         value, reach = factor * sizes[0], abs(factor) * 1.96 * se[0]
         out: Parameters = {name: (float(value), (float(value - reach), float(value + reach)))}
         if effect == "second_filter_mode" and theta and theta[1] < 2:
             unit = "threshold_mm_s2" if theta[1] else "threshold_mm_s"
             out[unit] = (theta[0], (0.8 * theta[0], 1.25 * theta[0]))
+        change = _change_behind(fit) if effect == "second_filter_mode" else None
+        if change is not None:
+            out["threshold_mm_s2"] = (change, (change / SMOOTHED, change * SMOOTHED))
         return out
     if effect == "scale_error":
         diameter = fit.geometry.diameter_mm
@@ -95,13 +107,22 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
     return out
 
 
+def _change_behind(fit: Fit) -> float | None:
+    """Above which change of speed, mm/s², a second filter is there that the touch events show, if that is what it
+    follows."""
+    times = next((t.theta[2:] for t in fit.terms if shown_in_trace(t)), None)
+    return None if times is None else change_behind(fit.runs, times)
+
+
 def where_of(effect: str, fit: Fit) -> str:
     """Where the effect acts, in words."""
     if effect == "low_speed_plateau":
         return f"drag speed below {fit.law.plateau_mm_s:.0f} mm/s"
     times = next((t.theta[2:] for t in fit.terms if t.effect == effect == "second_filter_mode"), ())
     if times:
-        return f"in {len(times) // 2} stretches of time, {sum(times[1::2]) - sum(times[::2]):.0f} s in all"
+        change = _change_behind(fit)
+        cause = "" if change is None else f", as a rule where the speed changes by more than {change:.0f} mm/s²"
+        return f"in {len(times) // 2} stretches of time, {sum(times[1::2]) - sum(times[::2]):.0f} s in all{cause}"
     return {
         "clock_drift": "growing with session time",
         "thermal_drift": "growing with session time",

@@ -11,7 +11,7 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.gap.fit import Fit
 from draglag.gap.parameters import parameters_of, whole_sizes
-from draglag.gap.state import Term
+from draglag.gap.state import SHOWN, Term
 from draglag.recording import Beam, FloatArray, Session
 from draglag.simulation.effects import EFFECTS, Effect, Parameter
 from draglag.simulation.effects.second_filter_mode import within
@@ -54,8 +54,9 @@ class FittedShape(Effect):
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         if self.effect != "second_filter_mode":
             return latency_s
-        if self.theta[1] == 2:
-            return np.asarray(latency_s + self.sizes[0] * within(self.theta[2:], k.session_s))
+        if self.theta[1] >= 2:
+            at_s = k.session_s + (latency_s if self.theta[1] == SHOWN else 0.0)
+            return np.asarray(latency_s + self.sizes[0] * within(self.theta[2:], at_s))
         return latency_s + self.sizes[0] * (np.abs(k.tangential_mm_s2) > self.theta[0])
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
@@ -104,7 +105,7 @@ def has_free_shape(term: Term) -> bool:
     """Whether its numbers alone do not say what the term does: a fitted shape, a filter that follows acceleration."""
     if term.effect == "smoothing_shrink":
         return len(term.theta) == 1  # an even one is the class's own
-    return term.effect in OF_FREE_SHAPE or (term.effect == "second_filter_mode" and term.theta[1:2] in {(1.0,), (2.0,)})
+    return term.effect in OF_FREE_SHAPE or (term.effect == "second_filter_mode" and term.theta[1:2] > (0.0,))
 
 
 def fitted_shape(term: Term, fit: Fit) -> FittedShape:

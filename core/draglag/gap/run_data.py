@@ -10,6 +10,7 @@ from scipy.sparse import csr_matrix, identity
 
 from draglag.errors import EstimateError
 from draglag.events import contact_losses, sample_interval_s
+from draglag.gap.lateness import without_lateness
 from draglag.gap.lattice import Lattice, lattice_of
 from draglag.gap.steep import wide_enough
 from draglag.gap.unwarped import Shown, shown_speed
@@ -26,8 +27,9 @@ QUICK_S = 0.004  # no speed changes within less, whatever the panel's rate
 class RunData:
     """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise.
 
-    lattice, lag_s: what was undone in the trace, an electrodes' ripple and a low-pass's time constant; as_shown: the
-    run before that. spread: (n, events shown) by how much each event shown, noise and all, then moves each of the n.
+    lattice, lag_s, switched: what was undone in the trace, an electrodes' ripple, a low-pass's time constant and a
+    second filter's lateness with its times; as_shown: the run before that. spread: (n, events shown) by how much each
+    event shown, noise and all, then moves each of the n.
     """
 
     run: Run
@@ -43,6 +45,7 @@ class RunData:
     lattice: Lattice | None = None
     lag_s: float = 0.0
     even: bool = False
+    switched: tuple[float, ...] = ()
     spread: csr_matrix | None = None
     as_shown: RunData | None = None
 
@@ -148,8 +151,11 @@ def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
     return tuple(data.as_shown or data for data in runs)
 
 
-def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = False) -> tuple[RunData, ...]:
-    """The runs with the lattice undone that their traces show, if any, and a low-pass of time constant ``lag_s``.
+def undone(
+    runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = False, switched: tuple[float, ...] = ()
+) -> tuple[RunData, ...]:
+    """The runs with the lattice undone that their traces show, if any, a low-pass of time constant ``lag_s``, and a
+    second filter's lateness, s, in the stretches of session time from–to that follow it in ``switched``.
 
     Raises EstimateError where nothing of a run is left: the model would take for undone what is not.
     """
@@ -157,14 +163,17 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = F
         return runs
     raw = as_shown(runs)
     lattice = (runs[0].lattice or lattice_in(raw)) if ripple else None
-    if lattice is runs[0].lattice and (lag_s, even) == (runs[0].lag_s, runs[0].even):
+    if lattice is runs[0].lattice and (lag_s, even, switched) == (runs[0].lag_s, runs[0].even, runs[0].switched):
         return runs
-    if lattice is None and lag_s == 0:
+    if lattice is None and lag_s == 0 and not switched:
         return raw
     out = []
+    first_s = min(float(data.t_s[0]) for data in raw)
     for data in raw:
         t_s, xy_mm, spread = data.t_s, data.xy_mm, None
         noise_mm = data.noise_mm
+        if switched:
+            t_s, xy_mm = without_lateness(t_s, xy_mm, switched[0], first_s + np.array(switched[1:]))
         if lattice is not None:
             xy_mm = lattice.undone_mm(xy_mm)
             noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], data.edge_t_s + _guess_s(data.estimate))[1]
@@ -187,6 +196,7 @@ def undone(runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = F
                 lattice=lattice,
                 lag_s=lag_s,
                 even=even,
+                switched=switched,
                 spread=spread,
                 as_shown=data,
             )

@@ -19,6 +19,7 @@ from draglag.simulation.effects import EFFECTS
 from draglag.simulation.residual import Signature, View
 
 LAGGING = "lagging_law"
+SHOWN = 3.0  # kind of a second filter whose times the touch events show
 FOLLOW_ACCELERATION = ("acceleration_lag", LAGGING)
 ACCEL_UNKNOWN = 0.2
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
@@ -39,6 +40,11 @@ class Term:
 def term_signature(term: Term, view: View) -> Signature:
     """The signature of a term at its setting."""
     return EFFECTS[term.effect].signature_at(term.theta, view)
+
+
+def shown_in_trace(term: Term) -> bool:
+    """Whether it is a second filter that was undone in the traces, by its first setting."""
+    return term.effect == "second_filter_mode" and term.theta[1:2] == (SHOWN,)
 
 
 @dataclass(frozen=True)

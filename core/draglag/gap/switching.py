@@ -16,7 +16,7 @@ from draglag.gap.fit import Fit
 from draglag.gap.model import LawParameters, residual_mm, starting_law
 from draglag.gap.noise import touch_variances
 from draglag.gap.signatures import view_of
-from draglag.gap.state import term_signature, total
+from draglag.gap.state import SHOWN, term_signature, total
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode import within
 
@@ -31,6 +31,7 @@ LAW_SD_S = 2e-3  # how well the law of a fit with most of the states right is kn
 LEVELS = 17
 FAR_S = 0.2
 NEAR_SWITCH_S = 0.15
+NEAR_SKIP_S = 0.01  # with the lateness undone in the trace
 MOSTLY = 0.5
 UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
 EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
@@ -104,6 +105,29 @@ def settled(fit: Fit, size_s: float, theta: tuple[float, ...]) -> tuple[float, .
     return 0.0, 2.0, *np.array(sorted(spans)).ravel().tolist()
 
 
+def mistaken_s(fit: Fit, theta: tuple[float, ...]) -> tuple[float, ...]:
+    """Stretches from–to, on the clock of the times of a filter undone in the traces, in which the edges show it undone
+    where it was not there and there where it was not undone: a switch had been missed."""
+    placed, late_s, sd_s, usable = _latencies(fit)
+    at_s = placed.since_start_s + placed.latency_s
+    if_mistaken_s = theta[0] * (1.0 - 2.0 * within(theta[2:], at_s))
+    usable &= away(placed, theta, theta[0])
+    out: list[tuple[float, float]] = []
+    for k in range(len(fit.runs)):
+        own = np.flatnonzero(usable & (placed.run == k))
+        if own.size < LEAST_EDGES:
+            continue
+        own = own[np.argsort(at_s[own])]
+        stay = 0.5 * (1 + np.exp(-2 * np.diff(at_s[own]) / DWELL_S))
+        off = [-0.5 * _square((late_s[own] - s) / sd_s[own])[None] for s in (0.0, if_mistaken_s[own])]
+        _, mistaken = _forward_backward(off[0], off[1], stay)
+        saved = 2 * (off[1] - off[0])[0]
+        for begin_s, end_s in _spans(at_s[own], mistaken[0]):
+            if np.sum(saved[(at_s[own] > begin_s) & (at_s[own] < end_s)]) > 2 * EACH_SWITCH:
+                out.append((begin_s, end_s))
+    return tuple(np.array(out).ravel().tolist())
+
+
 def law_beside(fit: Fit, plateau: bool) -> LawParameters:
     """Where to begin anew: the law through each run's level in a fit that has the switching in it.
 
@@ -143,10 +167,12 @@ def away(placed: Placed, theta: tuple[float, ...], size_s: float) -> np.ndarray:
         # Of a run that is about the threshold all along, the few edges left are those whose speed was read wrong.
         share = np.bincount(placed.run, told) / np.maximum(np.bincount(placed.run), 1)
         return np.asarray(told & (share > MOSTLY)[placed.run])
-    times = np.array(theta[2:])
-    after = np.clip(np.searchsorted(times, placed.since_start_s), 1, times.size - 1)
+    shown = theta[1] == SHOWN
+    times, at_s = np.array(theta[2:]), placed.since_start_s + (placed.latency_s if shown else 0.0)
+    after = np.clip(np.searchsorted(times, at_s), 1, times.size - 1)
     nearest = np.column_stack([times[after - 1], times[after]])
-    return np.asarray(np.abs(placed.since_start_s[:, None] - nearest).min(axis=1) > NEAR_SWITCH_S)
+    near_s = NEAR_SKIP_S if shown else NEAR_SWITCH_S
+    return np.asarray(np.abs(at_s[:, None] - nearest).min(axis=1) > near_s)
 
 
 def fit_lever(fit: Fit) -> FloatArray:

@@ -17,14 +17,16 @@ from draglag.gap.plateau import promised_gain
 from draglag.gap.refits import MODE, PLATEAU, RARE, SETTLING, SMALLEST, refit
 from draglag.gap.run_data import as_shown, lattice_in
 from draglag.gap.signatures import SIGNATURES
+from draglag.gap.skips import Skips, find_skips
 from draglag.gap.state import LAGGING, Term
 from draglag.gap.stepped import Step, find_step
-from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, law_beside, settled
+from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, law_beside, mistaken_s, settled
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S
 
 REFITTED = 6
+SETTLED = 0.03  # of a lateness undone: what is left is told to first order
 BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
 HINTS = 5.0  # times that gain is what the law itself may come to; 1 to 3 times is usual
@@ -39,7 +41,7 @@ class Try:
     n_columns: int
     n_grid: int
     promised: float
-    found: Step | Switching | None = None
+    found: Step | Switching | Skips | None = None
 
 
 def tries(before: Fit, finding: Finding, candidates: Collection[str], plateau: bool) -> list[Try]:
@@ -58,6 +60,9 @@ def tries(before: Fit, finding: Finding, candidates: Collection[str], plateau: b
         mode = Try(MODE, switching.theta, n_columns, 1, switching.gain, switching)
     if mode is not None:
         out = [*(t for t in out if t.effect != MODE), mode]
+    skips = find_skips(as_shown(before.runs)) if MODE in new else None
+    if skips is not None:
+        out.insert(0, Try(MODE, skips.theta, 1, 1, np.inf, skips))
     if PLATEAU in candidates and not plateau:
         promised = promised_gain(before)
         out += [Try(PLATEAU, (), 1, 8, promised)] if promised > 0 else []
@@ -79,6 +84,8 @@ def refitted(session: Session, before: Fit, finding: Finding, plateau: bool, sur
         return delayed(session, before, finding, plateau, sure)
     if isinstance(a.found, Switching):
         return _switched(session, before, a.found, plateau)
+    if isinstance(a.found, Skips):
+        return _skipping(session, before, a.found, plateau)
     if isinstance(a.found, Step) or (a.effect == MODE and not a.theta[1]):
         return _above_a_speed(session, before, plateau, a)
     if a.effect == "acceleration_lag":
@@ -120,4 +127,22 @@ def _switched(session: Session, before: Fit, switching: Switching, plateau: bool
             break
         with contextlib.suppress(EstimateError):
             law = law_beside(fit, plateau)
+    return fit
+
+
+def _skipping(session: Session, before: Fit, skips: Skips, plateau: bool) -> Fit | None:
+    """The fit with a second filter undone in the traces, where they show it; what is left of its lateness is fitted,
+    and undone again until little is."""
+    fit, theta = None, skips.theta
+    for _ in range(SETTLING):
+        law = None if fit is None else fit.law
+        only = away(before.placed, theta, theta[0]) if fit is None else away(fit.placed, theta, theta[0])
+        found = refit(session, before, [*before.terms, Term(MODE, theta, (0.0,))], plateau, law, only)
+        if found is None:
+            return fit
+        fit, left_s, mistaken = found, found.terms[-1].sizes[0], mistaken_s(found, theta)
+        if abs(left_s) < SETTLED * theta[0] and not mistaken:
+            break
+        # In a stretch of a stretch the filter has let go again.
+        theta = (theta[0] + left_s, *theta[1:2], *sorted((*theta[2:], *mistaken)))
     return fit

@@ -51,10 +51,12 @@ class SecondFilterMode(Effect):
 
 
 def mode(view: View, limit: float, kind: float, times_s: tuple[float, ...] = (), n_grid: int = 1) -> Signature:
-    """More latency above a speed (kind 0), above an acceleration (1), or in stretches of the session (2)."""
-    if kind == 2:
+    """More latency above a speed (kind 0), above an acceleration (1), or in stretches of the session: of the stylus'
+    own time (2), or of the time when the panel shows it (3)."""
+    if kind >= 2:
+        at_s = view.since_start_s + (view.latency_s if kind == 3 else 0.0)
         return Signature(
-            latency=column(within(times_s, view.since_start_s).astype(float)),
+            latency=column(within(times_s, at_s).astype(float)),
             theta=(limit, kind, *times_s),
             n_grid=n_grid,
         )

@@ -1,0 +1,114 @@
+"""A second filter that touch events show: the trace stands still where it takes over, and skips where it lets go."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import savgol_filter
+
+from draglag.gap import close_gap
+from draglag.gap.extended import extended_model
+from draglag.gap.lateness import without_lateness
+from draglag.gap.realised import FittedShape
+from draglag.gap.results import GapReport, Step
+from draglag.gap.run_data import gather
+from draglag.gap.skips import find_skips
+from draglag.protocols import load_protocol
+from draglag.recording import FloatArray, Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import Effect
+from draglag.simulation.kinematics import Kinematics
+
+SIZE_S = 0.012
+CHANGE_MM_S2 = 120.0
+
+
+def coming_and_going(every_s: float, seed: int) -> FittedShape:
+    """A filter in stretches of random length, over a whole session."""
+    ends = np.cumsum(np.random.default_rng(seed).exponential(every_s, round(1200 / every_s)))
+    return FittedShape(SIZE_S, "second_filter_mode", (0.0, 2.0, *ends[: ends.size // 2 * 2].tolist()), (SIZE_S,))
+
+
+def simulated(*effects: Effect, seed: int = 5) -> Session:
+    return simulate_session("screen-1", load_protocol("demo"), effects=list(effects), seed=seed)
+
+
+class OnTheLeft(FittedShape):
+    """Later by as much on one half of the panel."""
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + SIZE_S * (k.motion.x_mm < 0.5 * k.width_mm)
+
+
+class WhileItsSpeedChanges(FittedShape):
+    """Later by as much while a speed of 50 ms changes by more than a threshold."""
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        drag = [savgol_filter(v, round(0.2 / k.step_s) | 1, 2) for v in (k.motion.vx_mm_s, k.motion.vy_mm_s)]
+        speed = gaussian_filter1d(np.hypot(*drag), 0.05 / k.step_s)
+        return latency_s + SIZE_S * (np.abs(np.gradient(speed, k.step_s)) > CHANGE_MM_S2)
+
+
+class OnTheWayDown(FittedShape):
+    """Later by as much while the stylus goes down."""
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + SIZE_S * (k.motion.vy_mm_s > 0)
+
+
+@pytest.fixture(scope="module")
+def gap_without_mm() -> float:
+    gap_mm = close_gap(simulated()).gap_last_mm
+    assert gap_mm is not None
+    return gap_mm
+
+
+def closed(report: GapReport, without_mm: float) -> Step:
+    (step,) = report.steps
+    assert (report.verdict, step.effect) == ("explained", "second_filter_mode")
+    extra_s, (low, high) = step.parameters["extra_s"]
+    assert extra_s == pytest.approx(SIZE_S, abs=1.5 * (high - low) / 2)
+    assert (high - low) / 2 < 0.0005
+    assert report.gap_last_mm is not None
+    assert report.gap_last_mm < 1.1 * without_mm
+    return step
+
+
+@pytest.mark.parametrize("every_s", [0.3, 1.0])
+def test_a_filter_that_comes_and_goes_faster_than_edges_tell_is_named_and_undone(
+    every_s: float, gap_without_mm: float
+) -> None:
+    step = closed(close_gap(simulated(coming_and_going(every_s, seed=1))), gap_without_mm)
+    assert "stretches of time" in step.where
+    assert "threshold_mm_s2" not in step.parameters
+
+
+def test_a_filter_that_follows_the_change_of_speed_is_told_with_its_threshold(gap_without_mm: float) -> None:
+    session = simulated(WhileItsSpeedChanges(SIZE_S))
+    report = close_gap(session)
+    step = closed(report, gap_without_mm)
+    low, high = step.parameters["threshold_mm_s2"][1]
+    assert low < CHANGE_MM_S2 < high
+    assert "where the speed changes by more than" in step.where
+    # Runs lie about the curve as they do without it: what is undone in a trace counts as latency.
+    model = extended_model(session, report)
+    assert model.rms_ms < 2.0
+
+
+def test_a_place_or_a_direction_is_no_filter_of_its_own() -> None:
+    for reason in (OnTheLeft(SIZE_S), OnTheWayDown(SIZE_S)):
+        assert find_skips(gather(simulated(reason))) is None
+    assert find_skips(gather(simulated())) is None
+    assert find_skips(gather(simulated(coming_and_going(0.3, seed=1)))) is not None
+
+
+def test_events_are_freed_of_a_lateness_and_of_a_standstill() -> None:
+    """A stylus at 1 mm/ms, shown 10 ms later between 100 and 200 ms: it stands from 100 to 110, and skips at 210."""
+    t_s = np.arange(0.0, 0.4, 0.004)
+    shown_s = np.where(t_s < 0.1, t_s, np.where(t_s < 0.21, np.maximum(t_s - 0.01, 0.1), t_s))
+    at_mm = np.column_stack([1e3 * shown_s, np.zeros(t_s.size)])
+    own_s, own_mm = without_lateness(t_s, at_mm, 0.01, np.array([0.1, 0.2]))
+    assert np.all(np.diff(own_s) > 0)
+    assert own_mm[:, 0] == pytest.approx(1e3 * own_s, abs=1e-9)
+    assert t_s.size - own_s.size in {2, 3}  # those that came while it stood
