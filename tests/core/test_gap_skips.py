@@ -71,7 +71,8 @@ def closed(report: GapReport, without_mm: float) -> Step:
     assert extra_s == pytest.approx(SIZE_S, abs=1.5 * (high - low) / 2)
     assert (high - low) / 2 < 0.0005
     assert report.gap_last_mm is not None
-    assert report.gap_last_mm < 1.1 * without_mm
+    # The slowest runs cross the beam once in seconds, and 12 ms of 44 mm/s do not show: what stays of it is in the gap.
+    assert report.gap_last_mm < 1.15 * without_mm
     return step
 
 

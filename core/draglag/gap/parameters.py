@@ -12,6 +12,7 @@ from draglag.gap.skips import change_behind
 from draglag.gap.state import ACCEL_UNKNOWN, SHOWN, Term, shown_in_trace
 
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
+SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
 SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed beside a skip
 Parameters = dict[str, tuple[float, tuple[float, float]]]
 # effect → (parameter, factor from the term's size, sign kept)
@@ -72,6 +73,7 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
             # Known from the touch events' skips too; few edges may lie in its stretches, or none.
             skips_s = SKIP_UNKNOWN * theta[0]
             se[0] = skips_s if se[0] == 0 else 1 / np.hypot(1 / se[0], 1 / skips_s)
+            se[0] = np.hypot(se[0], SWITCH_UNKNOWN * theta[0])
         value, reach = factor * sizes[0], abs(factor) * 1.96 * se[0]
         out: Parameters = {name: (float(value), (float(value - reach), float(value + reach)))}
         if effect == "second_filter_mode" and theta and theta[1] < 2:

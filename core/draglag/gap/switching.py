@@ -123,7 +123,7 @@ def mistaken_s(fit: Fit, theta: tuple[float, ...]) -> tuple[float, ...]:
         _, mistaken = _forward_backward(off[0], off[1], stay)
         saved = 2 * (off[1] - off[0])[0]
         for begin_s, end_s in _spans(at_s[own], mistaken[0]):
-            if np.sum(saved[(at_s[own] > begin_s) & (at_s[own] < end_s)]) > 2 * EACH_SWITCH:
+            if np.sum(saved[(at_s[own] > begin_s) & (at_s[own] < end_s)]) > EACH_SWITCH:
                 out.append((begin_s, end_s))
     return tuple(np.array(out).ravel().tolist())
 
