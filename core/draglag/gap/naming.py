@@ -172,9 +172,11 @@ def name(
         n
         for n in names
         if n.gain > names[0].gain - max(10.0, NEARLY * names[0].gain)
+        or n.effect == names[0].effect  # in two forms, which leave other edges unjudged
         or ({n.effect, names[0].effect} <= set(FOLLOW_ACCELERATION) and n.gain > HALF * names[0].gain)
     ]
     names.sort(key=lambda n: (n not in near, n.gap_after_mm if n in near else 0.0, -n.gain))
+    names = [n for k, n in enumerate(names) if all(n.effect != better.effect for better in names[:k])]
     # Beside a significant finding a name has to be worth its price; alone the plateau has to be as rare as a finding.
     least = 0.0 if finding.significant else RARE
     names = [n for n in names if n.gain > least and n.improves]

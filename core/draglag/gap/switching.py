@@ -105,12 +105,19 @@ def settled(fit: Fit, size_s: float, theta: tuple[float, ...]) -> tuple[float, .
     return 0.0, 2.0, *np.array(sorted(spans)).ravel().tolist()
 
 
+def later_of(placed: Placed, theta: tuple[float, ...]) -> np.ndarray:
+    """Edges (m,) in the stretches of a filter that was undone in the traces."""
+    return within(theta[2:], placed.since_start_s + placed.latency_s)
+
+
 def mistaken_s(fit: Fit, theta: tuple[float, ...]) -> tuple[float, ...]:
     """Stretches from–to, on the clock of the times of a filter undone in the traces, in which the edges show it undone
     where it was not there and there where it was not undone: a switch had been missed."""
     placed, late_s, sd_s, usable = _latencies(fit)
     at_s = placed.since_start_s + placed.latency_s
-    if_mistaken_s = theta[0] * (1.0 - 2.0 * within(theta[2:], at_s))
+    later = later_of(placed, theta)
+    late_s = late_s + fit.terms[-1].sizes[0] * later  # what is fitted of it may be the mistaken ones'
+    if_mistaken_s = theta[0] * (1.0 - 2.0 * later)
     usable &= away(placed, theta, theta[0])
     out: list[tuple[float, float]] = []
     for k in range(len(fit.runs)):

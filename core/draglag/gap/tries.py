@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,13 +20,24 @@ from draglag.gap.signatures import SIGNATURES
 from draglag.gap.skips import Skips, find_skips
 from draglag.gap.state import LAGGING, Term
 from draglag.gap.stepped import Step, find_step
-from draglag.gap.switching import EACH_SWITCH, Switching, away, find_switching, law_beside, mistaken_s, settled
+from draglag.gap.switching import (
+    EACH_SWITCH,
+    LEAST_EDGES,
+    Switching,
+    away,
+    find_switching,
+    later_of,
+    law_beside,
+    mistaken_s,
+    settled,
+)
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S
 
 REFITTED = 6
 SETTLED = 0.03  # of a lateness undone: what is left is told to first order
+AGREE = 0.15  # of the lateness that skips show: five times what they know it by
 BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
 HINTS = 5.0  # times that gain is what the law itself may come to; 1 to 3 times is usual
@@ -62,6 +73,8 @@ def tries(before: Fit, finding: Finding, candidates: Collection[str], plateau: b
         out = [*(t for t in out if t.effect != MODE), mode]
     skips = find_skips(as_shown(before.runs)) if MODE in new else None
     if skips is not None:
+        # Touch events show switches, and not of what: a filter by speed is refitted beside one that comes and goes.
+        out = [replace(t, promised=np.inf) if t.effect == MODE else t for t in out]
         out.insert(0, Try(MODE, skips.theta, 1, 1, np.inf, skips))
     if PLATEAU in candidates and not plateau:
         promised = promised_gain(before)
@@ -132,17 +145,22 @@ def _switched(session: Session, before: Fit, switching: Switching, plateau: bool
 
 def _skipping(session: Session, before: Fit, skips: Skips, plateau: bool) -> Fit | None:
     """The fit with a second filter undone in the traces, where they show it; what is left of its lateness is fitted,
-    and undone again until little is."""
+    and undone again until little is. None where edges ask for another lateness than the traces show: that is no filter
+    with two levels."""
     fit, theta = None, skips.theta
     for _ in range(SETTLING):
-        law = None if fit is None else fit.law
-        only = away(before.placed, theta, theta[0]) if fit is None else away(fit.placed, theta, theta[0])
+        law, last = (None, before) if fit is None else (fit.law, fit)
+        only = away(last.placed, theta, theta[0])
+        later = later_of(last.placed, theta)
+        if np.count_nonzero(only & later & before.use) < LEAST_EDGES:
+            only &= ~later  # the lateness is what skips show
         found = refit(session, before, [*before.terms, Term(MODE, theta, (0.0,))], plateau, law, only)
         if found is None:
             return fit
         fit, left_s, mistaken = found, found.terms[-1].sizes[0], mistaken_s(found, theta)
         if abs(left_s) < SETTLED * theta[0] and not mistaken:
             break
-        # In a stretch of a stretch the filter has let go again.
-        theta = (theta[0] + left_s, *theta[1:2], *sorted((*theta[2:], *mistaken)))
-    return fit
+        # In a stretch of a stretch the filter has let go again; as long as some are mistaken, they make the size.
+        theta = (theta[0] if mistaken else theta[0] + left_s, *theta[1:2], *sorted((*theta[2:], *mistaken)))
+    size_s = 0.0 if fit is None else fit.terms[-1].theta[0] + fit.terms[-1].sizes[0]
+    return fit if abs(size_s - skips.size_s) < AGREE * skips.size_s else None
