@@ -20,7 +20,7 @@ from draglag.motion import local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode import within
 
-QUICKER = 9  # events over which a step is compared with those beside it
+QUICKER = 9  # events over which a step is compared with those beside it: a skip takes one or two
 SLOWEST_MM_S = 60.0  # slower, a skip of some milliseconds is within the noise
 LEAST_SKIP_S, SURE = 0.003, 6.0  # and robust deviations of the run's own steps
 OF_AN_INTERVAL = 0.5  # more or less, frames were lost or held back, not the stylus
@@ -104,8 +104,9 @@ def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
     skips, stands = [], 0
     for data in runs:
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
+        typical_s = float(np.median(apart_s))
         speed = median_filter(way_mm / np.maximum(apart_s, 1e-4), QUICKER)
-        fast = (speed > SLOWEST_MM_S) & (np.abs(apart_s / np.median(apart_s) - 1) < OF_AN_INTERVAL)
+        fast = (speed > SLOWEST_MM_S) & (np.abs(apart_s - typical_s) < OF_AN_INTERVAL * typical_s)
         if np.count_nonzero(fast) < QUICKER:
             continue
         ahead_s = (way_mm / np.maximum(speed, 1.0) - apart_s)[fast]

@@ -14,12 +14,12 @@ import numpy as np
 from draglag.gap.run_data import RunData
 from draglag.recording import FloatArray
 
-HISTORIES = 8
+HISTORIES = 8  # three times as many tell the same
 SWITCH = 5.0  # log-likelihood that a switch costs
 OUTLIER = 50.0  # squared standard deviations; beyond it an event moves no tracker, but for too many of them
 LOST = 4  # so many events on end, and it begins anew
 FAR = 1e9  # what no switch is worth
-TURN_S, FASTEST_TURN = 0.05, 60.0  # rad/s
+TURN_S, FASTEST_TURN = 0.05, 60.0  # rad/s: 1 m/s on a circle of 17 mm
 LEAST_WAY_MM = 1.5  # over which a direction is known
 
 
@@ -38,6 +38,7 @@ class Tracks:
 
 
 def side_by_side(runs: Sequence[RunData]) -> Tracks:
+    """The runs filled up to the longest with events that come at once and count for nothing."""
     n = max(data.t_s.size for data in runs)
     shape = n, len(runs)
     t_s, z_mm, live, rate = np.zeros(shape), np.zeros(shape, complex), np.zeros(shape, bool), np.zeros(shape)

@@ -36,7 +36,7 @@ from draglag.simulation.effects import EFFECTS
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S
 
 REFITTED = 6
-SETTLED = 0.03  # of a lateness undone: what is left is told to first order
+LEFT_OVER = 0.03  # of a lateness undone: what is left is told to first order
 AGREE = 0.15  # of the lateness that skips show: five times what they know it by
 BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
@@ -158,7 +158,7 @@ def _skipping(session: Session, before: Fit, skips: Skips, plateau: bool) -> Fit
         if found is None:
             return fit
         fit, left_s, mistaken = found, found.terms[-1].sizes[0], mistaken_s(found, theta)
-        if abs(left_s) < SETTLED * theta[0] and not mistaken:
+        if abs(left_s) < LEFT_OVER * theta[0] and not mistaken:
             break
         # In a stretch of a stretch the filter has let go again; as long as some are mistaken, they make the size.
         theta = (theta[0] if mistaken else theta[0] + left_s, *theta[1:2], *sorted((*theta[2:], *mistaken)))
