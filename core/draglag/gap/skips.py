@@ -49,10 +49,11 @@ class Skips:
         return self.size_s, 3.0, *self.times_s.tolist()
 
 
-def find_skips(runs: Sequence[RunData]) -> Skips | None:
-    """Two levels of lateness in the touch events of ``runs`` (as shown), or None where one does as well, or where what
-    switches them is a place, a direction or a speed."""
-    runs = [data for data in runs if data.t_s.size > 10 * QUICKER]
+@lru_cache(maxsize=1)
+def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
+    """Two levels of lateness in the touch events of runs (as shown), or None where one does as well, or where what
+    switches them is a place, a direction or a speed. The same for the same runs, whichever model is tried on them."""
+    runs = [data for data in all_runs if data.t_s.size > 10 * QUICKER]
     skip_s = _typical_skip_s(runs)
     if skip_s is None:
         return None
@@ -99,10 +100,10 @@ def change_behind(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> floa
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
-    """By how much events are ahead of those beside them where the trace skips; None where it does not, or never stands
-    still."""
+    """By how much events are ahead of those beside them where the trace skips, in runs where it stands still as well;
+    None where it does not. A start from rest looks like a skip, a stop like a standstill, and neither is one."""
     skips, stands = [], 0
-    for data in runs:
+    for data in (one for one in runs if one.keeps_moving):
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
         typical_s = float(np.median(apart_s))
         speed = median_filter(way_mm / np.maximum(apart_s, 1e-4), QUICKER)
@@ -111,8 +112,10 @@ def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
             continue
         ahead_s = (way_mm / np.maximum(speed, 1.0) - apart_s)[fast]
         least_s = max(LEAST_SKIP_S, SURE * 1.4826 * float(np.median(np.abs(ahead_s))))
-        skips.append(ahead_s[ahead_s > least_s])
-        stands += int(np.count_nonzero(ahead_s < -least_s))
+        still = int(np.count_nonzero(ahead_s < -least_s))
+        if still:
+            skips.append(ahead_s[ahead_s > least_s])
+            stands += still
     ahead_s = np.concatenate(skips) if skips else np.empty(0)
     return float(np.median(ahead_s)) if ahead_s.size >= FEWEST and stands >= FEWEST // 2 else None
 
