@@ -31,7 +31,8 @@ LEAST_GAIN = 1000.0  # of all runs; other effects come to some 200
 DIRECTIONS = np.pi / 4 * np.arange(4)
 GRID_S, PANELS_S = 0.005, 0.05  # a panel's own smoothing of a speed, about
 TOLD = 0.85  # of both states, that a threshold of the speed's change has to tell apart
-ALIKE, MOSTLY = 0.2, 0.6  # of a run's events by place, direction or speed, within which so many of its switches lie
+ALIKE = 0.2  # of a run's events by place, direction or speed, within which lie …
+MOSTLY, NEARLY_ALL = 0.6, 0.85  # … so many of its switches, of the trace's skips as they are: those are no filter's
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
     """Two levels of lateness in the touch events of runs (as shown), or None where one does as well, or where what
     switches them is a place, a direction or a speed. The same for the same runs, whichever model is tried on them."""
     runs = [data for data in all_runs if data.t_s.size > 10 * QUICKER]
-    skip_s = _typical_skip_s(runs)
+    skip_s = _typical_skip_s([data for data in runs if data.keeps_moving])
     if skip_s is None:
         return None
     tracks = side_by_side(runs)
@@ -67,7 +68,9 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
     switches = np.count_nonzero(np.diff(states[..., 0], axis=0), axis=0)
     sure = gains > LEAST_EACH * np.maximum(switches, 1)
     later = [states[: data.t_s.size, k, 0] & sure[k] for k, data in enumerate(runs)]
-    if np.sum(gains[sure & (switches > 0)]) < LEAST_GAIN or _has_a_reason(runs, later, gains):
+    if np.sum(gains[sure & (switches > 0)]) < LEAST_GAIN:
+        return None
+    if _alike(runs, [np.flatnonzero(np.diff(on)) + 1 for on in later], gains) > MOSTLY:
         return None
     first_s = min(float(data.t_s[0]) for data in runs)
     times = [_stretches(data.t_s - first_s, on, skip_s) for data, on in zip(runs, later, strict=True)]
@@ -101,23 +104,27 @@ def change_behind(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> floa
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
     """By how much events are ahead of those beside them where the trace skips, in runs where it stands still as well;
-    None where it does not. A start from rest looks like a skip, a stop like a standstill, and neither is one."""
-    skips, stands = [], 0
-    for data in (one for one in runs if one.keeps_moving):
+    None where it does not, or where all of that is at one place, direction or speed (to follow the events takes
+    seconds). A start from rest looks like a skip, a stop like a standstill, and neither is one."""
+    skips, stands, at = [], 0, []
+    for data in runs:
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
         typical_s = float(np.median(apart_s))
         speed = median_filter(way_mm / np.maximum(apart_s, 1e-4), QUICKER)
         fast = (speed > SLOWEST_MM_S) & (np.abs(apart_s - typical_s) < OF_AN_INTERVAL * typical_s)
-        if np.count_nonzero(fast) < QUICKER:
-            continue
-        ahead_s = (way_mm / np.maximum(speed, 1.0) - apart_s)[fast]
-        least_s = max(LEAST_SKIP_S, SURE * 1.4826 * float(np.median(np.abs(ahead_s))))
-        still = int(np.count_nonzero(ahead_s < -least_s))
+        ahead_s = np.where(fast, way_mm / np.maximum(speed, 1.0) - apart_s, 0.0)
+        least_s = LEAST_SKIP_S
+        if fast.any():
+            least_s = max(least_s, SURE * 1.4826 * float(np.median(np.abs(ahead_s[fast]))))
+        still = int(np.count_nonzero(ahead_s < -least_s)) if np.count_nonzero(fast) >= QUICKER else 0
+        at.append(np.flatnonzero(np.abs(ahead_s) > least_s) + 1 if still else np.empty(0, int))
         if still:
             skips.append(ahead_s[ahead_s > least_s])
             stands += still
-    ahead_s = np.concatenate(skips) if skips else np.empty(0)
-    return float(np.median(ahead_s)) if ahead_s.size >= FEWEST and stands >= FEWEST // 2 else None
+    all_s = np.concatenate(skips) if skips else np.empty(0)
+    if all_s.size < FEWEST or stands < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
+        return None
+    return float(np.median(all_s))
 
 
 def _medians(values: FloatArray, live: np.ndarray) -> FloatArray:
@@ -137,19 +144,21 @@ def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:
     return np.array(out)
 
 
-def _has_a_reason(runs: Sequence[RunData], later: Sequence[np.ndarray], gains: FloatArray) -> bool:
-    """Whether switches come at a line on the panel, at a direction of movement or at a speed, runs weighed by what
-    their switches gain: it is not a filter of its own then."""
-    told, weights = [], []
-    for data, states, gain in zip(runs, later, gains, strict=True):
-        if not np.diff(states).any():
-            continue
-        v = np.gradient(data.smooth_mm, data.t_s, axis=0)
-        ways = v @ np.array([np.cos(DIRECTIONS), np.sin(DIRECTIONS)])
-        covariates = np.column_stack([data.smooth_mm, ways, np.hypot(*v.T)])
-        rank = np.argsort(np.argsort(covariates, axis=0), axis=0) / len(covariates)
-        at = np.sort(rank[1:][np.diff(states)], axis=0)
-        alike = [np.searchsorted(one, one + ALIKE, side="right") - np.arange(one.size) for one in at.T]
-        told.append(np.max(alike, axis=1) / len(at))
-        weights.append(gain)
-    return bool(np.max(np.average(told, axis=0, weights=weights)) > MOSTLY)
+def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[float] | FloatArray) -> float:
+    """Which share of a run's switches lies within ``ALIKE`` of its events by place, direction of movement or speed,
+    runs by their weights: where it is high, that is what switches, and not a filter of its own.
+
+    Args:
+        at: indices of the events that switch, each run's.
+    """
+    told = []
+    for data, events in zip(runs, at, strict=True):
+        if events.size:
+            v = np.gradient(data.smooth_mm, data.t_s, axis=0)
+            ways = v @ np.array([np.cos(DIRECTIONS), np.sin(DIRECTIONS)])
+            covariates = np.column_stack([data.smooth_mm, ways, np.hypot(*v.T)])
+            rank = np.argsort(np.argsort(covariates, axis=0), axis=0) / len(covariates)
+            ends = [np.searchsorted(one, one + ALIKE, side="right") for one in np.sort(rank[events], axis=0).T]
+            told.append(np.max(np.array(ends) - np.arange(events.size), axis=1) / events.size)
+    own = [weight for weight, events in zip(weights, at, strict=True) if events.size]
+    return float(np.max(np.average(told, axis=0, weights=own)))
