@@ -209,6 +209,17 @@ def test_a_curve_of_another_shape_is_owned_up_to(bump_s: float, at_mm_s: float, 
     assert not report.steps
 
 
+@pytest.mark.parametrize(("later_s", "near_mm_s"), [(0.005, 100), (-0.005, 240), (0.005, 560)])
+def test_a_single_run_off_the_curve_is_owned_up_to(later_s: float, near_mm_s: float) -> None:
+    """Five times what runs of a panel differ by; one run at a speed that the panel answers otherwise looks like it."""
+    session = simulated()
+    one = min(session.runs, key=lambda run: abs((run.nominal_speed_mm_s or 0.0) - near_mm_s))
+    off = replace(one, touch=replace(one.touch, t_s=one.touch.t_s + later_s))
+    report = close_gap(replace(session, runs=tuple(off if run is one else run for run in session.runs)))
+    assert (report.verdict, report.unexplained_by) == ("unexplained", "run")
+    assert not report.steps
+
+
 def test_runs_of_one_turn_that_are_later_are_owned_up_to() -> None:
     session = simulated()
     circles = sorted((r for r in session.runs if r.nominal_speed_mm_s), key=lambda r: r.nominal_speed_mm_s or 0.0)

@@ -55,18 +55,19 @@ def excess_between_runs(fit: Fit) -> Candidate | None:
     now = fit.whiteners[fit.best].components
     wider = [replace(now, run_s=run_s) for run_s in WIDER_S]
     excess = 2 * (max(log_likelihood_of(fit, parts, c) for c in wider) - log_likelihood_of(fit, parts, now))
-    off, levels = off_the_curve(fit)
-    if excess < MOST_BETWEEN and chi2.sf(off, levels) > LEVEL:
+    off, p_value = off_the_curve(fit)
+    if excess < MOST_BETWEEN and p_value > LEVEL:
         return None
     return Candidate(None, "turn" if _follows_turn(fit) else "run", "latency", max(float(excess), off), 1, 1, 0.0)
 
 
-def off_the_curve(fit: Fit) -> tuple[float, int]:
-    """χ² of the runs' own latencies about the fitted curve, and its degrees of freedom, if panels differed from run to
-    run by the most that they do.
+def off_the_curve(fit: Fit) -> tuple[float, float]:
+    """χ² of the runs' own latencies about the fitted curve, and the probability of it or of its largest part, if
+    panels differed from run to run by the most that they do.
 
-    A curve of another shape than Eq. 5 leaves runs on either side of it, one or two at each speed: taken for a random
-    latency of each run, that is no more than twice as wide as can be, and yet it is not chance.
+    A curve of another shape than Eq. 5 leaves runs on either side of it, one or two at each speed; one of another
+    shape near one speed leaves a single run. Taken for a random latency of each run, that is no more than twice as wide
+    as can be, and yet it is not chance.
     """
     steady = [k for k in np.unique(fit.run_index) if fit.runs[k].steady]
     own = (fit.run_index[:, None] == steady) * fit.view.v_across[:, None]
@@ -79,7 +80,11 @@ def off_the_curve(fit: Fit) -> tuple[float, int]:
     left = both - model @ (model.T @ both)
     levels, size, _ = np.linalg.svd(left[:, :-1], full_matrices=False)
     told = size > SEEN * size.max(initial=0.0)
-    return float(np.sum((levels[:, told].T @ left[:, -1]) ** 2)), int(np.count_nonzero(told))
+    off = float(np.sum((levels[:, told].T @ left[:, -1]) ** 2))
+    length = np.linalg.norm(left[:, :-1], axis=0)
+    alone = (left[:, :-1].T @ left[:, -1] / length)[length > SEEN * size.max(initial=0.0)]
+    one = alone.size * float(chi2.sf(np.max(alone**2, initial=0.0), 1))
+    return off, min(float(chi2.sf(off, np.count_nonzero(told))), one)
 
 
 def _follows_turn(fit: Fit) -> bool:
