@@ -197,7 +197,8 @@ def load_model(path: Path | str) -> LatencyModel:
     except (ValueError, RecursionError):
         raise DataError(f"{path}: is not JSON", MADE_BY) from None
     if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version", VERSION) != VERSION:
-        raise DataError(f"{path}: model version {raw.get('version')!r} is not known here", "Update draglag")
+        known = f"model version {raw.get('version')!r} is not known here, only {VERSION}"
+        raise DataError(f"{path}: {known}", "Save the model again, or update draglag")
     try:
         model = LatencyModel.model_validate(raw)
     except ValidationError as error:
@@ -223,6 +224,8 @@ def _wrong_effect(model: LatencyModel) -> str:
     for effect in model.effects:
         if ids.count(effect.id) > 1:
             return f"the effect {effect.id} is named twice"
+        if not effect.parameters and effect.shape is None and EFFECTS[effect.id].parameters:
+            return f"the effect {effect.id} has no size"
         for spec in EFFECTS[effect.id].parameters:
             value, apart = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
             if not spec.lower - apart <= value <= spec.upper + apart:
@@ -235,6 +238,15 @@ def other_screen(model: LatencyModel, screen: str) -> str:
     """In words that a model was fitted on another screen than the one named; empty where it was not, or is not told."""
     of = model.provenance.screen
     return f"the model was fitted on {of}, this is {screen}" if of and screen and of != screen else ""
+
+
+def left_unexplained(model: LatencyModel) -> str:
+    """In words that the model's own session holds a gap without a name; empty where it does not, or is not told."""
+    if model.provenance.verdict != "unexplained":
+        return ""
+    gap = "" if model.provenance.gap_mm is None else f" of {model.provenance.gap_mm[1]:.3f} mm"
+    own = f"its own session ({model.provenance.session})"
+    return f"the model leaves a gap{gap} in {own} that none of its effects explains"
 
 
 def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:

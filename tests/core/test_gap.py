@@ -91,6 +91,23 @@ def test_an_effect_of_the_acceleration_is_sized_although_it_warps_the_trace_it_i
     assert report.steps[0].parameters["lag_s_per_mm_s2"][0] == pytest.approx(1e-5, abs=2.5e-6)
 
 
+@pytest.mark.parametrize("seed", [19, 30])
+def test_a_bend_s_interval_holds_what_the_runs_leave_open(seed: int) -> None:
+    """Circles cover a part of the panel: a wide wave and a narrow one bend that part alike."""
+    (step,) = close_gap(simulated("spatial_warp=0.6", seed=seed)).steps
+    assert step.effect == "spatial_warp"
+    low, high = step.parameters["amplitude_mm"][1]
+    assert low < 0.6 < high
+    assert high < 1.5
+
+
+def test_a_limit_of_effects_keeps_those_named_and_says_that_more_is_left() -> None:
+    report = close_gap(simulated("beam_width=-1", "direction_asymmetry=0.006"), max_effects=1)
+    (step,) = report.steps
+    assert step.effect in ("beam_width", "direction_asymmetry")
+    assert (report.verdict, report.stopped_at) == ("unexplained", 1)
+
+
 def test_an_effect_outside_the_library_is_owned_up_to() -> None:
     allowed = ["clock_drift", "thermal_drift", "low_speed_plateau"]
     report = close_gap(simulated("direction_asymmetry=0.008"), candidates=allowed)

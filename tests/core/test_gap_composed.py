@@ -57,6 +57,24 @@ def test_the_verbs_composed_reproduce_the_workflow(session: Session, before: Gap
     assert name(after) == ()
 
 
+def test_a_model_of_another_session_is_fitted_anew(before: Gap) -> None:
+    """Neither its edges nor its numbers are those of the session it is held against."""
+    drifting = simulated("clock_drift=100")
+    there = find(drifting, before.model)
+    alone = find(drifting, Model())
+    assert there.gap_mm == pytest.approx(alone.gap_mm)
+    after = find(drifting, before.model.with_effect("clock_drift"))
+    drift_ppm, (low, high) = after.model.parameters["clock_drift"]["drift_ppm"]
+    assert drift_ppm == pytest.approx(100, abs=1.5 * (high - low) / 2)
+    assert shrinkage(there, after).verdict == "shrinks"
+
+
+@pytest.mark.parametrize("value", ["a", None, True])
+def test_a_value_that_is_no_number_is_refused(value: object) -> None:
+    with pytest.raises(DataError, match="cannot be held at drift_ppm"):
+        Model().with_effect("clock_drift", {"drift_ppm": value})  # type: ignore[dict-item]
+
+
 def test_the_manual_s_example_runs_as_printed(session: Session) -> None:
     """The lines under “One by one, in Python” of docs/gap.md."""
     page = (Path(__file__).parents[2] / "docs" / "gap.md").read_text("utf-8")

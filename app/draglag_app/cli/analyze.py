@@ -104,13 +104,13 @@ def analyze(
     correction = None
     if model_path is not None:
         from draglag.correction import corrected
-        from draglag.model_file import load_model, other_screen
+        from draglag.model_file import left_unexplained, load_model, other_screen
 
         model = load_model(model_path)
         data, correction = corrected(data, model)
         elsewhere = other_screen(model, data.screen.name)
-        if elsewhere:
-            click.echo(f"warning: {elsewhere}", err=True)
+        for words in filter(None, (elsewhere, left_unexplained(model))):
+            click.echo(f"warning: {words}", err=True)
     left_out = {name: why or "left out by hand" for name, _, why in (text.partition("=") for text in exclude)}
     unknown = sorted(set(left_out) - {run.id for run in data.runs})
     if unknown:

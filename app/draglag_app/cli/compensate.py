@@ -43,11 +43,14 @@ def compensate(
         draglag compensate model.json touch.csv compensated.csv
         draglag compensate model.json --lookup latency.mat --tracking
     """
-    from draglag.model_file import load_model, save_lookup
+    from draglag.model_file import left_unexplained, load_model, save_lookup
 
     if (source is None) != (out is None) or not (source or lookup or tracking or figure):
         raise click.UsageError("Give IN.csv and OUT.csv, or --lookup, --tracking or --figure.")
     model = load_model(model_path)
+    warning = left_unexplained(model)
+    if warning:
+        click.echo(f"warning: {warning}", err=True)
     result: dict[str, Any] = {"model": str(model_path), "form": model.form}
     if source is not None and out is not None:
         from draglag.compensation import compensate as apply

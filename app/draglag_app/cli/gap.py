@@ -9,7 +9,7 @@ import click
 from draglag.errors import DataError, EstimateError
 from draglag.gap.extended import extended_model
 from draglag.gap.provisional import provisional_term
-from draglag.gap.results import GapReport, followed, unexplained_in_words
+from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words
 from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model
 from draglag.simulation.effects import EFFECTS
@@ -126,7 +126,7 @@ def _tell(result: GapReport, report: Path | None) -> None:
     click.echo(words[result.verdict or "no_gap"])
     click.echo(
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
-        f"noise floor {result.noise_floor_mm:.3f} mm."
+        f"noise floor {result.noise_floor_mm:.3f} mm ({FLOOR_REACHES})."
     )
     for left in result.passed_over:
         click.echo(f"Beyond chance (p {left.p_value:.1g}) but left: {followed(left.what)}, {left.text}.")

@@ -81,15 +81,19 @@ def _of_model(screen_name: str, path: Path, chosen: tuple[Effect, ...]) -> tuple
     """Screen with the model's law, its effects beside those given by hand, and words on both. Raises DataError."""
     from draglag.correction import realise, size_words
     from draglag.gap.realised import rig_with_law
-    from draglag.model_file import load_model
+    from draglag.model_file import left_unexplained, load_model
     from draglag.simulation.rig import rig_for_screen
 
     model = load_model(path)
-    rig, plateau = rig_with_law(rig_for_screen(screen_name), model.form, model.parameters)
     named = [effect for effect in model.effects if effect.id not in {e.id for e in chosen}]
     added = [realise(effect) for effect in named]
+    own = [realise(effect) for effect in model.effects]
+    rig, plateau = rig_with_law(rig_for_screen(screen_name), model.form, model.parameters, own)
     if plateau is not None and not any(e.id == plateau.id for e in (*chosen, *added)):
         added.append(plateau)
+    warning = left_unexplained(model)
+    if warning:
+        click.echo(f"warning: {warning}", err=True)
     words = f", with the law of {model.provenance.session or path}"
     if named:
         words += " and " + "; ".join(size_words(effect) for effect in named)

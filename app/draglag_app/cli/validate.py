@@ -34,7 +34,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
     from draglag.analysis import has_constant_speed, mean_by_protocol
     from draglag.correction import corrected
     from draglag.latency.estimate import prepare
-    from draglag.model_file import load_model, other_screen
+    from draglag.model_file import left_unexplained, load_model, other_screen
     from draglag.validation import Validation, validate_run
 
     model = load_model(model_path)
@@ -90,8 +90,8 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
     ]
     head = ["run", "target", "edges", "J(0)/N mm²", "J/N mm²", "ΔJ %", "speeds mm/s", "verdict"]
     click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}")
-    if elsewhere:
-        click.echo(f"warning: {elsewhere}", err=True)
+    for words in filter(None, (elsewhere, left_unexplained(model))):
+        click.echo(f"warning: {words}", err=True)
     if model.effects:
         click.echo(correction.words())
     click.echo()

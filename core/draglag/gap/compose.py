@@ -48,7 +48,7 @@ class Model:
     Attributes:
         effects: ids of effects that are fitted, in order. held: id → parameters of effects of a known size, which are
             taken out of the session instead.
-        law, geometry, terms: what the last fit found; None and empty before any.
+        law, geometry, terms: what the last fit found; None and empty before any. of: the session it was fitted to.
     """
 
     effects: tuple[str, ...] = ()
@@ -57,6 +57,7 @@ class Model:
     geometry: Geometry | None = None
     terms: tuple[Term, ...] = ()
     fit: Fit | None = field(default=None, repr=False, compare=False)
+    of: tuple[object, ...] = field(default=(), repr=False, compare=False)
 
     def with_effect(self, effect_id: str, values: Mapping[str, float] | None = None) -> Model:
         """The model with one more effect: of fitted size, or held at ``values``.
@@ -156,12 +157,12 @@ def find(session: Session, model: Model | None = None) -> Gap:
     """Fit a model to a session and look where they disagree.
 
     A model that another ``find`` returned is fitted from where that stood, on the same edges, so that the two gaps can
-    be compared.
+    be compared; to another session it is fitted anew.
 
     Raises EstimateError when the session cannot carry the model.
     """
     model = model or Model()
-    start = model.fit
+    start = model.fit if model.of == _of(session) else None
     disorder = times_out_of_order(session)
     if disorder:
         raise EstimateError(f"{session.name}: {disorder}", "Export and import it")
@@ -183,7 +184,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
             fit = fit_session(ready, fit.runs, terms, plateau and PLATEAU in done, fit)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"{session.name}: the model cannot be fitted: {problem}", "Take an effect out") from None
-    fitted = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit)
+    fitted = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit, of=_of(session))
     used = {TERM_OF.get(effect, effect) for effect in model.effects}
     finding = find_in(fit, without=left_out(frozenset(EFFECTS)) | used)
     return Gap(ready, fitted, fit, finding, streams, gap_mm(fit), floor_mm(fit))
@@ -249,6 +250,8 @@ def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
         raise DataError(f"{effect_id} has no value to be held at", f"Give {names}, or leave values out: it is fitted")
     for spec in specs:
         value = values.get(spec.name, spec.typical)
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+            raise DataError(f"{effect_id} cannot be held at {spec.name} {value!r}", "Give a number")
         if not spec.lower <= value <= spec.upper:  # nor is nan
             bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
             raise DataError(f"{effect_id} cannot be held at {spec.name} {value:g}", f"Give {bounds}")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 import draglag
@@ -59,6 +62,20 @@ def law_of_fit(fit: Fit) -> CurveFit:
     )
 
 
+def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
+    """A curve that was fitted to edges of a clock that is off, on the touch events' own clock; the covariance of its
+    asymptote with the offset's."""
+    offset = next((step.parameters["offset_s"] for step in steps if step.effect == "clock_offset"), None)
+    if offset is None:
+        return curve
+    value_s, (low_s, high_s) = offset
+    at = FORMS[curve.form].names.index("a7_ms")
+    values, covariance = curve.values.copy(), curve.covariance.copy()
+    values[at] += 1e3 * value_s
+    covariance[at, at] += (1e3 * (high_s - low_s) / (2 * 1.96)) ** 2
+    return replace(curve, values=values, covariance=covariance)
+
+
 def _undone_s(fit: Fit) -> FloatArray:
     """How much later every placed edge was shown than the trace says after a second filter was undone in it, (m,) s."""
     out = np.zeros(len(fit.placed))
@@ -92,7 +109,7 @@ def extended_model(session: Session, report: GapReport, created_utc: str = "", i
         noise_floor_mm=report.noise_floor_mm,
         verdict=report.verdict or "",
     )
-    curve = law_of_fit(report.last)
+    curve = _of_the_panel(law_of_fit(report.last), report.steps)
     effects = [_effect(step, report.last) for step in report.steps]
     return model_of(curve, provenance, effects)
 

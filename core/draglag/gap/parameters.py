@@ -9,8 +9,12 @@ from draglag.gap.model import base_prior
 from draglag.gap.noise import SPEED_TIMING_S
 from draglag.gap.plateau import plateau_ci95_mm_s
 from draglag.gap.skips import change_behind
-from draglag.gap.state import ACCEL_UNKNOWN, SHOWN, Term, shown_in_trace
+from draglag.gap.state import ACCEL_UNKNOWN, SHOWN, Term, shown_in_trace, term_signature
+from draglag.simulation.effects.spatial_warp import CYCLES
 
+WARP = "spatial_warp"
+WITHIN = 3.84  # of the deviance of the best: not excluded at 95 %
+ELSEWHERE = 0.2  # of a bend: runs show it on the beam's line only
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
 SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed beside a skip
@@ -103,10 +107,38 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, covariance: np.ndarray, the
         shape = np.column_stack([x**2 - x.mean(), x**3, x**4]) @ sizes
         amplitude = 0.5 * float(np.ptp(shape - np.polyval(np.polyfit(x, shape, 1), x)))
     reach = 1.96 * float(np.max(se[:2])) if theta else 0.3 * amplitude
-    out = {"amplitude_mm": (amplitude, (max(amplitude - reach, 0.0), amplitude + reach))}
+    low, high = max(amplitude - reach, 0.0), amplitude + reach
+    if effect == WARP:
+        ends = np.array([(low, high), *_amplitudes_alike(fit, sizes)])
+        low, high = float(ends[:, 0].min() / (1 + ELSEWHERE)), float(ends[:, 1].max() * (1 + ELSEWHERE))
+    out = {"amplitude_mm": (amplitude, (low, high))}
     if effect == "pitch_ripple" and theta:
         out["pitch_mm"] = (theta[0], (theta[0] * 0.985, theta[0] * 1.015))
     return out
+
+
+def _amplitudes_alike(fit: Fit, sizes: np.ndarray) -> list[tuple[float, float]]:
+    """Intervals of the amplitude with every number of cycles that the edges do not exclude. Where runs cover a part of
+    the panel, a wide wave and a narrow one of very different amplitudes bend that part alike."""
+    term = next(t for t in fit.terms if t.effect == WARP)
+    first = base_prior(fit.law).size
+    for other in fit.terms[: fit.terms.index(term)]:
+        first += len(other.sizes)
+    own = slice(first, first + len(term.sizes))
+    white = fit.whiteners[fit.best]
+    target = white.apply(fit.residual_mm + fit.design[:, own] @ sizes)
+    others, prior = np.delete(fit.design, own, axis=1), np.append(np.delete(fit.prior, own), [1e-12] * 2)
+    found = []
+    for cycles in CYCLES:
+        columns = term_signature(Term(WARP, (float(cycles),)), fit.view).columns(fit.view)
+        a = white.apply(np.column_stack([others, columns]))
+        spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
+        moment = a.T @ target
+        own_sizes = (spread @ moment)[-2:]
+        amplitude, reach = np.hypot(*own_sizes), 1.96 * np.sqrt(np.diag(spread)[-2:].max())
+        found.append((float(moment @ spread @ moment), amplitude - reach, amplitude + reach))
+    best = max(gain for gain, _, _ in found)
+    return [(max(low, 0.0), high) for gain, low, high in found if gain > best - WITHIN]
 
 
 def _change_behind(fit: Fit) -> float | None:

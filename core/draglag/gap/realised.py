@@ -164,8 +164,14 @@ def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
     )
 
 
-def rig_with_law(rig: Rig, form: str, parameters: Mapping[str, float]) -> tuple[Rig, Effect | None]:
-    """A rig with the law of a model instead of its own, and the plateau that a form with one asks for.
+def rig_with_law(
+    rig: Rig, form: str, parameters: Mapping[str, float], effects: Sequence[Effect] = ()
+) -> tuple[Rig, Effect | None]:
+    """A rig with the law of a model instead of its own, and the plateau that a form with one asks for. Its taps are as
+    much later than the rig's as the law's asymptote is.
+
+    Args:
+        effects: of the same model: by how much they stamp late is not the law's.
 
     Raises DataError for a form the simulation does not have.
     """
@@ -175,4 +181,8 @@ def rig_with_law(rig: Rig, form: str, parameters: Mapping[str, float]) -> tuple[
     if not own.keys() <= zero.keys():
         raise DataError(f"a law of the form {form} cannot be simulated", "Save a model with --form double_exponential")
     effect = made("low_speed_plateau", {"speed_mm_s": plateau}) if plateau else None
-    return replace(rig, law=LatencyLaw(**{**zero, **own})), effect
+    law = LatencyLaw(**{**zero, **own})
+    law = replace(law, a7_ms=law.a7_ms - 1e3 * held_s(effects))
+    later_s = 1e-3 * (law.a7_ms - rig.law.a7_ms)
+    touch_s, release_s = max(rig.tap_touch_s + later_s, 0.0), max(rig.tap_release_s + later_s, 0.0)
+    return replace(rig, law=law, tap_touch_s=touch_s, tap_release_s=release_s), effect

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field
 from draglag.gap.finding import Finding
 from draglag.gap.fit import Fit
 
+# The gap of a sound session over the floor: 95 % of 237 generated ones.
+FLOOR_REACHES = "in a single session noise leaves 0.7 to 1.6 times that"
 COVARIATE = {
     "clock_drift": "session_time", "thermal_drift": "session_time", "low_speed_plateau": "speed", "scan_skew": "x",
     "spatial_warp": "x", "beam_wedge": "x", "pitch_ripple": "x", "laser_hysteresis": "kind_of_edge",

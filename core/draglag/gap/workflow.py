@@ -130,7 +130,7 @@ def close_gap(
             continue
         if unnamed is not None:
             nearly = bool(names) and names[0].gain > NEARLY_ALL * unnamed.score
-            if not nearly and not (names and path_closes(repaired, names[0], allowed, plateau, max_effects)):
+            if not nearly and not (names and path_closes(repaired, names[0], allowed, plateau)):
                 names = []
             else:
                 grace = grace or _Grace(unnamed.covariate, tuple(steps), fit)
@@ -159,7 +159,7 @@ def close_gap(
         unexplained = still_there(fit, finding)
     if grace is not None and unexplained is not None and unexplained.covariate == grace.covariate:
         steps, fit = list(grace.steps), grace.fit
-    if unexplained is not None:
+    if unexplained is not None and stopped_at is None:
         steps, fit = without_parts(steps, fit, first, unexplained, finding)
     without = contradicted_by_taps(session, fit) if unexplained is None else None
     if without is not None:
@@ -171,7 +171,8 @@ def close_gap(
     steps = [_settled(step, fit) for step in steps]
     if unexplained is None and not ages:
         unexplained = excess_scatter(fit) or excess_between_runs(fit) or (None if steps else strained(fit, finding))
-        if unexplained is not None and unexplained.score > max((s.gain for s in steps), default=0.0):
+        most = max((s.gain for s in steps), default=0.0)
+        if unexplained is not None and unexplained.score > most and stopped_at is None:
             steps, fit = without_parts(steps, fit, first, unexplained, finding)
     if unexplained is None and not ages and not {s.effect for s in steps} & LEAVE_ANOTHER_SPEED:
         unexplained = follows_another_speed(fit)
@@ -302,7 +303,8 @@ def _offset_step(session: Session, fit: Fit, steps: list[Step], allowed: frozens
             "every edge alike",
             "taps",
             offset.p_value,
-            f"release taps lie {1e3 * offset.value_s:+.1f} ms off the fitted asymptote",
+            f"release taps lie {1e3 * offset.value_s:+.1f} ms off the fitted asymptote: a law of the taps' own latency "
+            f"would leave {before:.3f} mm",
             before,
             after,
         )

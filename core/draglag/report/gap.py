@@ -15,7 +15,7 @@ from draglag.gap.fit import Fit
 from draglag.gap.heldout import noise_variance_mm2
 from draglag.gap.provisional import Provisional
 from draglag.gap.replay import Replay, replays
-from draglag.gap.results import GapReport, followed, unexplained_in_words
+from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words
 from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.style import (
@@ -97,7 +97,7 @@ def write_gap_report(
     floor_mm = report.noise_floor_mm or 0.0
     body.append(
         f"<p>Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
-        f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms); {report.last.residual_mm.size} edges of "
+        f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms; {FLOOR_REACHES}); {report.last.residual_mm.size} edges of "
         f"{len(report.last.runs)} runs{_left_out(report)}.</p>"
     )
     body.append(_table(report))
