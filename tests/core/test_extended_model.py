@@ -236,6 +236,19 @@ def test_a_model_s_law_is_the_panel_s_and_comes_back_when_simulated(
         assert low < size < high
 
 
+def test_taps_of_a_simulated_law_are_its_own_s() -> None:
+    """8 ms quicker than the screen's at every speed: that is no clock's doing."""
+    screen = rig_for_screen("screen-1")
+    quicker = vars(screen.law) | {"a7_ms": screen.law.a7_ms - 8.0}
+    rig, _ = rig_with_law(screen, "double_exponential", quicker)
+    assert not close_gap(simulate_session(rig, load_protocol("demo"), seed=5), candidates=["clock_offset"]).steps
+    with_taps_left = replace(rig, tap_touch_s=screen.tap_touch_s, tap_release_s=screen.tap_release_s)
+    (step,) = close_gap(
+        simulate_session(with_taps_left, load_protocol("demo"), seed=5), candidates=["clock_offset"]
+    ).steps
+    assert step.effect == "clock_offset"
+
+
 def test_a_model_that_leaves_its_own_session_unexplained_says_so(model: LatencyModel) -> None:
     assert left_unexplained(model) == ""
     left = replace_in(model, verdict="unexplained", gap_mm=(1.5, 0.8))

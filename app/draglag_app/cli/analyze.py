@@ -25,6 +25,7 @@ from draglag_app.cli.common import (
     refuse_existing,
     session_argument,
     table,
+    warn,
 )
 
 
@@ -108,9 +109,7 @@ def analyze(
 
         model = load_model(model_path)
         data, correction = corrected(data, model)
-        elsewhere = other_screen(model, data.screen.name)
-        for words in filter(None, (elsewhere, left_unexplained(model))):
-            click.echo(f"warning: {words}", err=True)
+        warn(other_screen(model, data.screen.name), left_unexplained(model))
     left_out = {name: why or "left out by hand" for name, _, why in (text.partition("=") for text in exclude)}
     unknown = sorted(set(left_out) - {run.id for run in data.runs})
     if unknown:

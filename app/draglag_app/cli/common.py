@@ -50,7 +50,13 @@ def say_warnings(notes: Iterable[LogEntry]) -> None:
     """Warnings of an import on stderr, where they do not mix with results."""
     for note in notes:
         if note.level == "warning" and note.source == "import":
-            click.echo(f"warning: {note.text}", err=True)
+            warn(note.text)
+
+
+def warn(*texts: str) -> None:
+    """Each text that is not empty as a warning beside the output."""
+    for text in filter(None, texts):
+        click.echo(f"warning: {text}", err=True)
 
 
 def refuse_existing(path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.recording import FloatArray
-from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table
+from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
 
 LATEST_S = 1e11  # even stamps since 1970 are far below
 
@@ -48,9 +48,7 @@ def compensate(
     if (source is None) != (out is None) or not (source or lookup or tracking or figure):
         raise click.UsageError("Give IN.csv and OUT.csv, or --lookup, --tracking or --figure.")
     model = load_model(model_path)
-    warning = left_unexplained(model)
-    if warning:
-        click.echo(f"warning: {warning}", err=True)
+    warn(left_unexplained(model))
     result: dict[str, Any] = {"model": str(model_path), "form": model.form}
     if source is not None and out is not None:
         from draglag.compensation import compensate as apply

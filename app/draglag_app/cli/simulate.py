@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from draglag_app.cli.common import progress, refuse_existing
+from draglag_app.cli.common import progress, refuse_existing, warn
 
 if TYPE_CHECKING:
     from draglag.simulation.effects import Effect
@@ -86,14 +86,12 @@ def _of_model(screen_name: str, path: Path, chosen: tuple[Effect, ...]) -> tuple
 
     model = load_model(path)
     named = [effect for effect in model.effects if effect.id not in {e.id for e in chosen}]
-    added = [realise(effect) for effect in named]
-    own = [realise(effect) for effect in model.effects]
-    rig, plateau = rig_with_law(rig_for_screen(screen_name), model.form, model.parameters, own)
+    own = {effect.id: realise(effect) for effect in model.effects}
+    added = [own[effect.id] for effect in named]
+    rig, plateau = rig_with_law(rig_for_screen(screen_name), model.form, model.parameters, tuple(own.values()))
     if plateau is not None and not any(e.id == plateau.id for e in (*chosen, *added)):
         added.append(plateau)
-    warning = left_unexplained(model)
-    if warning:
-        click.echo(f"warning: {warning}", err=True)
+    warn(left_unexplained(model))
     words = f", with the law of {model.provenance.session or path}"
     if named:
         words += " and " + "; ".join(size_words(effect) for effect in named)

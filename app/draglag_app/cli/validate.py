@@ -9,7 +9,16 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.recording import FloatArray
-from draglag_app.cli.common import json_option, load_session, number, print_json, progress, session_argument, table
+from draglag_app.cli.common import (
+    json_option,
+    load_session,
+    number,
+    print_json,
+    progress,
+    session_argument,
+    table,
+    warn,
+)
 
 BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
 
@@ -38,6 +47,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
     from draglag.validation import Validation, validate_run
 
     model = load_model(model_path)
+    warn(left_unexplained(model))
     data, correction = corrected(load_session(session), model)
     elsewhere = other_screen(model, data.screen.name)
     runs = [run for run in data.runs if all_runs or not has_constant_speed(run)] or list(data.runs)
@@ -90,8 +100,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
     ]
     head = ["run", "target", "edges", "J(0)/N mm²", "J/N mm²", "ΔJ %", "speeds mm/s", "verdict"]
     click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}")
-    for words in filter(None, (elsewhere, left_unexplained(model))):
-        click.echo(f"warning: {words}", err=True)
+    warn(elsewhere)
     if model.effects:
         click.echo(correction.words())
     click.echo()

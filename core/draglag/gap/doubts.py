@@ -25,7 +25,7 @@ LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
 DETAIL = 0.03
 STRETCHED = 2.0
 BEYOND_DOUBT = 1e-3
-AT_MOST = 2  # names beside the first that a smooth term may be the sum of
+OTHERS = 2  # names beside the first that a smooth term may be the sum of
 CERTAIN = 80.0  # a structure this strong is there, whatever the held-out runs make of it
 
 
@@ -52,7 +52,7 @@ def path_closes(session: Session, start: Name, allowed: frozenset[str], plateau:
     """Whether named effects, added one by one from a first, leave nothing: then a smooth term was only their sum."""
     fit, used = start.fit, {start.effect}
     plateau = plateau or start.effect == PLATEAU
-    for _ in range(AT_MOST):
+    for _ in range(OTHERS):
         finding = find(fit, without=left_out(allowed) | used)
         if not finding.significant or (len(used) > 1 and still_there(fit, finding) is None):
             return True

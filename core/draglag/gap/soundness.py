@@ -62,8 +62,8 @@ def excess_between_runs(fit: Fit) -> Candidate | None:
 
 
 def off_the_curve(fit: Fit) -> tuple[float, float]:
-    """χ² of the runs' own latencies about the fitted curve, and the probability of it or of its largest part, if
-    panels differed from run to run by the most that they do.
+    """χ² of the runs' own latencies about the fitted curve, and the smaller of the probabilities of it and of its
+    largest part, if panels differed from run to run by the most that they do; 0 and 1 where no run has any.
 
     A curve of another shape than Eq. 5 leaves runs on either side of it, one or two at each speed; one of another
     shape near one speed leaves a single run. Taken for a random latency of each run, that is no more than twice as wide
@@ -80,9 +80,12 @@ def off_the_curve(fit: Fit) -> tuple[float, float]:
     left = both - model @ (model.T @ both)
     levels, size, _ = np.linalg.svd(left[:, :-1], full_matrices=False)
     told = size > SEEN * size.max(initial=0.0)
+    if not told.any():
+        return 0.0, 1.0
     off = float(np.sum((levels[:, told].T @ left[:, -1]) ** 2))
     length = np.linalg.norm(left[:, :-1], axis=0)
-    alone = (left[:, :-1].T @ left[:, -1] / length)[length > SEEN * size.max(initial=0.0)]
+    seen = length > SEEN * size.max()
+    alone = left[:, :-1].T[seen] @ left[:, -1] / length[seen]
     one = alone.size * float(chi2.sf(np.max(alone**2, initial=0.0), 1))
     return off, min(float(chi2.sf(off, np.count_nonzero(told))), one)
 
