@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from draglag.gap.results import GapReport, PassedOver
+from draglag.gap.results import GapReport, PassedOver, Step
 from draglag.gap.separate import not_seen
 from draglag.gap.state import Term
-from draglag.report.gap import headline
+from draglag.report.gap import _table, headline
 from draglag_app.cli.gap import _tell
 
 RIPPLE = PassedOver("pitch_ripple", 6e-6, "amplitude_mm 0.02 (0.01 to 0.03): too little for a name")
@@ -72,3 +72,14 @@ def test_a_limit_of_effects_is_told_instead_of_that_none_is_known(follows, capsy
         assert "effects were limited to 0" in said
         assert "no known effect" not in said
         assert "follows scatter" not in said
+
+
+def test_an_offset_told_by_taps_says_which_gap_it_closes(capsys):
+    """Its gap is not the one before it: it is what a law would leave that the taps' own latency is part of."""
+    evidence = "taps lie 6.1 ms off the asymptote: a law through them would leave 3.556 mm"
+    size = {"offset_s": (0.006, (0.005, 0.007))}
+    offset = Step("clock_offset", size, "every edge", "taps", 1e-9, evidence, 3.556, 0.145)
+    made = replace(report("explained"), steps=(offset,))
+    _tell(made, None)
+    for said in (capsys.readouterr().out, _table(made)):
+        assert evidence in said

@@ -81,7 +81,9 @@ def judge(task: Task, truth: Truth, report: dict[str, Any], floor: dict[str, Any
         right = all(hit is not None for hit in hits.values())
     else:
         right = owned_up and not named
-    error, covered = _parameter_error(hits, hidden)
+    # A law that follows what moves now has no delay to compare.
+    sized = {name: size for name, size in hidden.items() if not truth.variants.get(name, {}).get("present")}
+    error, covered = _parameter_error(hits, sized)
     return Outcome(
         task.kind, task.row, task.scale, task.seed, hidden, right, named,
         tuple(name for name in named if name not in accounted),
@@ -103,7 +105,7 @@ def _parameter_error(
 ) -> tuple[float | None, bool | None]:
     """Relative error of the first effect found under its own name; whether its interval holds the truth."""
     for name, step in hits.items():
-        if step is None or step["effect"] != name or not step.get("parameters"):
+        if name not in hidden or step is None or step["effect"] != name or not step.get("parameters"):
             continue
         key, found = next(iter(step["parameters"].items()))
         unit = _unit(key, EFFECTS[name].unit)

@@ -44,6 +44,21 @@ def test_judgement_of_one_effect(sessions):
     assert found.covered
 
 
+def test_a_law_that_follows_what_moves_now_has_no_delay_to_compare(tmp_path):
+    profile = Profile(protocol="speeds", n_speeds=2, run_s=25.0, varied_runs=False, taps="end")
+    errors = {}
+    for seed in range(1, 12):
+        truth = make_session(tmp_path / str(seed), seed, {"lagging_law": 1.0}, profile)
+        task = Task("single", "lagging_law", 1.0, seed)
+        made = judge(task, truth, report("lagging_law", value=1.2), {"gap_last_mm": 0.25}, 10.0)
+        assert made.right
+        errors.setdefault(truth.variants["lagging_law"]["present"], set()).add(made.parameter_error)
+        if len(errors) == 2:
+            break
+    assert errors[True] == {None}
+    assert list(errors[False]) == [pytest.approx(0.2)]
+
+
 def test_a_twin_name_counts_only_when_the_step_says_so(sessions):
     assert outcome(sessions, "single", ("clock_drift",), report("thermal_drift", alike_to=["clock_drift"])).right
     assert not outcome(sessions, "single", ("clock_drift",), report("thermal_drift")).right

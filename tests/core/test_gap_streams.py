@@ -19,6 +19,8 @@ from draglag.protocols import load_protocol
 from draglag.recording import Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effects
+from draglag.simulation.effects.base import Edges
+from draglag.simulation.effects.laser_bounce import LaserBounce
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
@@ -95,6 +97,68 @@ def test_missing_frames_of_an_even_clock_are_not_taken_for_coarse_stamps(sound: 
     found, _ = inspect(with_touch(sound, thinned))
     assert [f.effect for f in found] == ["frame_drop"]
     assert found[0].value == pytest.approx(0.2, abs=0.02)
+
+
+def test_the_share_of_missing_frames_counts_long_bursts_too(sound: Session) -> None:
+    # Of the frames 30 % are lost, two at a time in the mean, some bursts longer than six.
+    rng = np.random.default_rng(5)
+
+    def in_bursts(touch: TouchTrace) -> TouchTrace:
+        keep = np.ones(touch.t_s.size, bool)
+        at = 0
+        while at < keep.size:
+            at += rng.geometric(0.5 * 0.3 / 0.7)
+            burst = rng.geometric(0.5)
+            keep[at : at + burst] = False
+            at += burst
+        return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep])
+
+    lossy = with_touch(sound, in_bursts)
+    left = sum(run.touch.t_s.size for run in lossy.runs) / sum(run.touch.t_s.size for run in sound.runs)
+    found = next(f for f in inspect(lossy)[0] if f.effect == "frame_drop")
+    assert found.value == pytest.approx(1 - left, rel=0.01)  # of this session's own frames
+    low, high = found.ci95
+    assert low < 0.3 < high
+
+
+def with_chatter(session: Session, span_s: float) -> Session:
+    """Half of the edges chatter, as the simulation has it."""
+    bounce, rng = LaserBounce(0.5, span_s), np.random.default_rng(11)
+    runs = []
+    for run in session.runs:
+        edges = bounce.edges(Edges(run.laser.t_s, run.laser.light), rng)
+        order = np.argsort(edges.t_s)
+        laser = replace(run.laser, t_s=edges.t_s[order], light=edges.light[order])
+        runs.append(replace(run, laser=laser))
+    return replace(session, runs=tuple(runs))
+
+
+def test_chatter_is_told_by_the_time_it_may_last_and_by_its_share(sound: Session) -> None:
+    (found,), _ = inspect(with_chatter(sound, 8e-4))
+    assert found.effect == "laser_bounce"
+    for name, truth in (("span_s", 8e-4), ("share", 0.5)):
+        value, (low, high) = found.parameters[name]
+        assert low <= value <= high
+        assert low < truth < high, name
+
+
+def test_losses_of_contact_are_told_per_time_of_contact(sound: Session) -> None:
+    # 60 a minute of contact, 200 ms each: a sixth of the time is lost.
+    rng = np.random.default_rng(6)
+
+    def filled(touch: TouchTrace) -> TouchTrace:
+        t_s = touch.t_s
+        lost, at_s = np.zeros(t_s.size, bool), t_s[0] + 0.2
+        while (at_s := at_s + rng.exponential(1.0)) < t_s[-1] - 0.3:
+            lost |= (t_s > at_s) & (t_s < at_s + 0.2)
+            at_s += 0.2
+        x, y = (np.interp(t_s, t_s[~lost], values[~lost]) for values in (touch.x_mm, touch.y_mm))
+        return replace(touch, x_mm=x, y_mm=y)
+
+    found = next(f for f in inspect(with_touch(sound, filled))[0] if f.effect == "loss_of_contact")
+    low, high = found.ci95
+    assert low < 60 < high
+    assert high < 75
 
 
 def test_straight_fills_are_counted_although_stamps_jitter(sound: Session) -> None:

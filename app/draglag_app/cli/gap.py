@@ -131,6 +131,8 @@ def _tell(result: GapReport, report: Path | None) -> None:
     for left in result.passed_over:
         click.echo(f"Beyond chance (p {left.p_value:.1g}) but left: {followed(left.what)}, {left.text}.")
     for step in result.steps:
+        if step.covariate == "taps":  # its gap is not the one before it
+            click.echo(f"{step.effect}: {step.evidence}.")
         if step.extra_run:
             click.echo(f"To be sure of {step.effect}: {step.extra_run}.")
     if result.not_seen:

@@ -296,6 +296,6 @@ def _by_run(fit: Fit) -> dict[int, tuple[float, int]]:
 
 
 def _stream_step(item: StreamEffect, gap: Gap) -> Step:
-    parameters = {item.parameter: (item.value, item.ci95)}
+    parameters = item.parameters
     covariate = COVARIATE.get(item.effect, "")
     return Step(item.effect, parameters, item.where, covariate, 1e-9, item.evidence, gap.gap_mm, gap.gap_mm)

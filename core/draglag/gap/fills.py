@@ -76,8 +76,9 @@ def filled_losses(
         out.append(replace(run, touch=touch))
     if count < 4:
         return None, runs
-    per_min = 60 * count / max(total_s, 1.0)
-    reach = 1.96 * np.sqrt(count) * 60 / max(total_s, 1.0)
+    touching_s = max(total_s - sum(length_s), 1.0)  # contact is lost while there is contact
+    per_min = 60 * count / touching_s
+    reach = 1.96 * np.sqrt(count) * 60 / touching_s
     effect = StreamEffect(
         "loss_of_contact",
         "losses_per_min",

@@ -13,6 +13,7 @@ CROWDED = 0.01  # of the stamps, that the one before is like: more than accident
 EXACT = 2e-3  # of a tick: stamps are written to 1 µs; frames of the sample sessions jitter by 6e-3 of their interval
 BEAT = 1.2  # of a tick: as far apart as rounding alone puts stamps
 SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000  # a panel's frame clock is even over the first, and a beat at most the second
+LEAST_HOLE, LONGEST_HOLE = 6, 60  # frames from one event to the next, where others are lost
 SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 
 
@@ -20,7 +21,7 @@ SHARE = 0.15  # of intervals or edges: below this it is an accident, not a habit
 class StreamEffect:
     """One effect seen in a stream: its size with a 95 % interval, where it shows, and the evidence in words.
 
-    ``undone``: whether the repaired session is free of what it does to the edges.
+    ``undone``: whether the repaired session is free of what it does to the edges. ``also``: its other numbers.
     """
 
     effect: str
@@ -31,11 +32,18 @@ class StreamEffect:
     evidence: str
     share: float
     undone: bool = True
+    also: tuple[tuple[str, float, tuple[float, float]], ...] = ()
+
+    @property
+    def parameters(self) -> dict[str, tuple[float, tuple[float, float]]]:
+        """Each number with its 95 % interval."""
+        return {name: (value, ci95) for name, value, ci95 in ((self.parameter, self.value, self.ci95), *self.also)}
 
 
-def share_interval(k: int, n: int) -> tuple[float, float]:
+def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]:
+    """95 % interval of a share. together: how many of the k come at once, for each of them."""
     p = k / n
-    reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) / n)
+    reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) * together / n)
     return max(p - reach, 0.0), min(p + reach, 1.0)
 
 
@@ -185,17 +193,24 @@ def _reaches_further(touches: list[TouchTrace]) -> float:
 
 def drops(touches: list[TouchTrace]) -> StreamEffect | None:
     """Missing frames: intervals of two or more whole frames, far too many for losses of contact."""
-    lost, total = 0, 0
+    whole, short = [], 0
     for touch in touches:
         dt = np.diff(touch.t_s)
         frame_s = float(np.median(dt))
         if frame_s <= 0:
             continue
-        whole = np.round(dt / frame_s)
-        near = np.abs(dt - whole * frame_s) < 0.2 * frame_s
+        apart = np.round(dt / frame_s)
+        near = np.abs(dt - apart * frame_s) < 0.2 * frame_s
         # What comes at once after a pause was held back, not lost.
-        lost += int(np.sum((whole - 1)[near & (whole >= 2) & (whole <= 6)]) - np.count_nonzero(near & (whole == 0)))
-        total += int(np.sum(whole[near & (whole <= 6)]))
+        short += int(np.count_nonzero(near & (apart == 0)))
+        whole.append(apart[near & (apart >= 1) & (apart <= LONGEST_HOLE)].astype(np.int64))
+    of_length = np.bincount(np.concatenate(whole or [np.zeros(0, np.int64)]), minlength=LONGEST_HOLE + 2)
+    # Longer holes are the tail of the shorter ones up to the first length that is not there: then, contact was lost.
+    of_length = of_length[: max(int(np.argmin(of_length[1:] > 0)) + 1, LEAST_HOLE + 1)]
+    frames = np.arange(of_length.size)
+    lost = int(of_length[2:] @ (frames[2:] - 1)) - short
+    total = int(of_length @ frames)
+    together = float(of_length[2:] @ (frames[2:] - 1) ** 2)
     share = lost / max(total, 1)
     if share < 0.03:
         return None
@@ -203,7 +218,7 @@ def drops(touches: list[TouchTrace]) -> StreamEffect | None:
         "frame_drop",
         "share",
         share,
-        share_interval(lost, max(total, 1)),
+        share_interval(lost, max(total, 1), together / lost),
         "single frames, all through",
         f"{100 * share:.1f} % of frames are missing",
         share,

@@ -259,7 +259,7 @@ def _stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fi
     for k, item in enumerate(seen):
         yield Step(
             item.effect,
-            {item.parameter: (item.value, item.ci95)},
+            item.parameters,
             item.where,
             COVARIATE.get(item.effect, ""),
             1e-9,

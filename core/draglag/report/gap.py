@@ -144,7 +144,7 @@ def _table(report: GapReport) -> str:
             if step.indistinguishable_from
             else ""
         )
-        extra = f"<br><small>{escape(step.extra_run)}</small>" if step.extra_run else ""
+        extra = "".join(f"<br><small>{escape(words)}</small>" for words in (step.evidence, step.extra_run) if words)
         rows.append(
             f"<tr><td><b>{escape(step.effect)}</b>{also}</td><td>{escape(step.where)}{extra}</td><td>{sizes}</td>"
             f"<td>{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}</td><td>{_p(step.p_value)}</td></tr>"

@@ -24,7 +24,7 @@ def deliver(rig: Rig, panel: Panel, run: RunPlan, reports: Reports, seed: int) -
     if "frame_drop" in e:
         rng = stream(seed, f"drop {run.id}")
         burst = v["frame_drop"]["mean_burst"]
-        begins = rng.random(len(t)) < e["frame_drop"] / burst
+        begins = rng.random(len(t)) < _begins(e["frame_drop"], burst)
         keep = np.ones(len(t), bool)
         for k in np.flatnonzero(begins):
             keep[k : k + rng.geometric(1 / burst)] = False
@@ -47,6 +47,16 @@ def deliver(rig: Rig, panel: Panel, run: RunPlan, reports: Reports, seed: int) -
         good = held >= 0
         t, x, y = ticks[good], x[held[good]], y[held[good]]
     return t, x, y
+
+
+def _begins(share: float, mean_burst: float) -> float:
+    """How often bursts of frames begin that lose this share of them, where some overlap."""
+    going_on = (1 - 1 / mean_burst) ** np.arange(60)
+    low, high = 0.0, share
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if 1 - np.prod(1 - middle * going_on) < share else (low, middle)
+    return high
 
 
 def _holes(t: np.ndarray, rate_hz: float, shortest_s: float, longest_s: float, rng: np.random.Generator) -> np.ndarray:
