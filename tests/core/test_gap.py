@@ -89,6 +89,11 @@ def test_an_effect_of_the_acceleration_is_sized_although_it_warps_the_trace_it_i
     report = close_gap(simulate_session("screen-1", load_protocol("demo"), effects=effects, seed=5, human=calm))
     assert [s.effect for s in report.steps] == ["acceleration_lag"]
     assert report.steps[0].parameters["lag_s_per_mm_s2"][0] == pytest.approx(1e-5, abs=2.5e-6)
+    # What the stylus did before its trace began, and after, is not known: there no edge is judged by.
+    placed = report.last.placed
+    at_s = (placed.t_s + placed.latency_s)[report.last.use]
+    ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in report.last.runs])[report.last.run_index]
+    assert np.abs(at_s[:, None] - ends_s).min() > 0.25
 
 
 @pytest.mark.parametrize("seed", [19, 30])

@@ -102,9 +102,12 @@ def test_a_filter_that_switches_at_its_own_times_is_named_with_its_times() -> No
     assert value == pytest.approx(0.012, abs=3e-4)
     assert high - low < 1e-3
     assert "stretches of time" in report.steps[0].where
-    assert report.gap_first_mm is not None
+    sound = close_gap(simulated())
+    assert report.verdict == "explained"
     assert report.gap_last_mm is not None
-    assert report.gap_last_mm < 0.8 * report.gap_first_mm
+    assert sound.gap_last_mm is not None
+    # About each switch a window mixes both filters, a millimetre on few edges: those are left out.
+    assert report.gap_last_mm < 1.1 * sound.gap_last_mm
 
 
 def test_a_switching_filters_times_are_looked_for_again_beside_what_hid_them() -> None:
@@ -121,8 +124,7 @@ def test_a_switching_filters_times_are_looked_for_again_beside_what_hid_them() -
     sound = close_gap(simulated())
     assert report.gap_last_mm is not None
     assert sound.gap_last_mm is not None
-    # About each switch a window mixes both filters: what of that is not left out is 12 ms on few edges.
-    assert report.gap_last_mm < 1.5 * sound.gap_last_mm
+    assert report.gap_last_mm < 1.15 * sound.gap_last_mm
 
 
 def test_coarse_stamps_hide_neither_a_lagging_law_nor_an_offset() -> None:

@@ -15,7 +15,7 @@ from draglag.gap.refits import HOPELESS, MODE, RARE, SETTLING, SMOOTHING, gained
 from draglag.gap.signatures import unnamed_columns
 from draglag.gap.state import FOLLOW_ACCELERATION, Term
 from draglag.gap.switching import away, settled
-from draglag.gap.tries import refitted, tries
+from draglag.gap.tries import refitted, tries, without_mixed
 from draglag.recording import Session
 from draglag.simulation.effects.acceleration_lag import WINDOWS_S
 
@@ -123,7 +123,8 @@ def with_times_anew(session: Session, first: Fit, name: Name, plateau: bool) -> 
         fit = anew
         if clearly_less(gap_mm(fit), gap_mm(best.fit)):
             best = replace(name, fit=fit, gap_after_mm=gap_mm(fit))
-    return best
+    fit = without_mixed(session, first, best.fit, plateau)
+    return best if fit is best.fit else replace(name, fit=fit, gap_after_mm=gap_mm(fit))
 
 
 def name(

@@ -32,6 +32,7 @@ LEVELS = 17
 FAR_S = 0.2
 NEAR_SWITCH_S = 0.15
 NEAR_SKIP_S = 0.01  # with the lateness undone in the trace
+A_PASS, LIES_OFF = 2, 4.0  # edges; standard deviations
 MOSTLY = 0.5
 UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
 EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
@@ -180,6 +181,25 @@ def away(placed: Placed, theta: tuple[float, ...], size_s: float) -> np.ndarray:
     nearest = np.column_stack([times[after - 1], times[after]])
     near_s = NEAR_SKIP_S if shown else NEAR_SWITCH_S
     return np.asarray(np.abs(at_s[:, None] - nearest).min(axis=1) > near_s)
+
+
+def of_neither(fit: Fit, theta: tuple[float, ...]) -> np.ndarray:
+    """Edges (m,) of a fit with the switching in it that lie off and are next to a switch: when it came, between two
+    passes, is not known, and windows that reach across it show a mean of both filters."""
+    placed, late_s, _, usable = _latencies(fit)
+    out = np.zeros(len(placed), bool)
+    for k in range(len(fit.runs)):
+        own = np.flatnonzero(usable & (placed.run == k))
+        if own.size < LEAST_EDGES:
+            continue
+        own = own[np.argsort(placed.since_start_s[own])]
+        t, aside_s = placed.since_start_s[own], np.abs(late_s[own] - np.median(late_s[own]))
+        times = np.array([at_s for at_s in theta[2:] if t[0] < at_s < t[-1]])
+        at = np.searchsorted(t, times)[:, None] + np.arange(-A_PASS, A_PASS)
+        next_to = own[at[(at >= 0) & (at < own.size)]]
+        out[next_to] = True
+        out[own[aside_s < LIES_OFF * 1.4826 * np.median(aside_s)]] = False
+    return out
 
 
 def fit_lever(fit: Fit) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.delayed import OTHER, delayed
+from draglag.gap.edges import Placed
 from draglag.gap.finding import Finding
 from draglag.gap.fit import RIPPLE, Fit, latency_of_terms, most_promising
 from draglag.gap.lattice import Lattice
@@ -29,6 +30,7 @@ from draglag.gap.switching import (
     later_of,
     law_beside,
     mistaken_s,
+    of_neither,
     settled,
 )
 from draglag.recording import Session
@@ -39,6 +41,7 @@ REFITTED = 6
 LEFT_OVER = 0.03  # of a lateness undone: what is left is told to first order
 AGREE = 0.15  # of the lateness that skips show: five times what they know it by
 BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
+END_S = 0.3  # of a trace; three times what an acceleration behind it remembers
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
 HINTS = 5.0  # times that gain is what the law itself may come to; 1 to 3 times is usual
 
@@ -103,8 +106,16 @@ def refitted(session: Session, before: Fit, finding: Finding, plateau: bool, sur
         return _above_a_speed(session, before, plateau, a)
     if a.effect == "acceleration_lag":
         options = [[*before.terms, Term(a.effect, (lag, WINDOWS_S[0]), (lag,))] for lag in LAGS_S3_MM]
-        return refit(session, before, most_promising(before, options, before.law), plateau)
+        return refit(session, before, most_promising(before, options, before.law), plateau, only=_inside(before.placed))
     return refit(session, before, [*before.terms, Term(a.effect, a.theta)], plateau)
+
+
+def _inside(placed: Placed) -> np.ndarray:
+    """Edges (m,) that are not about a trace's first or last events: the stylus' acceleration behind a trace that it
+    warps is told from what comes before and after."""
+    at_s = placed.t_s + placed.latency_s
+    ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
+    return np.asarray((at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S))
 
 
 def shown_ripple(fit: Fit) -> Lattice | None:
@@ -140,7 +151,18 @@ def _switched(session: Session, before: Fit, switching: Switching, plateau: bool
             break
         with contextlib.suppress(EstimateError):
             law = law_beside(fit, plateau)
-    return fit
+    return None if fit is None else without_mixed(session, before, fit, plateau)
+
+
+def without_mixed(session: Session, first: Fit, fit: Fit, plateau: bool) -> Fit:
+    """A fit with a filter that comes and goes, without the edges next to a switch that show a mean of both filters.
+    first: a fit whose edges all count."""
+    mode = next(t for t in fit.terms if t.effect == MODE)
+    mixed = of_neither(fit, mode.theta)
+    if not mixed.any():
+        return fit
+    only = away(first.placed, mode.theta, mode.sizes[0]) & ~mixed
+    return refit(session, first, fit.terms, plateau, fit.law, only) or fit
 
 
 def _skipping(session: Session, before: Fit, skips: Skips, plateau: bool) -> Fit | None:
