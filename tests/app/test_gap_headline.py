@@ -1,16 +1,21 @@
 """The headline of a gap report does not call noise what the line below it says is beyond chance."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from draglag.gap.results import GapReport, PassedOver, Step
+from draglag.gap.results import GapReport, PassedOver, Step, unjudged
 from draglag.gap.separate import not_seen
 from draglag.gap.state import Term
 from draglag.report.gap import _table, headline
+from draglag_app.cli import cli
 from draglag_app.cli.gap import _tell
+
+SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
 
 RIPPLE = PassedOver("pitch_ripple", 6e-6, "amplitude_mm 0.02 (0.01 to 0.03): too little for a name")
 
@@ -83,3 +88,21 @@ def test_an_offset_told_by_taps_says_which_gap_it_closes(capsys):
     _tell(made, None)
     for said in (capsys.readouterr().out, _table(made)):
         assert evidence in said
+
+
+def test_runs_without_an_edge_that_can_be_placed_are_told():
+    runs = [SimpleNamespace(id="run-01", protocol="circle"), SimpleNamespace(id="run-02", protocol="step")]
+    session = SimpleNamespace(runs=runs)
+    fit = SimpleNamespace(runs=[SimpleNamespace(run=run) for run in runs], run_index=np.zeros(9, int))
+    assert "run-02 (step)" in unjudged(session, replace(report("no_gap"), last=fit))
+    fit.run_index[4:] = 1
+    assert unjudged(session, replace(report("no_gap"), last=fit)) == ""
+
+
+def test_what_was_left_out_of_the_library_may_be_what_is_unexplained():
+    ran = CliRunner().invoke(cli, ["gap", str(SAMPLE), "--without", "low_speed_plateau"])
+    assert ran.exit_code == 0, ran.output
+    assert ran.output.startswith("Unexplained")  # and nothing else of the speed is named for it
+    assert "It may be what was left out of the library: low_speed_plateau." in ran.output
+    limited = CliRunner().invoke(cli, ["gap", str(SAMPLE), "--max-effects", "0"])
+    assert "left out of the library" not in limited.output

@@ -195,6 +195,8 @@ def test_commands_say_what_they_corrected_for(model: LatencyModel, drifting: Ses
     text = said("compensate", m, str(tmp_path / "in.csv"), str(tmp_path / "out.csv"))
     assert "clock_drift (it does not act on touch)" in text
     assert "clock_drift" in said("simulate", "--screen", "screen-1", "--model", m, "--out", str(tmp_path / "new.h5"))
+    by_hand = ("--effect", "clock_drift=10", "--out", str(tmp_path / "other.h5"))
+    assert "clock_drift as given by hand" in said("simulate", "--screen", "screen-1", "--model", m, *by_hand)
 
 
 @pytest.mark.parametrize(

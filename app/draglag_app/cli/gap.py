@@ -9,7 +9,7 @@ import click
 from draglag.errors import DataError, EstimateError
 from draglag.gap.extended import extended_model
 from draglag.gap.provisional import provisional_term
-from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words
+from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words, unjudged
 from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model
 from draglag.simulation.effects import EFFECTS
@@ -97,6 +97,10 @@ def gap(
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     if not as_json:
         _tell(result, report)
+        if without and result.verdict == "unexplained":
+            click.echo(f"It may be what was left out of the library: {', '.join(without)}.")
+        if left := unjudged(data, result):
+            click.echo(left)
         if provisional:
             nothing = "No provisional term: nothing is unexplained that a smooth term would close."
             click.echo(nothing if unnamed is None else unnamed.words())

@@ -95,4 +95,7 @@ def _of_model(screen_name: str, path: Path, chosen: tuple[Effect, ...]) -> tuple
     words = f", with the law of {model.provenance.session or path}"
     if named:
         words += " and " + "; ".join(size_words(effect) for effect in named)
+    replaced = [effect for effect in model.effects if effect not in named]
+    if replaced:
+        words += f"; {', '.join(effect.id for effect in replaced)} as given by hand"
     return rig, (*chosen, *added), words

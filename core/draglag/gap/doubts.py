@@ -22,6 +22,7 @@ from draglag.recording import Session
 
 ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
 LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
+HARDLY, BARELY = 0.7, 0.9  # of the gap, that a step of the law, or any name, leaves beside something without a name
 DETAIL = 0.03
 STRETCHED = 2.0
 BEYOND_DOUBT = 1e-3
@@ -148,18 +149,33 @@ def without_parts(
     """Steps and fit before the first name that was only a part of what is left.
 
     A structure without a name that is large beside what a name explained had that name as its part. A step of the law
-    that leaves much in the speed itself was a law bent otherwise. An effect of the acceleration that leaves edges
-    scattered as widely as can be took the trace's own jumps for changes of speed.
+    that leaves much in the speed itself, or most of the gap, was a law bent otherwise. An effect of the acceleration
+    that leaves edges scattered as widely as can be took the trace's own jumps for changes of speed.
     """
     left = max([unexplained.score, *(c.score for c in finding.significant if c.effect is None)])
     for k, step in enumerate(steps):
-        share = LEFT_IN_SPEED if step.effect == MODE and unexplained.covariate == "speed" else LEFT
+        bent_otherwise = step.effect == MODE and unexplained.covariate == "speed"
+        share = LEFT_IN_SPEED if bent_otherwise else LEFT
         if step.fit is None:
             continue
+        hardly = bent_otherwise and step.gap_after_mm > HARDLY * step.gap_before_mm
         scattered = step.fit.whiteners[step.fit.best].components.edge_mm >= max(EDGE_MM)
-        if left > share * step.gain or (scattered and COVARIATE.get(step.effect) == "acceleration"):
-            return steps[:k], next((s.fit for s in reversed(steps[:k]) if s.fit is not None), first)
+        if hardly or left > share * step.gain or (scattered and COVARIATE.get(step.effect) == "acceleration"):
+            return _before(k, steps, first)
     return steps, fit
+
+
+def without_idle(steps: list[Step], fit: Fit, first: Fit) -> tuple[list[Step], Fit]:
+    """Steps and fit before the first name that closes next to nothing, where something without a name is left: it took
+    what lay nearest."""
+    for k, step in enumerate(steps):
+        if step.fit is not None and step.gap_after_mm > BARELY * step.gap_before_mm:
+            return _before(k, steps, first)
+    return steps, fit
+
+
+def _before(k: int, steps: list[Step], first: Fit) -> tuple[list[Step], Fit]:
+    return steps[:k], next((s.fit for s in reversed(steps[:k]) if s.fit is not None), first)
 
 
 def strained(fit: Fit, finding: Finding) -> Candidate | None:

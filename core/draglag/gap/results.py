@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 
 from draglag.gap.finding import Finding
 from draglag.gap.fit import Fit
+from draglag.recording import Session
 
 # The gap of a sound session over the floor: 95 % of 237 generated ones.
 FLOOR_REACHES = "in a single session noise leaves 0.7 to 1.6 times that"
@@ -126,3 +127,12 @@ class GapReport:
             "not_seen": dict(self.not_seen),
             "passed_over": [asdict(item) for item in self.passed_over],
         }
+
+
+def unjudged(session: Session, report: GapReport) -> str:
+    """The session's runs that the gap is not judged by, in a sentence; or nothing."""
+    if report.last is None:
+        return ""
+    judged = {report.last.runs[k].run.id for k in set(report.last.run_index.tolist())}
+    left = [f"{run.id} ({run.protocol})" for run in session.runs if run.id not in judged]
+    return f"Not judged by, without an edge that can be placed: {', '.join(left)}." if left else ""

@@ -19,6 +19,7 @@ from draglag.gap.doubts import (
     path_closes,
     still_there,
     strained,
+    without_idle,
     without_parts,
     without_proxies,
 )
@@ -186,6 +187,8 @@ def close_gap(
         unexplained = Candidate(None, COVARIATE[strange[0].effect], "latency", 0.0, 1, 1, 0.0)
     if unexplained is None:
         steps += _offset_step(session, fit, steps, allowed)
+    elif stopped_at is None:
+        steps, fit = without_idle(steps, fit, first)
     last_mm = gap_mm(fit)
     verdict = "unexplained" if unexplained else ("explained" if steps else "no_gap")
     tell(1.0, "done")

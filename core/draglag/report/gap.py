@@ -11,25 +11,13 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import DataError, DraglagError
-from draglag.gap.fit import Fit
-from draglag.gap.heldout import noise_variance_mm2
 from draglag.gap.provisional import Provisional
 from draglag.gap.replay import Replay, replays
-from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words
+from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words, unjudged
 from draglag.recording import Session
 from draglag.report import replayed
-from draglag.report.style import (
-    BLUE,
-    FIGURE_CSS,
-    GREEN,
-    GREY,
-    ORANGE,
-    VERMILION,
-    house_style,
-    new_figure,
-    plain_log_ticks,
-    themed,
-)
+from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
+from draglag.report.style import FIGURE_CSS, house_style, themed
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
 :root{{color-scheme:light dark}}
@@ -71,6 +59,7 @@ def write_gap_report(
     if report.first is None or report.last is None:
         raise DataError("there is no verdict to report", "Record what is missing: " + "; ".join(report.missing))
     again, unsimulated = _simulated(session, report, progress)
+    before = ", before (orange triangles) and after (blue dots)" if report.first is not report.last else ""
     with house_style():
         figures = [
             (
@@ -80,25 +69,26 @@ def write_gap_report(
             ),
             *_overlays(again, report),
             (
-                _residuals(report.first, report.last),
+                residuals(report.first, report.last),
                 "Residuals against what they could follow: the latency that fits the edges of each bin best, with its "
-                "95 % interval, before (orange triangles) and after (blue dots). A flat line at zero is a closed gap.",
+                f"95 % interval{before}. A flat line at zero is a closed gap.",
             ),
-            (_curves(report), "Latency law before and after, with the latency of each run."),
+            (curves(report), "Latency law with the latency of each run."),
             (
-                _spread(report.first, report.last),
-                "Distribution of the residuals; the line is what noise alone predicts.",
+                spread(report.first, report.last),
+                "Distribution of the residuals; the line is what noise alone predicts. The bins at both ends hold all "
+                "that lies beyond.",
             ),
         ]
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
     body.append(f'<p class="verdict">{headline(report)}</p>')
-    ms = _ms_per_mm(report.last)
+    ms = ms_per_mm(report.last)
     first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
     floor_mm = report.noise_floor_mm or 0.0
     body.append(
         f"<p>Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
         f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms; {FLOOR_REACHES}); {report.last.residual_mm.size} edges of "
-        f"{len(report.last.runs)} runs{_left_out(report)}.</p>"
+        f"{len(report.last.runs)} runs{_left_out(report)}. {escape(unjudged(session, report))}</p>"
     )
     body.append(_table(report))
     if provisional is not None:
@@ -224,106 +214,8 @@ def _replay_table(again: tuple[Replay, ...], report: GapReport) -> str:
         "<tr><th>simulated again with</th><th>edges off by, mm RMS</th><th>ms RMS (95 %)</th>"
         "<th>runs whose latency agrees within the 95 % interval of the difference</th></tr>"
     )
-    return f"<h2>Simulated against measured</h2><table>{head}{''.join(rows)}</table>"
-
-
-def _ms_per_mm(fit: Fit) -> float:
-    """The time a stylus takes for 1 mm across the beam at the session's RMS velocity, ms."""
-    return float(1e3 / np.sqrt(np.mean(fit.view.v_across**2)))
-
-
-def waterfall(report: GapReport) -> Any:
-    """The held-out gap step by step, in mm and ms, against the noise floor."""
-    figure = new_figure(7.2, 3.2)
-    axes = figure.add_subplot()
-    names = ["present model", *(f"+ {s.effect.replace('_', ' ')}" for s in report.steps)]
-    values = [report.gap_first_mm or 0.0, *(s.gap_after_mm for s in report.steps)]
-    places = np.arange(len(names))
-    axes.bar(places, values, width=0.55, color=[ORANGE] + [BLUE] * len(report.steps))
-    for place, value in zip(places, values, strict=True):
-        axes.annotate(
-            f"{value:.3f}", (place, value), ha="center", va="bottom", xytext=(0, 2), textcoords="offset points",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1}, zorder=5,  # the noise floor may pass behind it
-        )  # fmt: skip
-    axes.axhline(report.noise_floor_mm or 0.0, color=GREEN, linestyle="--", label="noise floor")
-    axes.set_xticks(places, names)
-    axes.set_xlim(-0.6, max(len(names), 2) - 0.4)
-    axes.set_ylim(0, 1.2 * max([*values, report.noise_floor_mm or 0.0]))
-    axes.set_ylabel("held-out gap (mm RMS)")
-    if report.last is not None:
-        ms = _ms_per_mm(report.last)
-        other = axes.secondary_yaxis("right", functions=(lambda mm: ms * mm, lambda late: late / ms))
-        other.set_ylabel("(ms RMS)")
-    axes.legend(loc="upper right")
-    return figure
-
-
-def _residuals(first: Fit, last: Fit) -> Any:
-    figure = new_figure(7.2, 6.4)
-    grid = figure.subplots(3, 2)
-    covariates = [
-        ("drag speed (mm/s)", "speed"),
-        ("session time (s)", "since_start_s"),
-        ("x (mm)", "x_mm"),
-        ("time in run (s)", "in_run_s"),
-        ("acceleration (mm/s²)", "accel"),
-        ("normal acceleration (mm/s²)", "a_across"),
-    ]
-    for axes, (title, covariate) in zip(grid.ravel(), covariates, strict=True):
-        for fit, colour, marker, name in ((first, ORANGE, "^", "before"), (last, BLUE, "o", "after")):
-            # As latency: a residual across the beam over the velocity across it keeps its sign in both directions.
-            late_ms = 1e3 * fit.residual_mm / np.where(np.abs(fit.view.v_across) < 1, np.nan, fit.view.v_across)
-            x = np.asarray(getattr(fit.view, covariate), float)
-            weight = np.square(fit.view.v_across)
-            middle, mean, reach = replayed.binned(x, late_ms, replayed.limits_in(x), weight)
-            axes.errorbar(
-                middle, mean, reach, color=colour, marker=marker, linestyle="-", lw=0.8, capsize=2, label=name
-            )
-        axes.axhline(0, color=GREY, lw=0.8)
-        axes.set_xlabel(title)
-        axes.set_ylabel("residual (ms)")
-    grid[0, 0].set_xscale("log")
-    plain_log_ticks(grid[0, 0].xaxis)
-    grid[0, 0].legend(loc="best")
-    return figure
-
-
-def _curves(report: GapReport) -> Any:
-    figure = new_figure(7.2, 3.8)
-    axes = figure.add_subplot()
-    assert report.first is not None
-    assert report.last is not None
-    speed = np.geomspace(max(float(report.last.view.speed.min()), 20.0), float(report.last.view.speed.max()), 300)
-    axes.plot(speed, 1e3 * report.first.law(speed), color=ORANGE, linestyle="--", label="before")
-    axes.plot(speed, 1e3 * report.last.law(speed), color=BLUE, label="after")
-    points = [
-        (d.estimate.speed_mm_s, 1e3 * d.estimate.latency_s)
-        for d in report.last.runs
-        if d.estimate and d.estimate.latency_s is not None and d.estimate.speed_mm_s
-    ]
-    axes.plot(*np.array(points).T, "s", color=VERMILION, label="runs, as measured")
-    axes.set_xlabel("drag speed (mm/s)")
-    axes.set_ylabel("latency (ms)")
-    axes.legend()
-    return figure
-
-
-def _spread(first: Fit, last: Fit) -> Any:
-    figure = new_figure(7.2, 3.2)
-    axes = figure.add_subplot()
-    variance = noise_variance_mm2(last)
-    reach = 4 * float(np.sqrt(np.mean(variance))) + 1e-6
-    bins = np.linspace(-reach, reach, 61).tolist()
-    for fit, colour, name in ((first, ORANGE, "before"), (last, BLUE, "after")):
-        axes.hist(np.clip(fit.residual_mm, -reach, reach), bins=bins, histtype="step", color=colour, lw=1.6, label=name)
-    x = np.linspace(-reach, reach, 300)
-    density = np.mean(
-        np.exp(-0.5 * x[:, None] ** 2 / variance[None, :]) / np.sqrt(2 * np.pi * variance[None, :]), axis=1
+    return (
+        f"<h2>Simulated against measured</h2><table>{head}{''.join(rows)}</table>"
+        "<p><small>Here the model is fitted to all runs and follows the hand of each; the held-out gap above judges "
+        "each run by a fit without it.</small></p>"
     )
-    axes.plot(
-        x, density * last.residual_mm.size * (bins[1] - bins[0]), color=GREEN, linestyle="--", label="noise alone"
-    )
-    axes.set_xlabel("residual (mm)")
-    axes.set_ylabel("edges")
-    axes.legend()
-    return figure

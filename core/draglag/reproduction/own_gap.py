@@ -100,7 +100,7 @@ def gap_words(found: OwnGap) -> Iterator[str]:
 def gap_figures(found: OwnGap) -> Iterator[tuple[str, str, Any]]:
     """Name, caption and figure: the gap step by step, and simulated against measured."""
     from draglag.report import replayed
-    from draglag.report.gap import waterfall
+    from draglag.report.gap_figures import waterfall
 
     if found.report.verdict is None:
         return

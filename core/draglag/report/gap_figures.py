@@ -1,0 +1,121 @@
+"""Figures of a gap report: the gap step by step, residuals, curves and their distribution, before and after."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from draglag.gap.fit import Fit
+from draglag.gap.heldout import noise_variance_mm2
+from draglag.gap.results import GapReport
+from draglag.report import replayed
+from draglag.report.style import BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, plain_log_ticks
+
+
+def ms_per_mm(fit: Fit) -> float:
+    """The time a stylus takes for 1 mm across the beam at the session's RMS velocity, ms."""
+    return float(1e3 / np.sqrt(np.mean(fit.view.v_across**2)))
+
+
+def waterfall(report: GapReport) -> Any:
+    """The held-out gap step by step, in mm and ms, against the noise floor."""
+    figure = new_figure(7.2, 3.2)
+    axes = figure.add_subplot()
+    names = ["present model", *(f"+ {s.effect.replace('_', ' ')}" for s in report.steps)]
+    values = [report.gap_first_mm or 0.0, *(s.gap_after_mm for s in report.steps)]
+    places = np.arange(len(names))
+    axes.bar(places, values, width=0.55, color=[ORANGE] + [BLUE] * len(report.steps))
+    for place, value in zip(places, values, strict=True):
+        axes.annotate(
+            f"{value:.3f}", (place, value), ha="center", va="bottom", xytext=(0, 2), textcoords="offset points",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1}, zorder=5,  # the noise floor may pass behind it
+        )  # fmt: skip
+    axes.axhline(report.noise_floor_mm or 0.0, color=GREEN, linestyle="--", label="noise floor")
+    axes.set_xticks(places, names)
+    axes.set_xlim(-0.6, max(len(names), 2) - 0.4)
+    axes.set_ylim(0, 1.2 * max([*values, report.noise_floor_mm or 0.0]))
+    axes.set_ylabel("held-out gap (mm RMS)")
+    if report.last is not None:
+        ms = ms_per_mm(report.last)
+        other = axes.secondary_yaxis("right", functions=(lambda mm: ms * mm, lambda late: late / ms))
+        other.set_ylabel("(ms RMS)")
+    axes.legend(loc="upper right")
+    return figure
+
+
+def _series(first: Fit, last: Fit) -> list[tuple[Fit, str, str, str]]:
+    """What is drawn: fit, colour, marker, name. The same fit is drawn once."""
+    after = (last, BLUE, "o", "present model" if first is last else "after")
+    return [after] if first is last else [(first, ORANGE, "^", "before"), after]
+
+
+def residuals(first: Fit, last: Fit) -> Any:
+    figure = new_figure(7.2, 6.4)
+    grid = figure.subplots(3, 2)
+    covariates = [
+        ("drag speed (mm/s)", "speed"),
+        ("session time (s)", "since_start_s"),
+        ("x (mm)", "x_mm"),
+        ("time in run (s)", "in_run_s"),
+        ("acceleration (mm/s²)", "accel"),
+        ("normal acceleration (mm/s²)", "a_across"),
+    ]
+    for axes, (title, covariate) in zip(grid.ravel(), covariates, strict=True):
+        for fit, colour, marker, name in _series(first, last):
+            # As latency: a residual across the beam over the velocity across it keeps its sign in both directions.
+            late_ms = 1e3 * fit.residual_mm / np.where(np.abs(fit.view.v_across) < 1, np.nan, fit.view.v_across)
+            x = np.asarray(getattr(fit.view, covariate), float)
+            weight = np.square(fit.view.v_across)
+            middle, mean, reach = replayed.binned(x, late_ms, replayed.limits_in(x), weight)
+            axes.errorbar(
+                middle, mean, reach, color=colour, marker=marker, linestyle="-", lw=0.8, capsize=2, label=name
+            )
+        axes.axhline(0, color=GREY, lw=0.8)
+        axes.set_xlabel(title)
+        axes.set_ylabel("residual (ms)")
+    grid[0, 0].set_xscale("log")
+    plain_log_ticks(grid[0, 0].xaxis)
+    grid[0, 0].legend(loc="best")
+    return figure
+
+
+def curves(report: GapReport) -> Any:
+    figure = new_figure(7.2, 3.8)
+    axes = figure.add_subplot()
+    assert report.first is not None
+    assert report.last is not None
+    speed = np.geomspace(max(float(report.last.view.speed.min()), 20.0), float(report.last.view.speed.max()), 300)
+    for fit, colour, _, name in _series(report.first, report.last):
+        axes.plot(speed, 1e3 * fit.law(speed), color=colour, linestyle="-" if fit is report.last else "--", label=name)
+    points = [
+        (d.estimate.speed_mm_s, 1e3 * d.estimate.latency_s)
+        for d in report.last.runs
+        if d.estimate and d.estimate.latency_s is not None and d.estimate.speed_mm_s
+    ]
+    axes.plot(*np.array(points).T, "s", color=VERMILION, label="runs, as measured")
+    axes.set_xlabel("drag speed (mm/s)")
+    axes.set_ylabel("latency (ms)")
+    axes.legend()
+    return figure
+
+
+def spread(first: Fit, last: Fit) -> Any:
+    figure = new_figure(7.2, 3.2)
+    axes = figure.add_subplot()
+    variance = noise_variance_mm2(last)
+    reach = 4 * float(np.sqrt(np.mean(variance))) + 1e-6
+    bins = np.linspace(-reach, reach, 61).tolist()
+    for fit, colour, _, name in _series(first, last):
+        axes.hist(np.clip(fit.residual_mm, -reach, reach), bins=bins, histtype="step", color=colour, lw=1.6, label=name)
+    x = np.linspace(-reach, reach, 300)
+    density = np.mean(
+        np.exp(-0.5 * x[:, None] ** 2 / variance[None, :]) / np.sqrt(2 * np.pi * variance[None, :]), axis=1
+    )
+    axes.plot(
+        x, density * last.residual_mm.size * (bins[1] - bins[0]), color=GREEN, linestyle="--", label="noise alone"
+    )
+    axes.set_xlabel("residual (mm)")
+    axes.set_ylabel("edges")
+    axes.legend()
+    return figure
