@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
+from draglag.gap.doubts import without_idle
+from draglag.gap.fit import Fit
 from draglag.gap.realised import FittedShape
+from draglag.gap.results import Step
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
@@ -140,3 +145,20 @@ def test_coarse_stamps_hide_neither_a_lagging_law_nor_an_offset() -> None:
 def test_held_positions_hide_no_lagging_law_once_their_ages_are_undone() -> None:
     report = close_gap(simulated("sample_hold=83", "lagging_law=0.1", seed=6))
     assert {step.effect for step in report.steps} == {"sample_hold", "lagging_law"}
+
+
+def test_names_that_together_close_next_to_nothing_are_withdrawn_beside_something_nameless() -> None:
+    first, last = (cast("Fit", SimpleNamespace()) for _ in range(2))
+
+    def step(effect: str, before_mm: float, after_mm: float, fit: Fit | None = last) -> Step:
+        return Step(effect, {}, "", "", 0.0, "", before_mm, after_mm, fit=fit)
+
+    seen, idle = step("frame_drop", 0.31, 0.3, None), step("laser_hysteresis", 0.3, 0.29)
+    left, fit = without_idle([seen, idle], last, first)
+    assert [s.effect for s in left] == ["frame_drop"]  # the streams show it
+    assert fit is first
+    # Beside a larger one, an effect may close little in RMS, or nothing: the three together close most.
+    chain = [step("beam_width", 1.1, 1.12), step("direction_asymmetry", 1.12, 1.1), step("clock_drift", 1.1, 0.2)]
+    left, fit = without_idle(chain, last, first)
+    assert left == chain
+    assert fit is last

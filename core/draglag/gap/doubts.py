@@ -22,7 +22,7 @@ from draglag.recording import Session
 
 ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
 LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
-HARDLY, BARELY = 0.7, 0.9  # of the gap, that a step of the law, or any name, leaves beside something without a name
+HARDLY, BARELY = 0.7, 0.9  # of the gap, that a step of the law, or all names, leave beside something without a name
 DETAIL = 0.03
 STRETCHED = 2.0
 BEYOND_DOUBT = 1e-3
@@ -166,11 +166,11 @@ def without_parts(
 
 
 def without_idle(steps: list[Step], fit: Fit, first: Fit) -> tuple[list[Step], Fit]:
-    """Steps and fit before the first name that closes next to nothing, where something without a name is left: it took
-    what lay nearest."""
-    for k, step in enumerate(steps):
-        if step.fit is not None and step.gap_after_mm > BARELY * step.gap_before_mm:
-            return _before(k, steps, first)
+    """Steps and fit without names that together close next to nothing, where something without a name is left: they
+    took what lay nearest. What the streams show stays."""
+    fitted = [k for k, step in enumerate(steps) if step.fit is not None]
+    if fitted and steps[fitted[-1]].gap_after_mm > BARELY * steps[fitted[0]].gap_before_mm:
+        return _before(fitted[0], steps, first)
     return steps, fit
 
 
