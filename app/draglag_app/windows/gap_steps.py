@@ -89,11 +89,11 @@ class StepPlot(Plot):
 
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
-    """What would tell twins apart, how effects added by hand are judged, what the session cannot show."""
+    """What would tell twins apart, how effects by taps or by hand are judged, what the session cannot show."""
     steps = report["steps"]
     lines = [f"{effect_name(s['effect'])}: {in_words(s['extra_run'])}" for s in steps if s.get("extra_run")]
     for step in steps:
-        if step["effect"] in added:
+        if step["effect"] in added or step.get("covariate") == "taps":  # whose gap is not the one before it
             lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
     for left in report.get("passed_over", ()):
         words = say("Beyond chance (p {p}) but left: {what}, {why}")

@@ -44,6 +44,11 @@ GAP = (
     QT_TRANSLATE_NOOP(
         "Library", "it is worth less than the terms it takes or does not shrink the gap on held-out runs"
     ),
+    # of an offset that taps show
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "release taps lie {ms} ms off the fitted asymptote: a law of the taps' own latency would leave {mm} mm",
+    ),
     # of an effect added by hand
     QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): shrinks"),
     QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): open"),

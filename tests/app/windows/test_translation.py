@@ -146,11 +146,15 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
     }
     too_small = "amplitude_mm 0.0228 (0.0112 to 0.0345); gap on held-out runs 0.180 → 0.179 mm: too little for a name"
     assert in_words(too_small) == too_small
+    by_taps = "release taps lie +6.4 ms off the fitted asymptote: a law of the taps' own latency would leave 3.556 mm"
     fit = SimpleNamespace(law=SimpleNamespace(plateau_mm_s=118.0), terms=())
     places = {where_of(effect, fit) for effect in (*BY_HAND, "low_speed_plateau")}  # type: ignore[arg-type]
     places.add("in 40 stretches of time, 265 s in all")
     report = {
-        "steps": [{"effect": "clock_drift", "extra_run": EXTRA_RUN["clock_drift"], "evidence": {}}],
+        "steps": [
+            {"effect": "clock_drift", "extra_run": EXTRA_RUN["clock_drift"], "evidence": {}},
+            {"effect": "clock_offset", "covariate": "taps", "evidence": {"text": by_taps}},
+        ],
         "passed_over": [{"what": "session_time", "p_value": 6e-6, "text": too_small}],
         "not_seen": {"clock_offset": "taps timed on the same clock show it"},
     }
@@ -160,6 +164,8 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
         said = remarks(report, (), ())
         assert said == [
             "klokverloop: tikken voor en na de runs onderscheiden een verlopende klok van een kruipende vertraging",
+            "klokverschil: loslaattikken liggen +6.4 ms naast de asymptoot van de fit: een wet met de vertraging van "
+            "de tikken zelf zou 3.556 mm laten",
             "Geen toeval (p 6e-06) maar gelaten: de sessietijd, amplitude 0.0228 mm (0.0112 … 0.0345); verschil op "
             "niet gebruikte runs 0.180 → 0.179 mm: te weinig voor een naam",
             "Deze sessie kan niet laten zien: klokverschil: tikken op dezelfde klok laten het zien",
