@@ -90,13 +90,14 @@ def test_an_offset_told_by_taps_says_which_gap_it_closes(capsys):
         assert evidence in said
 
 
-def test_runs_without_an_edge_that_can_be_placed_are_told():
-    runs = [SimpleNamespace(id="run-01", protocol="circle"), SimpleNamespace(id="run-02", protocol="step")]
-    session = SimpleNamespace(runs=runs)
-    fit = SimpleNamespace(runs=[SimpleNamespace(run=run) for run in runs], run_index=np.zeros(9, int))
-    assert "run-02 (step)" in unjudged(session, replace(report("no_gap"), last=fit))
-    fit.run_index[4:] = 1
-    assert unjudged(session, replace(report("no_gap"), last=fit)) == ""
+def test_runs_that_the_fit_does_not_judge_by_are_told_with_the_reason():
+    runs = [SimpleNamespace(id=f"run-0{k}", protocol=kind) for k, kind in ((1, "circle"), (2, "circle"), (3, "step"))]
+    session, of_runs = SimpleNamespace(runs=runs), [SimpleNamespace(run=run) for run in runs]
+    first, last = (SimpleNamespace(runs=of_runs, run_index=np.array(used)) for used in ([0, 0, 1, 1], [0, 0]))
+    said = unjudged(session, replace(report("no_gap"), first=first, last=last))
+    assert said == "Not judged by: run-02 (circle, left out beside an effect), run-03 (step, no usable edge)."
+    last.run_index = np.array([0, 1, 2])
+    assert unjudged(session, replace(report("no_gap"), first=first, last=last)) == ""
 
 
 def test_what_was_left_out_of_the_library_may_be_what_is_unexplained():
@@ -104,5 +105,5 @@ def test_what_was_left_out_of_the_library_may_be_what_is_unexplained():
     assert ran.exit_code == 0, ran.output
     assert ran.output.startswith("Unexplained")  # and nothing else of the speed is named for it
     assert "It may be what was left out of the library: low_speed_plateau." in ran.output
-    limited = CliRunner().invoke(cli, ["gap", str(SAMPLE), "--max-effects", "0"])
+    limited = CliRunner().invoke(cli, ["gap", str(SAMPLE), "--without", "scan_skew", "--max-effects", "0"])
     assert "left out of the library" not in limited.output

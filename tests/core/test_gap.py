@@ -82,14 +82,19 @@ def test_a_simulated_effect_is_named_and_sized(effect: str, parameter: str, trut
     assert report.steps[0].parameters[parameter][0] == pytest.approx(truth, abs=within)
 
 
-def test_an_effect_of_the_acceleration_is_sized_although_it_warps_the_trace_it_is_seen_in() -> None:
+@pytest.mark.parametrize(("lag_s_per_mm_s2", "seed"), [(1e-5, 5), (2e-5, 5)])
+def test_an_effect_of_the_acceleration_is_sized_although_it_warps_the_trace_it_is_seen_in(
+    lag_s_per_mm_s2: float, seed: int
+) -> None:
     # At 1 m/s it amplifies the shown changes of speed fourfold. A tremor's accelerations would drown the hand's.
     calm = Human(tremor_mm=0.01, timing_sd_s=0.04)
-    effects = [parse_effect("acceleration_lag=1e-5")]
-    report = close_gap(simulate_session("screen-1", load_protocol("demo"), effects=effects, seed=5, human=calm))
+    effects = [parse_effect(f"acceleration_lag={lag_s_per_mm_s2}")]
+    report = close_gap(simulate_session("screen-1", load_protocol("demo"), effects=effects, seed=seed, human=calm))
     assert [s.effect for s in report.steps] == ["acceleration_lag"]
-    assert report.steps[0].parameters["lag_s_per_mm_s2"][0] == pytest.approx(1e-5, abs=2.5e-6)
-    # What the stylus did before its trace began, and after, is not known: there no edge is judged by.
+    assert report.steps[0].parameters["lag_s_per_mm_s2"][0] == pytest.approx(lag_s_per_mm_s2, rel=0.25)
+    # What the stylus did before its trace began, and after, is not known: there no edge is judged by, whichever
+    # window the panel's tracker takes (the wider lag is seen through another one).
+    assert report.last is not None
     placed = report.last.placed
     at_s = (placed.t_s + placed.latency_s)[report.last.use]
     ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in report.last.runs])[report.last.run_index]

@@ -97,7 +97,7 @@ def gap(
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     if not as_json:
         _tell(result, report)
-        if without and result.verdict == "unexplained":
+        if without and result.verdict == "unexplained" and result.stopped_at is None:
             click.echo(f"It may be what was left out of the library: {', '.join(without)}.")
         if left := unjudged(data, result):
             click.echo(left)

@@ -14,8 +14,8 @@ from draglag.gap.parameters import parameters_of
 from draglag.gap.refits import HOPELESS, MODE, RARE, SETTLING, SMOOTHING, gained, possible, refit
 from draglag.gap.signatures import unnamed_columns
 from draglag.gap.state import FOLLOW_ACCELERATION, Term
-from draglag.gap.switching import away, settled
-from draglag.gap.tries import refitted, tries, without_mixed
+from draglag.gap.switching import settled
+from draglag.gap.tries import judged_by, refitted, tries, without_mixed
 from draglag.recording import Session
 from draglag.simulation.effects.acceleration_lag import WINDOWS_S
 
@@ -81,7 +81,7 @@ def in_the_best_window(session: Session, before: Fit, fit: Fit, plateau: bool) -
         if window_s == term.theta[1]:
             continue
         terms = [*others, replace(term, theta=(term.theta[0], window_s))]
-        other = refit(session, before, terms, plateau, fit.law)
+        other = refit(session, before, terms, plateau, fit.law, fit.only)
         if other is not None and clearly_less(gap_mm(other), gap_mm(best)):
             best = other
     return best
@@ -117,7 +117,7 @@ def with_times_anew(session: Session, first: Fit, name: Name, plateau: bool) -> 
         if theta == last or len(theta) < 4:
             break
         terms = [Term(MODE, theta, (size_s,)) if t.effect == MODE else t for t in fit.terms]
-        anew = refit(session, first, terms, plateau, fit.law, away(fit.placed, theta, size_s))
+        anew = refit(session, first, terms, plateau, fit.law, judged_by(fit.placed, terms))
         if anew is None:
             break
         fit = anew

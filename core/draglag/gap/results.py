@@ -130,9 +130,13 @@ class GapReport:
 
 
 def unjudged(session: Session, report: GapReport) -> str:
-    """The session's runs that the gap is not judged by, in a sentence; or nothing."""
-    if report.last is None:
+    """The session's runs that the fit does not judge by, in a sentence; or nothing."""
+    if report.last is None or report.first is None:
         return ""
-    judged = {report.last.runs[k].run.id for k in set(report.last.run_index.tolist())}
-    left = [f"{run.id} ({run.protocol})" for run in session.runs if run.id not in judged]
-    return f"Not judged by, without an edge that can be placed: {', '.join(left)}." if left else ""
+    first, last = ({fit.runs[k].run.id for k in set(fit.run_index.tolist())} for fit in (report.first, report.last))
+    left = [
+        f"{run.id} ({run.protocol}, {'left out beside an effect' if run.id in first else 'no usable edge'})"
+        for run in session.runs
+        if run.id not in last
+    ]
+    return f"Not judged by: {', '.join(left)}." if left else ""

@@ -59,7 +59,8 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
 
 def _bounce(session: Session) -> tuple[StreamEffect] | None:
     """Chatter: transitions closer together than any stylus allows, in groups around single edges."""
-    extra, edges, spans = 0, 0, []
+    groups: list[tuple[float, int, int]] = []  # of each run: how near, groups that chatter, groups
+    spans: list[float] = []
     for run in session.runs:
         t = np.sort(run.laser.t_s)
         if t.size < 6 or run.touch.t_s.size < 50:
@@ -74,8 +75,8 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
         # A chattering edge ends in its new state, after three transitions or more; two are a pass that grazes the beam,
         # an even number two edges so close that their chatter meets.
         spans += [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 2 and n % 2]
-        extra += int(np.sum(size > 2))
-        edges += int(size.size)
+        groups.append((closest, int(np.sum(size > 2)), int(size.size)))
+    extra, edges = (sum(group[k] for group in groups) for k in (1, 2))
     if edges == 0 or extra < max(5, 0.02 * edges) or not spans:
         return None
     # Of the time in which it may chatter the longest tells: of n edges' last of two flips, one lies within its last
@@ -84,6 +85,8 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
     span_s = max(spans)
     longest_s = span_s * 0.05 ** (-1 / (2 * len(spans)))
     share = extra / edges
+    # Chatter that outlasts what is near in a fast run falls apart there.
+    told, of = (int(sum(group[k] for group in groups if group[0] >= span_s)) for k in (1, 2))
     return (
         StreamEffect(
             "laser_bounce",
@@ -93,7 +96,7 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
             f"{100 * share:.0f} % of edges",
             f"{extra} of {edges} edges chatter for up to {1e3 * span_s:.2f} ms",
             share,
-            also=(("share", share, share_interval(extra, edges)),),
+            also=(("share", told / of, share_interval(told, of)),) if of else (),
         ),
     )
 

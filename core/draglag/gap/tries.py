@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,16 +106,23 @@ def refitted(session: Session, before: Fit, finding: Finding, plateau: bool, sur
         return _above_a_speed(session, before, plateau, a)
     if a.effect == "acceleration_lag":
         options = [[*before.terms, Term(a.effect, (lag, WINDOWS_S[0]), (lag,))] for lag in LAGS_S3_MM]
-        return refit(session, before, most_promising(before, options, before.law), plateau, only=_inside(before.placed))
+        terms = most_promising(before, options, before.law)
+        return refit(session, before, terms, plateau, only=judged_by(before.placed, terms[-1:]))
     return refit(session, before, [*before.terms, Term(a.effect, a.theta)], plateau)
 
 
-def _inside(placed: Placed) -> np.ndarray:
-    """Edges (m,) that are not about a trace's first or last events: the stylus' acceleration behind a trace that it
-    warps is told from what comes before and after."""
-    at_s = placed.t_s + placed.latency_s
-    ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
-    return np.asarray((at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S))
+def judged_by(placed: Placed, terms: Sequence[Term]) -> np.ndarray:
+    """Edges (m,) that a model with these terms can judge by: none about a switch of a second filter, and none about a
+    trace's ends where the acceleration behind the trace counts, which is told from what comes before and after."""
+    out = np.ones(len(placed), bool)
+    for term in terms:
+        if term.effect == MODE:
+            out &= away(placed, term.theta, term.sizes[0])
+        elif term.effect == "acceleration_lag":
+            at_s = placed.t_s + placed.latency_s
+            ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
+            out &= (at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S)
+    return out
 
 
 def shown_ripple(fit: Fit) -> Lattice | None:
@@ -161,7 +168,7 @@ def without_mixed(session: Session, first: Fit, fit: Fit, plateau: bool) -> Fit:
     mixed = of_neither(fit, mode.theta)
     if not mixed.any():
         return fit
-    only = away(first.placed, mode.theta, mode.sizes[0]) & ~mixed
+    only = judged_by(first.placed, fit.terms) & ~mixed
     return refit(session, first, fit.terms, plateau, fit.law, only) or fit
 
 

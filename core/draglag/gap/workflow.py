@@ -155,6 +155,7 @@ def close_gap(
             fit = found[0].fit
         fit, steps = without_proxies(repaired, fit, steps)
         finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
+    searched = fit  # the model that the finding is of
     stopped_at = max_effects if finding.significant and len(steps) >= max_effects else None
     if unexplained is None and finding.significant:
         unexplained = still_there(fit, finding)
@@ -164,7 +165,8 @@ def close_gap(
         steps, fit = without_parts(steps, fit, first, unexplained, finding)
     without = contradicted_by_taps(session, fit) if unexplained is None else None
     if without is not None:
-        fit, steps = without, [s for s in steps if s.effect != MODE]
+        fit = searched = without
+        steps = [s for s in steps if s.effect != MODE]
         finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
         unexplained = next((c for c in finding.significant if c.effect is None and c.covariate == "speed"), None)
     if unexplained is not None and a_detail(unexplained, steps):
@@ -182,13 +184,15 @@ def close_gap(
         unexplained = stalls(whole if coarse else session)  # two stamps alike on a coarse clock are no burst
     if unexplained is None and RIPPLE not in allowed:
         unexplained = nameless_ripple(fit)
+    if unexplained is not None and stopped_at is None:
+        steps, fit = without_idle(steps, fit, first)
     if unexplained is None and strange:
         # Seen in the streams, and there is no name for it to be given.
         unexplained = Candidate(None, COVARIATE[strange[0].effect], "latency", 0.0, 1, 1, 0.0)
     if unexplained is None:
         steps += _offset_step(session, fit, steps, allowed)
-    elif stopped_at is None:
-        steps, fit = without_idle(steps, fit, first)
+    if fit is not searched:
+        finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
     last_mm = gap_mm(fit)
     verdict = "unexplained" if unexplained else ("explained" if steps else "no_gap")
     tell(1.0, "done")

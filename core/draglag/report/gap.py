@@ -217,5 +217,6 @@ def _replay_table(again: tuple[Replay, ...], report: GapReport) -> str:
     return (
         f"<h2>Simulated against measured</h2><table>{head}{''.join(rows)}</table>"
         "<p><small>Here the model is fitted to all runs and follows the hand of each; the held-out gap above judges "
-        "each run by a fit without it.</small></p>"
+        "runs by a fit without them, but for the slowest and the fastest where they were run once: those are in every "
+        "fit, and not in the gap.</small></p>"
     )
