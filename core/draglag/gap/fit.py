@@ -160,7 +160,10 @@ def fit_session(
     use = use & (usable(state, runs, loose=False) if start is None else placed.ok)
     parts = scatter(runs, placed, use, state.blur_mm)
     far = replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])
-    components = likeliest(parts, state.residual[use], state.design[use], state.prior, (components, far))
+    begun = [components, far]
+    if start is not None:
+        begun.append(start.whiteners[start.best].components)  # or the larger model may seem the less likely one
+    components = likeliest(parts, state.residual[use], state.design[use], state.prior, begun)
     residual, design, prior = state.residual, state.design, state.prior
     whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
     prior = np.concatenate([base_prior(law), np.full(design.shape[1] - base_prior(law).size, 1e-12)])
