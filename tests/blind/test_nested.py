@@ -13,7 +13,7 @@ SEED, CREEP_S_H = 1685657017, -0.0256
 
 
 def test_a_model_with_the_true_effect_is_the_likelier_one(tmp_path):
-    """The size of each kind of noise is sought one after the other: it must not end elsewhere than without the effect."""
+    """Sizes of noise are sought one after the other: they must not end elsewhere than without the effect."""
     make_session(tmp_path, SEED, {"thermal_drift": CREEP_S_H})
     _, session = inspect(read_exchange(tmp_path))
     before = fit_session(session, gather(session))
