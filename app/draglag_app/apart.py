@@ -80,8 +80,8 @@ def close_gap_of(
 
     from draglag.gap import close_gap
     from draglag.gap.by_hand import add_by_hand
-    from draglag.gap.extended import extended_model
-    from draglag.gap.replay import replays
+    from draglag.gap.replaying.extended import extended_model
+    from draglag.gap.replaying.replay import replays
     from draglag.report.replayed import overlay_numbers
     from draglag.simulation.effects import EFFECTS
 

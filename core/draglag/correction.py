@@ -15,8 +15,8 @@ import numpy as np
 from draglag.clocks import remapped, remapped_within
 from draglag.errors import DataError
 from draglag.events import sample_interval_s, usable
-from draglag.gap.realised import FittedShape, made
-from draglag.gap.streams import inspect
+from draglag.gap.replaying.realised import FittedShape, made
+from draglag.gap.streams.evidence import inspect
 from draglag.inversion import Law, stylus_path
 from draglag.latency.on_clock import nearby
 from draglag.model_file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect

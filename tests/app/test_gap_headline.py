@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from draglag.gap.finding.separate import not_seen
+from draglag.gap.fitting.state import Term
 from draglag.gap.results import GapReport, PassedOver, Step, unjudged
-from draglag.gap.separate import not_seen
-from draglag.gap.state import Term
 from draglag.report.gap import _table, headline
 from draglag_app.cli import cli
 from draglag_app.cli.gap import _tell

@@ -1,11 +1,11 @@
 """A generated session on which a model with the true effect once seemed less likely than the one without it."""
 
 from draglag.exchange import read_exchange
-from draglag.gap.fit import fit_session
-from draglag.gap.refits import gained, refit
-from draglag.gap.run_data import gather
-from draglag.gap.state import Term
-from draglag.gap.streams import inspect
+from draglag.gap.fitting.joint import fit_session
+from draglag.gap.fitting.state import Term
+from draglag.gap.naming.refits import gained, refit
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.traces.run_data import gather
 
 from .physics.session import make_session
 

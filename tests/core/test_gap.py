@@ -11,12 +11,12 @@ import pytest
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.fit import fit_session
+from draglag.gap.fitting.joint import fit_session
+from draglag.gap.fitting.signatures import shape_free
+from draglag.gap.naming.soundness import excess_between_runs
 from draglag.gap.results import unexplained_in_words
-from draglag.gap.run_data import gather
-from draglag.gap.signatures import shape_free
-from draglag.gap.soundness import excess_between_runs
-from draglag.gap.streams import inspect
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
 from draglag.recording import Run, Session
 from draglag.simulation import simulate_session

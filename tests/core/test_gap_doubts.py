@@ -12,9 +12,9 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.doubts import without_idle
-from draglag.gap.fit import Fit
-from draglag.gap.realised import FittedShape
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.naming.doubts import without_idle
+from draglag.gap.replaying.realised import FittedShape
 from draglag.gap.results import Step
 from draglag.protocols import load_protocol
 from draglag.recording import Session

@@ -11,14 +11,14 @@ import pytest
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.fit import START, Fit, fit_session
-from draglag.gap.heldout import gap_mm
-from draglag.gap.likelihood import cost_without_nuisances, downhill
-from draglag.gap.model import LawParameters
-from draglag.gap.noise import scatter
-from draglag.gap.run_data import gather
-from draglag.gap.state import Term, look
-from draglag.gap.whitening import whitener
+from draglag.gap.fitting.heldout import gap_mm
+from draglag.gap.fitting.joint import START, Fit, fit_session
+from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill
+from draglag.gap.fitting.model import LawParameters
+from draglag.gap.fitting.noise import scatter
+from draglag.gap.fitting.state import Term, look
+from draglag.gap.fitting.whitening import whitener
+from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
 from draglag.recording import Run, Session, TouchTrace
 from draglag.simulation import simulate_session

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from draglag.exchange import read_exchange
-from draglag.gap.run_data import gather
-from draglag.gap.traces import POSITION_STEP_S, Kept, traces_of
+from draglag.gap.traces.local_fits import POSITION_STEP_S, Kept, traces_of
+from draglag.gap.traces.run_data import gather
 from draglag.motion import local_fit
 from draglag.recording import FloatArray, IntArray
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from draglag.gap.fit import Fit, fit_session
-from draglag.gap.plateau import plateau_ci95_mm_s
-from draglag.gap.run_data import gather
+from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.plateau import plateau_ci95_mm_s
+from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

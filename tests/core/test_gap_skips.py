@@ -8,12 +8,12 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 
 from draglag.gap import close_gap
-from draglag.gap.extended import extended_model
-from draglag.gap.lateness import without_lateness
-from draglag.gap.realised import FittedShape
+from draglag.gap.replaying.extended import extended_model
+from draglag.gap.replaying.realised import FittedShape
 from draglag.gap.results import GapReport, Step
-from draglag.gap.run_data import gather
-from draglag.gap.skips import find_skips
+from draglag.gap.traces.lateness import without_lateness
+from draglag.gap.traces.run_data import gather
+from draglag.gap.traces.skips import find_skips
 from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, Session
 from draglag.simulation import simulate_session

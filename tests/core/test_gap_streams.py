@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from draglag.exchange import read_exchange
-from draglag.gap.stalls import stalls
-from draglag.gap.stamps import evened
-from draglag.gap.streams import inspect
-from draglag.gap.unwarped import Shown, Unwarped
+from draglag.gap.finding.stalls import stalls
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.streams.stamps import evened
+from draglag.gap.traces.unwarped import Shown, Unwarped
 from draglag.protocols import load_protocol
 from draglag.recording import Session, TouchTrace
 from draglag.simulation import simulate_session

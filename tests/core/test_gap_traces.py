@@ -14,12 +14,12 @@ from draglag.correction import corrected
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.asked import asked_speeds, before_s
-from draglag.gap.extended import extended_model
-from draglag.gap.lattice import Lattice, lattice_of
-from draglag.gap.realised import FittedShape, effects_of_fit
-from draglag.gap.run_data import RunData, as_shown, gather, undone
-from draglag.gap.state import _not_far
+from draglag.gap.fitting.state import _not_far
+from draglag.gap.replaying.extended import extended_model
+from draglag.gap.replaying.realised import FittedShape, effects_of_fit
+from draglag.gap.streams.lattice import Lattice, lattice_of
+from draglag.gap.traces.asked import asked_speeds, before_s
+from draglag.gap.traces.run_data import RunData, as_shown, gather, undone
 from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session

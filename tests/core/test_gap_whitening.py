@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from draglag.gap.noise import Components, Scatter
-from draglag.gap.whitening import whitener
+from draglag.gap.fitting.noise import Components, Scatter
+from draglag.gap.fitting.whitening import whitener
 
 M, REACH = 60, 5
 

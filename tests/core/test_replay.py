@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from draglag.exchange import read_exchange
-from draglag.gap.fit import Fit, fit_session
-from draglag.gap.realised import OF_FREE_SHAPE, effects_of_fit, made
-from draglag.gap.replay import Replay, replay
-from draglag.gap.run_data import gather
-from draglag.gap.state import Term, term_signature
+from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.state import Term, term_signature
+from draglag.gap.replaying.realised import OF_FREE_SHAPE, effects_of_fit, made
+from draglag.gap.replaying.replay import Replay, replay
+from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.report.replayed import binned

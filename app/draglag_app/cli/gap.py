@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError, EstimateError
-from draglag.gap.extended import extended_model
-from draglag.gap.provisional import provisional_term
+from draglag.gap.naming.provisional import provisional_term
+from draglag.gap.replaying.extended import extended_model
 from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words, unjudged
 from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model

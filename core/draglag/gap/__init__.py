@@ -4,7 +4,7 @@
 """
 
 from draglag.gap.compose import Gap, Model, Shrinkage, find, name, shrinkage
-from draglag.gap.finding import Finding
+from draglag.gap.finding.scan import Finding
 from draglag.gap.results import GapReport, Step
 from draglag.gap.workflow import close_gap
 

@@ -9,19 +9,19 @@ import numpy as np
 from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.compose import STREAMS, Gap, Model, Shrinkage, shrinkage, theta_of
-from draglag.gap.doubts import covariate_of, left_out, still_there
-from draglag.gap.finding import Finding, find
-from draglag.gap.fit import Fit, fit_session
-from draglag.gap.heldout import floor_mm, gap_mm
-from draglag.gap.model import LawParameters
-from draglag.gap.parameters import parameters_of, where_of
-from draglag.gap.refits import PLATEAU, SAME_MODEL_BETTER, gained, refit
+from draglag.gap.finding.scan import Finding, find
+from draglag.gap.finding.separate import ALWAYS_TOGETHER, EXTRA_RUN
+from draglag.gap.fitting.heldout import floor_mm, gap_mm
+from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.model import LawParameters
+from draglag.gap.fitting.parameters import parameters_of, where_of
+from draglag.gap.fitting.signatures import SIGNATURES
+from draglag.gap.fitting.state import Term
+from draglag.gap.naming.doubts import covariate_of, left_out, still_there
+from draglag.gap.naming.refits import PLATEAU, SAME_MODEL_BETTER, gained, refit
+from draglag.gap.naming.soundness import excess_between_runs, excess_scatter
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
-from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN
-from draglag.gap.signatures import SIGNATURES
-from draglag.gap.soundness import excess_between_runs, excess_scatter
-from draglag.gap.state import Term
-from draglag.gap.streams import inspect
+from draglag.gap.streams.evidence import inspect
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 

@@ -16,22 +16,30 @@ import numpy as np
 
 from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
-from draglag.gap.doubts import left_out
-from draglag.gap.finding import Candidate, Finding
-from draglag.gap.finding import find as find_in
-from draglag.gap.fit import Fit, fit_session
-from draglag.gap.heldout import IN_EVERY_FIT, clearly_less, floor_mm, folds, gap_mm, held_out_residual_mm, shrinks
-from draglag.gap.model import Geometry, LawParameters
-from draglag.gap.naming import name as names_of
-from draglag.gap.parameters import parameters_of
-from draglag.gap.refits import PLATEAU, gained
+from draglag.gap.finding.scan import Candidate, Finding
+from draglag.gap.finding.scan import find as find_in
+from draglag.gap.finding.separate import times_out_of_order
+from draglag.gap.fitting.heldout import (
+    IN_EVERY_FIT,
+    clearly_less,
+    floor_mm,
+    folds,
+    gap_mm,
+    held_out_residual_mm,
+    shrinks,
+)
+from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.model import Geometry, LawParameters
+from draglag.gap.fitting.parameters import parameters_of
+from draglag.gap.fitting.signatures import SIGNATURES
+from draglag.gap.fitting.state import Term
+from draglag.gap.naming.choice import name as names_of
+from draglag.gap.naming.doubts import left_out
+from draglag.gap.naming.refits import PLATEAU, gained
 from draglag.gap.results import COVARIATE, TERM_OF, Step
-from draglag.gap.run_data import gather
-from draglag.gap.separate import times_out_of_order
-from draglag.gap.signatures import SIGNATURES
-from draglag.gap.stamps import StreamEffect
-from draglag.gap.state import Term
-from draglag.gap.streams import inspect
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.streams.stamps import StreamEffect
+from draglag.gap.traces.run_data import gather
 from draglag.gap.workflow import step_of
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS, known_effects
@@ -262,7 +270,7 @@ def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, f
     if not held:
         return session
     from draglag.correction import without_effects  # the correction itself builds on this package
-    from draglag.gap.realised import made
+    from draglag.gap.replaying.realised import made
 
     law = fit_session(session, gather(session)).law
     return without_effects(session, [made(name, dict(values)) for name, values in held], law)

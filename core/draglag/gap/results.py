@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 
-from draglag.gap.finding import Finding
-from draglag.gap.fit import Fit
+from draglag.gap.finding.scan import Finding
+from draglag.gap.fitting.joint import Fit
 from draglag.recording import Session
 
 # The gap of a sound session over the floor: 95 % of 237 generated ones.

@@ -9,7 +9,21 @@ import numpy as np
 
 from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
-from draglag.gap.doubts import (
+from draglag.gap.finding.scan import LEVEL, Candidate, Finding, find
+from draglag.gap.finding.separate import (
+    ALWAYS_TOGETHER,
+    EXTRA_RUN,
+    clock_offset,
+    not_seen,
+    what_is_missing,
+    which_drift,
+)
+from draglag.gap.finding.stalls import stalls
+from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks
+from draglag.gap.fitting.joint import RIPPLE, Fit, fit_session
+from draglag.gap.fitting.parameters import parameters_of, where_of
+from draglag.gap.naming.choice import TOO_CLOSE, Name, name, with_times_anew
+from draglag.gap.naming.doubts import (
     a_detail,
     beside,
     contradicted_by_taps,
@@ -23,20 +37,13 @@ from draglag.gap.doubts import (
     without_parts,
     without_proxies,
 )
-from draglag.gap.finding import LEVEL, Candidate, Finding, find
-from draglag.gap.fit import RIPPLE, Fit, fit_session
-from draglag.gap.heldout import floor_mm, gap_mm, shrinks
-from draglag.gap.naming import TOO_CLOSE, Name, name, with_times_anew
-from draglag.gap.parameters import parameters_of, where_of
-from draglag.gap.refits import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, gained, refit
+from draglag.gap.naming.refits import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, gained, refit
+from draglag.gap.naming.soundness import excess_between_runs, excess_scatter, follows_another_speed, nameless_ripple
+from draglag.gap.naming.together import name_two
 from draglag.gap.results import COVARIATE, GapReport, Step
-from draglag.gap.run_data import gather
-from draglag.gap.separate import ALWAYS_TOGETHER, EXTRA_RUN, clock_offset, not_seen, what_is_missing, which_drift
-from draglag.gap.soundness import excess_between_runs, excess_scatter, follows_another_speed, nameless_ripple
-from draglag.gap.stalls import stalls
-from draglag.gap.stamps import StreamEffect
-from draglag.gap.streams import inspect
-from draglag.gap.together import name_two
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.streams.stamps import StreamEffect
+from draglag.gap.traces.run_data import gather
 from draglag.recording import Session
 from draglag.simulation.effects import known_effects
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import DataError, DraglagError
-from draglag.gap.provisional import Provisional
-from draglag.gap.replay import Replay, replays
+from draglag.gap.naming.provisional import Provisional
+from draglag.gap.replaying.replay import Replay, replays
 from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words, unjudged
 from draglag.recording import Session
 from draglag.report import replayed

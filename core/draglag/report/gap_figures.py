@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from draglag.gap.fit import Fit
-from draglag.gap.heldout import noise_variance_mm2
+from draglag.gap.fitting.heldout import noise_variance_mm2
+from draglag.gap.fitting.joint import Fit
 from draglag.gap.results import GapReport
 from draglag.report import replayed
 from draglag.report.style import BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, plain_log_ticks

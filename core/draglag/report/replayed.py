@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from draglag.gap.replay import Overlay, Replay
+from draglag.gap.replaying.replay import Overlay, Replay
 from draglag.gap.results import COVARIATE, GapReport
 from draglag.recording import FloatArray
 from draglag.report.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks

@@ -11,7 +11,7 @@ from typing import Any
 
 from draglag.errors import DraglagError
 from draglag.gap import GapReport, close_gap
-from draglag.gap.replay import Replay, replays
+from draglag.gap.replaying.replay import Replay, replays
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session

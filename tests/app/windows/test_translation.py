@@ -19,9 +19,9 @@ import draglag_app.windows
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import FORMS
 from draglag.gap.by_hand import BY_HAND
-from draglag.gap.parameters import where_of
+from draglag.gap.finding.separate import EXTRA_RUN
+from draglag.gap.fitting.parameters import where_of
 from draglag.gap.results import FOLLOWS
-from draglag.gap.separate import EXTRA_RUN
 from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
 from draglag.latency.on_clock import warnings_of

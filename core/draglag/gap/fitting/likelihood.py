@@ -1,0 +1,130 @@
+"""How likely residuals are under a scatter, and which scatter makes them likeliest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from draglag.gap.fitting.model import N_NUISANCES, base_prior
+from draglag.gap.fitting.noise import LOCAL, Components, Scatter
+from draglag.gap.fitting.state import State
+from draglag.gap.fitting.whitening import Seen, Whitener, seen
+from draglag.recording import FloatArray
+
+CALM = 4.0  # standard deviations: Huber's corner
+
+
+def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: FloatArray) -> tuple[float, FloatArray]:
+    """Log likelihood with the linear parameters at their best, and their covariance."""
+    a, b = white.apply(design), white.apply(residual)
+    spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
+    moment = a.T @ b
+    value = -0.5 * (float(b @ b) - float(moment @ spread @ moment)) - 0.5 * white.log_det
+    return value, np.asarray(spread, float)
+
+
+def likelihoods(
+    parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray
+) -> Callable[[Components], float]:
+    """The log likelihood of ``profile`` under any scatter of these parts. What is banded in it is factored once: most
+    scatters that are compared differ in what is common to a run."""
+    both = np.column_stack([design, residual])
+
+    @cache
+    def banded(edge_mm: float, speed: float, tremor_mm_s: float) -> tuple[Seen, FloatArray]:
+        through = seen(parts, Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0), both)
+        return through, through.columns.T @ through.columns
+
+    @cache
+    def value(components: Components) -> float:
+        through, whole = banded(components.edge_mm, components.speed, components.tremor_mm_s)
+        common, log_det = through.common(components)
+        inner = whole - common.T @ common
+        moment = inner[:-1, -1]
+        spread = np.linalg.pinv(inner[:-1, :-1] + np.diag(prior), hermitian=True)
+        return -0.5 * float(inner[-1, -1] - moment @ spread @ moment) - 0.5 * log_det
+
+    return value
+
+
+def likeliest(
+    parts: Scatter,
+    residual: FloatArray,
+    design: FloatArray,
+    prior: FloatArray,
+    starts: Sequence[Components],
+    rounds: int = 2,
+) -> Components:
+    """The components of greatest likelihood: one kind after the other, from several starts, for they trade places."""
+    value = likelihoods(parts, residual, design, prior)
+    ends = []
+    for best in starts:
+        for _ in range(rounds):
+            for grid in LOCAL:
+                best = max((replace(best, **sizes) for sizes in grid), key=value)
+        ends.append(best)
+    return max(ends, key=value)
+
+
+def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:
+    """Huber's cost after the best nuisances: a step must not be refused for what they would take up."""
+    left, own_cost = _without_nuisances(white, state, use)
+    return _calm_cost(left) + own_cost
+
+
+@dataclass(frozen=True)
+class Downhill:
+    """What Gauss–Newton knows at a point of all that is sought, the nuisances at their best.
+
+    Attributes: curvature (p, p) and slope (p,) of the cost; rows and columns of nuisances are empty. cost: there.
+    """
+
+    curvature: FloatArray
+    slope: FloatArray
+    cost: float
+
+    def step(self, prior: FloatArray, damping: float) -> tuple[FloatArray, float]:
+        """A damped step (p,) and by how much the cost should fall. prior: (p,) precision of the step itself."""
+        damped = self.curvature + np.diag(prior + damping * np.diag(self.curvature))
+        step = np.linalg.pinv(damped, hermitian=True) @ self.slope
+        return step, float(step @ self.slope - 0.5 * step @ self.curvature @ step)
+
+
+def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
+    """The way down from a point, far edges pulling but not with their square (Huber)."""
+    left, own_cost = _without_nuisances(white, state, use)
+    sought = white.apply(state.design[use])
+    calm = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / CALM))
+    whole = sought * calm[:, None]
+    normal, moment = whole.T @ whole, whole.T @ (left * calm)
+    own = _nuisances(state)
+    given = np.linalg.inv(normal[own, own] + np.diag(state.prior[own])) @ normal[own]
+    curvature = normal - normal[:, own] @ given
+    curvature[own], curvature[:, own], moment[own] = 0.0, 0.0, 0.0
+    return Downhill(curvature, moment, _calm_cost(left) + own_cost)
+
+
+def _nuisances(state: State) -> slice:
+    end = base_prior(state.law).size
+    return slice(end - N_NUISANCES, end)
+
+
+def _without_nuisances(white: Whitener, state: State, use: np.ndarray) -> tuple[FloatArray, float]:
+    """What the best nuisances leave (m,), and what they cost themselves."""
+    own = _nuisances(state)
+    a, b = white.apply(state.design[use][:, own]), white.apply(state.residual[use])
+    precision: FloatArray = state.prior[own]
+    left: FloatArray = b
+    for _ in range(2):
+        calm = a / np.maximum(1.0, np.abs(left) / CALM)[:, None]
+        size = np.linalg.solve(calm.T @ a + np.diag(precision), calm.T @ b)
+        left = np.asarray(b - a @ size, float)
+    return left, 0.5 * float(size**2 @ precision)
+
+
+def _calm_cost(z: FloatArray) -> float:
+    size = np.abs(z)
+    return float(np.sum(np.where(size < CALM, 0.5 * size**2, CALM * size - 0.5 * CALM**2)))

@@ -1,0 +1,179 @@
+"""The model a session is held against: a latency law, a beam, and the effects added so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import expit
+
+from draglag.beam import sides
+from draglag.curve import CurvePoints, fit_form
+from draglag.errors import EstimateError
+from draglag.gap.traces.edges import Placed
+from draglag.gap.traces.run_data import RunData
+from draglag.recording import FloatArray
+
+# Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
+LOG_RATE_SD = 0.7
+AMPLITUDE_SD_S = 0.15
+# The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
+# the windows of the speeds leave on sound sessions.
+FOLLOWS_LATER_SD = 0.07
+FLATTENING_SD = 0.5
+PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows
+LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
+LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
+BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends
+CORNER = 0.02  # of the plateau's speed
+N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
+
+
+@dataclass(frozen=True)
+class LawParameters:
+    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is held; 0 = none."""
+
+    a1_s: float
+    a2_s_mm: float
+    a4_s: float
+    a5_s_mm: float
+    a7_s: float
+    plateau_mm_s: float = 0.0
+
+    def __call__(self, speed_mm_s: FloatArray) -> FloatArray:
+        v = self.counted_mm_s(speed_mm_s)
+        return self.a1_s * np.exp(-self.a2_s_mm * v) + self.a4_s * np.exp(-self.a5_s_mm * v) + self.a7_s
+
+    def columns(self, speed_mm_s: FloatArray) -> FloatArray:
+        """∂L/∂(a1, ln a2, a4, ln a5, a7[, plateau]), (m, 5 or 6) s."""
+        v, below = self._held(speed_mm_s)
+        slow, fast = np.exp(-self.a2_s_mm * v), np.exp(-self.a5_s_mm * v)
+        out = [
+            slow,
+            -self.a1_s * self.a2_s_mm * v * slow,
+            fast,
+            -self.a4_s * self.a5_s_mm * v * fast,
+            np.ones_like(v),
+        ]
+        if self.plateau_mm_s > 0:
+            slope = -self.a1_s * self.a2_s_mm * slow - self.a4_s * self.a5_s_mm * fast
+            out.append(slope * below)
+        return np.column_stack(out)
+
+    def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
+        """The speed that counts: held at the plateau's below it."""
+        return self._held(speed_mm_s)[0] if self.plateau_mm_s > 0 else speed_mm_s
+
+    def _held(self, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The speed that counts, and its derivative by the plateau's speed.
+
+        Rounded by what a speed is unsure by: an edge a little below the corner may as well be one above it.
+        """
+        if self.plateau_mm_s <= 0:
+            return speed_mm_s, np.zeros_like(speed_mm_s)
+        width = CORNER * self.plateau_mm_s
+        z = (speed_mm_s - self.plateau_mm_s) / width
+        above = np.logaddexp(0.0, z)
+        return self.plateau_mm_s + width * above, expit(-z) + CORNER * (above - z * expit(z))
+
+    @property
+    def at_bounds(self) -> np.ndarray:
+        """Which of a1, a2, a4, a5 have come to the end of their range, (4,) bool."""
+        small = [a <= LEAST_AMPLITUDE_S for a in (self.a1_s, self.a4_s)]
+        ends = [not LEAST_RATE_S_MM < rate < MOST_RATE_S_MM for rate in (self.a2_s_mm, self.a5_s_mm)]
+        return np.array([small[0], ends[0], small[1], ends[1]])
+
+    def moved(self, step: FloatArray) -> LawParameters:
+        """The law after a Gauss–Newton step in the order of ``columns``; rates move by their logarithm."""
+        limited = np.clip(step[[1, 3]], -0.7, 0.7)
+        moved = replace(
+            self,
+            a1_s=max(self.a1_s + step[0], LEAST_AMPLITUDE_S),
+            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
+            a4_s=max(self.a4_s + step[2], LEAST_AMPLITUDE_S),
+            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
+            a7_s=self.a7_s + step[4],
+        )
+        if self.plateau_mm_s > 0:
+            moved = replace(
+                moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), *PLATEAUS_MM_S))
+            )
+        return moved
+
+
+def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:
+    """Eq. 5 through the runs' own latencies, each less what the effects say (per run, s). Raises EstimateError."""
+    rows = []
+    for k, data in enumerate(runs):
+        e = data.estimate
+        if e is None or e.latency_s is None or e.speed_mm_s is None or not e.curve_se_s:
+            continue
+        rows.append((e.speed_mm_s, e.latency_s - (0.0 if less_s is None else less_s[k]), np.hypot(e.curve_se_s, 3e-4)))
+    points = CurvePoints(*np.array(rows, float).reshape(-1, 3).T)
+    if points.speed_mm_s.size < 5:
+        raise EstimateError(
+            f"runs that give a latency: {points.speed_mm_s.size}, at least 5 are needed",
+            "See with draglag analyze why the others give none, or record circles at more speeds",
+        )
+    shift = max(0.0, 0.02 - float(points.latency_s.min()))  # Eq. 5's amplitudes are positive; a clock offset is not
+    points = replace(points, latency_s=points.latency_s + shift)
+    form = "double_exponential_plateau" if plateau else "double_exponential"
+    if points.speed_mm_s.size < (6 if plateau else 5):
+        raise EstimateError("too few speeds", "Record circles at more speeds")
+    v = fit_form(points, form).parameters
+    return LawParameters(
+        max(1e-3 * v["a1_ms"], 1e-3),
+        v["a2_s_per_mm"],
+        max(1e-3 * v["a4_ms"], 1e-3),
+        v["a5_s_per_mm"],
+        1e-3 * v["a7_ms"] - shift,
+        v.get("plateau_mm_s", 0.0),
+    )
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Beam y = slope · x + intercept, and the stylus' nominal diameter."""
+
+    slope: float
+    intercept_mm: float
+    diameter_mm: float
+
+
+def residual_mm(placed: Placed, geometry: Geometry) -> FloatArray:
+    """n·p(t + L) − b − s·D/2 at every edge, mm, positive downwards."""
+    norm = np.hypot(1.0, geometry.slope)
+    across = (placed.xy_mm[:, 1] - geometry.slope * placed.xy_mm[:, 0] - geometry.intercept_mm) / norm
+    return np.asarray(across - 0.5 * geometry.diameter_mm * side_of(placed))
+
+
+def side_of(placed: Placed) -> FloatArray:
+    """−1 top, +1 bottom."""
+    return sides(placed.falling, placed.v_mm_s[:, 1])
+
+
+def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
+    """How the residual moves with the law's parameters, the beam's slope and intercept and the speed's nuisances,
+    (m, 10 or 11) mm per unit.
+
+    A longer latency reads the trace later: the residual grows by the velocity across the beam.
+    """
+    v_n = placed.v_mm_s[:, 1] * placed.stretch
+    columns = v_n[:, None] * law.columns(placed.speed_mm_s)
+    x = placed.xy_mm[:, 0]
+    # The share of the latency by which the law's speed is a later one: a nuisance, bounded by its prior.
+    lag = v_n * placed.slope_s2_mm * placed.accel_apart_mm_s2 * np.maximum(placed.latency_s, 0.0)
+    # Its noise flattens the law within a run of nearly constant speed (not from run to run): another nuisance.
+    uneven = v_n * placed.slope_s2_mm * placed.uneven_mm_s
+    # The position fits themselves bend a fast circle inwards a little: a third.
+    bent = placed.a_mm_s2[:, 1]
+    return np.column_stack([columns, -x, -np.ones_like(x), lag, uneven, bent])
+
+
+def base_prior(law: LawParameters) -> FloatArray:
+    """Prior precision of each base parameter's step."""
+    sd = [AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S]
+    if law.plateau_mm_s > 0:
+        sd.append(60.0)
+    nuisances = 1 / np.square([FOLLOWS_LATER_SD, FLATTENING_SD, BENT_SD_S2])
+    return np.concatenate([1 / np.square(sd), [0.0, 0.0], nuisances])

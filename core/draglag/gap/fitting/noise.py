@@ -1,0 +1,166 @@
+"""What the residuals scatter by when nothing is missing: touch noise, single edges, whole runs.
+
+Touch noise is known from the trace itself and is shared by edges whose windows overlap; it enters twice, through the
+position and through the speed at which the law is evaluated. On top come a scatter of single edges (τ), and a random
+latency and a random offset of each run. Those three are estimated, over a grid, by the likelihood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+from scipy.sparse import csr_matrix, diags, identity
+
+from draglag.gap.traces.edges import Placed
+from draglag.gap.traces.run_data import RunData
+from draglag.recording import FloatArray, IntArray
+
+EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)
+SPEED = (0.0, 0.005, 0.01, 0.02, 0.04)
+TREMOR_MM_S = (0.0, 1.5, 3.0, 6.0)
+UNEVEN = (0.1, 0.3)
+# Panels differ by about 0.7 ms from run to run; more is not noise but something missing.
+RUN_S = (0.0, 0.00025, 0.0005, 0.001)
+RUN_MM = (0.0, 0.05)
+SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
+UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's
+ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over
+SPEED_MEMORY_S = 0.15  # how long the hand's own unevenness, faster than the speed window, lasts
+MEMORIES = 12  # after so many of these nothing is left of it (6e-6)
+
+Sizes = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Components:
+    """Standard deviations beyond the touch noise.
+
+    edge_mm: single edges. speed: relative error of the speed the law is evaluated at; tremor_mm_s: of any drag, a
+    tenth of a millimetre at 9 Hz is 5 mm/s. uneven: share by which a run's latency follows its own changes of speed
+    more or less than the law does from run to run. run_s, run_mm: a random latency and a random offset of each run.
+    """
+
+    edge_mm: float
+    speed: float
+    tremor_mm_s: float
+    uneven: float
+    run_s: float
+    run_mm: float
+
+
+LOCAL: tuple[tuple[Sizes, ...], ...] = (  # kinds that trade places are sought together
+    tuple({"edge_mm": e} for e in EDGE_MM),
+    tuple({"speed": s, "tremor_mm_s": t} for s, t in product(SPEED, TREMOR_MM_S)),
+    tuple({"uneven": u} for u in UNEVEN),
+    tuple({"run_s": s, "run_mm": b} for s, b in product(RUN_S, RUN_MM)),
+)
+BETWEEN = tuple(product(RUN_S, RUN_MM))
+
+
+def touch_variances(runs: tuple[RunData, ...], placed: Placed) -> FloatArray:
+    """Variance (mm²) of every placed edge from the touch noise alone, (m,)."""
+    across, beside = _touch_rows(runs, placed, np.ones(placed.run.size, bool))
+    return np.asarray((across.power(2) + beside.power(2)).sum(axis=1), float).ravel()
+
+
+def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> tuple[csr_matrix, csr_matrix]:
+    """By how many mm each event's own error moves each used edge, for errors in y and in x; (m, events of all runs)."""
+    velocity = placed.v_mm_s
+    shown = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-6)
+    # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
+    leverage = velocity[:, 1] * placed.slope_s2_mm * placed.stretch
+    along_y, along_x = (leverage * velocity[:, axis] / shown for axis in (1, 0))
+    place = diags(placed.traces.noise_mm[use]) @ placed.position_rows[use]
+    across, beside = (
+        diags((placed.traces.noise_mm * along)[use]) @ placed.velocity_rows[use] for along in (along_y, along_x)
+    )
+    rows = place + across, beside
+    spread = _spread(runs)
+    return rows if spread is None else (rows[0] @ spread, rows[1] @ spread)
+
+
+@lru_cache(maxsize=1)
+def _spread(runs: tuple[RunData, ...]) -> csr_matrix | None:
+    """By how much each event shown of all runs moves each of theirs; None where traces are as shown."""
+    if all(data.spread is None for data in runs):
+        return None
+    each = [identity(d.t_s.size, format="csr") if d.spread is None else d.spread for d in runs]
+    # scipy's block_diag goes through coordinates, and is slow.
+    columns, values = (np.cumsum([0, *sizes]) for sizes in ([e.shape[1] for e in each], [e.nnz for e in each]))
+    ends = [e.indptr[1:] + before for e, before in zip(each, values, strict=False)]
+    index = [e.indices + before for e, before in zip(each, columns, strict=False)]
+    parts = np.concatenate([e.data for e in each]), np.concatenate(index), np.concatenate([[0], *ends])
+    return csr_matrix(parts, shape=(sum(e.shape[0] for e in each), int(columns[-1])))
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What the covariance of the used edges (m,) of all runs is made of, per unit of its component.
+
+    Bands lie below the diagonal: row j holds the covariances of edges i and i + j, (b, m); none between runs.
+
+    Attributes:
+        fixed_mm2: touch noise, how badly the time of a speed is known, and what effects that follow the acceleration
+            leave because it is only estimated. speed_mm2: a relative error of the speed; tremor_s2:
+            one of so many mm/s.
+        late_mm_s: by how much a latency of the whole run moves each edge. uneven_mm: following the run's changes of
+            speed twice. run: (m,) index of the run.
+        loose_s: (runs,) by how much a run of changing speed may miss the law as a whole: its dynamics are its own.
+    """
+
+    fixed_mm2: FloatArray
+    speed_mm2: FloatArray
+    tremor_s2: FloatArray
+    late_mm_s: FloatArray
+    uneven_mm: FloatArray
+    run: IntArray
+    loose_s: FloatArray
+
+
+def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
+    """Collect it from a placing. blur_mm: over all placed edges, what is left by effects of the acceleration."""
+    run, t_s = placed.run[use], placed.t_s[use]
+    m = run.size
+    late_mm_s = placed.v_mm_s[use, 1]
+    follows = late_mm_s * placed.stretch[use] * placed.slope_s2_mm[use]
+    speed = placed.speed_mm_s[use]
+    uneven_mm, loose_s = np.zeros(m), np.zeros(len(runs))
+    reach = 1
+    for k, data in enumerate(runs):
+        own = run == k
+        if not own.any():
+            continue
+        uneven_mm[own] = follows[own] * (speed[own] - speed[own].mean())
+        if not data.steady:
+            loose_s[k] = UNSTEADY * float(np.std(placed.latency_s[use][own]))
+        within = np.searchsorted(t_s[own], t_s[own] + MEMORIES * SPEED_MEMORY_S, side="right")
+        reach = max(reach, int(np.max(within - np.arange(within.size))))
+    later = np.arange(reach)[:, None] + np.arange(m)
+    inside = later < m
+    later = np.minimum(later, m - 1)
+    inside &= run[later] == run
+    apart_s = np.where(inside, t_s[later] - t_s, np.inf)
+
+    def band(values: FloatArray, memory_s: float) -> FloatArray:
+        return np.asarray(values[later] * values * np.exp(-apart_s / memory_s))
+
+    fixed = np.zeros((reach, m))
+    for rows in _touch_rows(runs, placed, use):
+        pairs = (rows @ rows.T).tocoo()
+        # Windows are shorter than the memory of a speed, so that edges that share events are within the band.
+        below = (pairs.row >= pairs.col) & (pairs.row - pairs.col < reach)
+        np.add.at(fixed, (pairs.row[below] - pairs.col[below], pairs.col[below]), pairs.data[below])
+    fixed[0] += timing_mm(placed)[use] ** 2 + 1e-6
+    if blur_mm[use].any():
+        fixed += band(blur_mm[use], ACCEL_MEMORY_S)
+    share, tremor = band(follows * speed, SPEED_MEMORY_S), band(follows, SPEED_MEMORY_S)
+    return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s)
+
+
+def timing_mm(placed: Placed) -> FloatArray:
+    """What not knowing the time of a speed does to the residual, (m,) mm standard deviation."""
+    follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
+    return np.asarray(follows * placed.accel_mm_s2 * SPEED_TIMING_S)

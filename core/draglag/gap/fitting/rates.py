@@ -1,0 +1,113 @@
+"""Where Eq. 5's rates, and a plateau's speed, would best be sought: over a grid, all else linear.
+
+Gauss–Newton walks along the valley of two exponentials only as far as its start allows. Seen from one placing of the
+edges the residual is linear in everything but the rates and the plateau, and every pair of rates shares its columns
+with the others: white columns of a dozen rates give all pairs at the price of one step (variable projection, Golub and
+Pereyra 1973).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.gap.fitting.likelihood import CALM
+from draglag.gap.fitting.model import LEAST_AMPLITUDE_S, LawParameters
+from draglag.gap.fitting.state import State
+from draglag.gap.fitting.whitening import Whitener
+from draglag.recording import FloatArray
+
+RATES_S_MM = np.geomspace(0.001, 0.06, 12)
+PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one
+
+
+@dataclass(frozen=True)
+class WithoutLaw:
+    """White residuals of m edges that a law as a whole has yet to explain, and what is common to all laws.
+
+    Attributes: target (m,), others (m, q): the asymptote and all that is no law; spread (q, q): their covariance;
+    moment (q,) of the target; v_n (m,) mm/s across; speed_mm_s (m,); calm (m, 1): weights that hold far edges back.
+    """
+
+    target: FloatArray
+    others: FloatArray
+    spread: FloatArray
+    moment: FloatArray
+    v_n: FloatArray
+    speed_mm_s: FloatArray
+    calm: FloatArray
+    white: Whitener
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """All pairs of rates at one plateau's speed. first, second: (k,) indices of the rates; sizes: (k, 2) amplitudes, s;
+    gain: (k,) twice the log-likelihood they add, −∞ where an amplitude is none; alone: that of the best single rate;
+    cross: (q, rates) with what is common to all laws."""
+
+    first: np.ndarray
+    second: np.ndarray
+    sizes: FloatArray
+    gain: FloatArray
+    alone: float
+    cross: FloatArray
+
+
+def without_law(
+    law: LawParameters,
+    speed_mm_s: FloatArray,
+    v_n: FloatArray,
+    residual_mm: FloatArray,
+    rest: FloatArray,
+    prior: FloatArray,
+    white: Whitener,
+) -> WithoutLaw:
+    """Take the present law out of residuals (m,). rest: (m, p) columns that are no law's, prior (p,) theirs."""
+    whole = white.apply(np.column_stack([residual_mm - v_n * law(speed_mm_s), -v_n, rest]))
+    calm = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(residual_mm)) / CALM))[:, None]
+    target, others = whole[:, 0] * calm[:, 0], whole[:, 1:] * calm
+    ridge = np.concatenate([[1e-9], prior])
+    spread = np.asarray(np.linalg.pinv(others.T @ others + np.diag(ridge), hermitian=True))
+    return WithoutLaw(target, others, spread, others.T @ target, v_n, speed_mm_s, calm, white)
+
+
+def pairs_at(told: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArray) -> Pairs:
+    """Every pair of rates, its amplitudes at their best, what is common to all laws projected off."""
+    held = LawParameters(1.0, 1.0, 0.0, 1.0, 0.0, plateau_mm_s).counted_mm_s(told.speed_mm_s)
+    slow = told.white.apply(-told.v_n[:, None] * np.exp(-held[:, None] * rates_s_mm)) * told.calm
+    cross = told.others.T @ slow
+    gram = slow.T @ slow - cross.T @ told.spread @ cross
+    pull = slow.T @ told.target - cross.T @ told.spread @ told.moment
+    own = np.diag(gram) + 1e-9
+    i, j = np.triu_indices(rates_s_mm.size, 1)
+    both = own[i] * own[j] - gram[i, j] ** 2
+    sizes = np.column_stack([own[j] * pull[i] - gram[i, j] * pull[j], own[i] * pull[j] - gram[i, j] * pull[i]])
+    sizes /= both[:, None]
+    gain = np.where(sizes.min(axis=1) >= LEAST_AMPLITUDE_S, sizes[:, 0] * pull[i] + sizes[:, 1] * pull[j], -np.inf)
+    alone = np.where(pull > 0, pull**2 / own, 0.0)
+    return Pairs(i, j, sizes, gain, float(alone.max()), cross)
+
+
+def best_rates(state: State, white: Whitener, use: np.ndarray) -> tuple[LawParameters, FloatArray] | None:
+    """The likeliest law of the grid, and the step of everything else that goes with it ((p,), the law's own part 0).
+
+    None where no pair of rates has two falling exponentials.
+    """
+    law = state.law
+    n_law = 6 if law.plateau_mm_s > 0 else 5
+    v_n = state.placed.v_mm_s[use, 1] * state.placed.stretch[use]
+    rest, prior = state.design[use][:, n_law:], state.prior[n_law:]
+    told = without_law(law, state.placed.speed_mm_s[use], v_n, state.residual[use], rest, prior, white)
+    best: tuple[float, LawParameters, FloatArray] | None = None
+    for plateau in [s * law.plateau_mm_s for s in PLATEAUS] if law.plateau_mm_s > 0 else [0.0]:
+        found = pairs_at(told, plateau, RATES_S_MM)
+        k = int(np.argmax(found.gain))
+        if not np.isfinite(found.gain[k]) or (best is not None and found.gain[k] <= best[0]):
+            continue
+        i, j, (slow, fast) = found.first[k], found.second[k], found.sizes[k]
+        left = told.spread @ (told.moment - found.cross[:, [i, j]] @ found.sizes[k])
+        rates = float(RATES_S_MM[i]), float(RATES_S_MM[j])
+        new = LawParameters(float(slow), rates[0], float(fast), rates[1], float(left[0]), plateau)
+        best = float(found.gain[k]), new, np.concatenate([np.zeros(n_law), left[1:]])
+    return None if best is None else best[1:]

@@ -1,0 +1,39 @@
+"""What the search of the joint fit asks of a point: its cost beside another, and the best law near it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.gap.fitting.likelihood import cost_without_nuisances
+from draglag.gap.fitting.rates import best_rates
+from draglag.gap.fitting.state import State, stepped
+from draglag.gap.fitting.whitening import Whitener
+from draglag.gap.traces.run_data import RunData
+
+MAY_STRAY = 0.1  # of the edges
+
+
+def cost_beside(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
+    """Cost of a state, and which of the used edges (m,) cannot be placed there: these cost what they did before, so
+    that nothing is refused or taken for a few. Infinite where they are many."""
+    strayed = use & ~(state.placed.ok & np.isfinite(state.residual))
+    if np.count_nonzero(strayed) > MAY_STRAY * np.count_nonzero(use):
+        return np.inf, strayed
+    if strayed.any():
+        residual = np.where(strayed, before.residual, state.residual)
+        state = replace(state, residual=residual, design=np.where(strayed[:, None], before.design, state.design))
+    return cost_without_nuisances(white, state, use), strayed
+
+
+def at_best_rates(
+    state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
+) -> tuple[State, np.ndarray]:
+    """The point of the grid's best rates and the edges that can be placed there, where that is likelier than this."""
+    found = best_rates(state, white, use)
+    if found is None:
+        return state, use
+    there = stepped(state, found[1], runs, width, found[0])
+    cost, strayed = cost_beside(white, there, state, use)
+    return (there, use & ~strayed) if cost < cost_without_nuisances(white, state, use) else (state, use)

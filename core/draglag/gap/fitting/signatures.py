@@ -1,0 +1,155 @@
+"""What the effects' signatures see of a session, and smooth terms for effects that are in no library."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from draglag.gap.fitting.model import Geometry, LawParameters, side_of
+from draglag.gap.traces.edges import Placed
+from draglag.recording import FloatArray
+from draglag.simulation.effects import EFFECTS, Effect
+from draglag.simulation.residual import Averaged, Signature, View, column
+
+SIGNATURES = {
+    name: effect.signatures
+    for name, effect in EFFECTS.items()
+    if effect.signatures.__func__ is not Effect.signatures.__func__  # type: ignore[attr-defined]
+}
+"""Effects that residuals show."""
+
+BESIDE = 0.1  # of the panel's width
+JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
+MOMENTS = np.linspace(0.2, 0.8, 24)  # of the session: some runs have to lie before it and some after
+
+
+def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: float) -> View:
+    t = placed.since_start_s
+    span = max(float(np.ptp(t)), 1.0)
+    speed = np.maximum(placed.speed_mm_s, 1.0)
+    # Beside a hole in the trace a fit may lie anywhere: no effect of the place is asked for far off the panel.
+    x_mm = np.clip(placed.xy_mm[:, 0], -BESIDE * width_mm, (1 + BESIDE) * width_mm)
+    # Where the model says the edge was: the measured y holds the residual itself.
+    line = geometry.slope * x_mm + geometry.intercept_mm + 0.5 * geometry.diameter_mm * side_of(placed)
+    return View(
+        x_mm,
+        line,
+        side_of(placed),
+        (~placed.falling).astype(float),
+        placed.v_mm_s[:, 1] - geometry.slope * placed.v_mm_s[:, 0],
+        speed,
+        placed.accel_apart_mm_s2,
+        placed.a_mm_s2[:, 1],
+        t,
+        placed.in_run_s,
+        placed.steady,
+        placed.latency_s,
+        placed.slope_s2_mm,
+        placed.stretch,
+        np.arctan2(placed.v_mm_s[:, 1], placed.v_mm_s[:, 0]),
+        width_mm,
+        2 * x_mm / width_mm - 1,
+        2 * (t - t.min()) / span - 1,
+        span,
+        geometry.intercept_mm,
+        averaged_of(placed),
+        placed.trace,
+    )
+
+
+def averaged_of(placed: Placed) -> Averaged:
+    """The weights by which each edge's position is averaged from the events of its run."""
+    x_mm, y_mm = placed.traces.smooth_mm.T
+    return Averaged(partial(_position_rows, placed), x_mm, y_mm)
+
+
+def _position_rows(placed: Placed) -> csr_matrix:
+    return placed.position_rows
+
+
+def _spline(values: FloatArray, knots: int) -> FloatArray:
+    """Natural cubic spline basis without its constant, knots at quantiles, columns of unit spread."""
+    at = np.unique(np.quantile(values, np.linspace(0, 1, knots)))
+    if at.size < 3:
+        scaled = values - values.mean()
+        spread = float(scaled.std())
+        return scaled[:, None] / spread if spread > 0 else np.empty((values.size, 0))
+
+    def d(k: int) -> FloatArray:
+        cube = np.maximum(values - at[k], 0) ** 3 - np.maximum(values - at[-1], 0) ** 3
+        return np.asarray(cube / (at[-1] - at[k]))
+
+    reference = d(at.size - 2)
+    basis = [values] + [d(k) - reference for k in range(at.size - 2)]
+    out = np.column_stack(basis)
+    out = out - out.mean(0)
+    spread = out.std(0)
+    return np.asarray(out[:, spread > 1e-12] / spread[spread > 1e-12])
+
+
+def _settled_s(v: View) -> FloatArray:
+    """Time in the run where nothing but time passes: in a chirp it is the frequency, and the hand's trouble with it."""
+    return (
+        np.where(v.steady, v.in_run_s, np.median(v.in_run_s[v.steady])) if v.steady.any() else np.zeros(v.steady.size)
+    )
+
+
+def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
+    """(covariate, role) → residual columns of a smooth term: what an effect in no library would follow."""
+    covariates = {
+        "session_time": (v.session_time, 5),
+        "time_in_run": (_settled_s(v), 5),
+        "x": (v.panel_x, 6),
+        "speed": (np.log(v.speed), 7),
+        "acceleration": (np.arcsinh(v.accel / 500), 5),
+        "normal_acceleration": (np.arcsinh(v.a_across / 500), 5),
+    }
+    out = {}
+    lever = v.v_across * v.stretch
+    for name, (values, knots) in covariates.items():
+        basis = _spline(values, knots)
+        if basis.shape[1] == 0:
+            continue
+        out[name, "latency"] = -lever[:, None] * basis
+        out[name, "offset"] = basis
+        out[name, "width"] = 0.5 * v.side[:, None] * basis
+        out[name, "direction"] = -lever[:, None] * np.sign(v.v_across)[:, None] * basis
+    harmonics = np.column_stack([f(k * v.angle) for k in (1, 2) for f in (np.sin, np.cos)])
+    out["direction_angle", "latency"] = -lever[:, None] * harmonics
+    return out
+
+
+def jumps(v: View) -> list[tuple[str, str, Signature]]:
+    """(covariate, role, signature): a jump of the position or of the latency, at a vertical line on the panel or at a
+    moment of the session.
+
+    A smooth term follows a jump badly, and a smooth effect follows it as well as any smooth term.
+    """
+    at = np.quantile(v.x_mm, JUMPS)
+    shifted = v.averaged.rows @ (v.averaged.x_mm[:, None] > at).astype(float)
+    out = []
+    for k, line in enumerate(at):
+        where, n_grid = (float(line),), 2 * at.size
+        out.append(("x", "jump", Signature(offset=column(shifted[:, k]), theta=where, n_grid=n_grid)))
+        late = column((v.x_mm > line).astype(float))
+        out.append(("x", "latency jump", Signature(latency=late, theta=where, n_grid=n_grid)))
+    for moment in np.quantile(v.session_time, [0, 1]) @ np.vstack([1 - MOMENTS, MOMENTS]):
+        later = column((v.session_time > moment).astype(float))
+        where, n_grid = (float(moment),), 2 * MOMENTS.size
+        out.append(("session_time", "jump", Signature(offset=later, theta=where, n_grid=n_grid)))
+        out.append(("session_time", "latency jump", Signature(latency=later, theta=where, n_grid=n_grid)))
+    return out
+
+
+def unnamed_columns(v: View, covariate: str, role: str, theta: tuple[float, ...]) -> FloatArray:
+    """Residual columns of what ``shape_free`` and ``jumps`` offer. Raises KeyError where neither does."""
+    if theta:
+        asked = covariate, role, theta
+        found = (made.columns(v) for along, name, made in jumps(v) if (along, name, made.theta) == asked)
+        columns = next(found, None)
+        if columns is None:
+            raise KeyError(f"no {role} in {covariate} at {theta}")
+        return columns
+    return shape_free(v)[covariate, role]

@@ -1,0 +1,207 @@
+"""One point of the joint fit's search: parameters, and the session seen from there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
+from draglag.gap.fitting.noise import timing_mm, touch_variances
+from draglag.gap.fitting.signatures import view_of
+from draglag.gap.traces.asked import NOW, Asked
+from draglag.gap.traces.edges import Placed, place
+from draglag.gap.traces.run_data import RunData
+from draglag.recording import FloatArray
+from draglag.simulation.effects import EFFECTS
+from draglag.simulation.residual import Signature, View
+
+LAGGING = "lagging_law"
+SHOWN = 3.0  # kind of a second filter whose times the touch events show
+FOLLOW_ACCELERATION = ("acceleration_lag", LAGGING)
+ACCEL_UNKNOWN = 0.2
+ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
+FAR_S = 0.001  # moved by more, an edge lies where an effect of its place is another
+STRAYED_S = 0.005  # placed by so much more or less than the place itself asks for, it has not come to an end
+FAR_MM = 1.5  # an edge this uncertain decides nothing
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect in the model. theta: its non-linear setting; sizes: (k,) amplitudes in the signature's units."""
+
+    effect: str
+    theta: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+
+
+def term_signature(term: Term, view: View) -> Signature:
+    """The signature of a term at its setting."""
+    return EFFECTS[term.effect].signature_at(term.theta, view)
+
+
+def shown_in_trace(term: Term) -> bool:
+    """Whether it is a second filter that was undone in the traces, by its first setting."""
+    return term.effect == "second_filter_mode" and term.theta[1:2] == (SHOWN,)
+
+
+@dataclass(frozen=True)
+class State:
+    """One point of the search: parameters, and the session seen from there."""
+
+    law: LawParameters
+    geometry: Geometry
+    terms: tuple[Term, ...]
+    placed: Placed
+    view: View
+    signatures: tuple[Signature, ...]
+    residual: FloatArray
+    design: FloatArray
+    prior: FloatArray
+    blur_mm: FloatArray
+
+
+def look(
+    runs: tuple[RunData, ...],
+    law: LawParameters,
+    geometry: Geometry,
+    terms: Sequence[Term],
+    width_mm: float,
+    before: State | None,
+) -> State:
+    extra = None if before is None else total(before.signatures, terms, before.view, "latency")
+    asked = next((t.theta[:2] for t in terms if t.effect == LAGGING and len(t.theta) == 2), NOW)
+    when = asked[0], asked[1]
+    placed = _placed_anew(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
+    view = view_of(placed, law, geometry, width_mm)
+    lag = next((t.theta for t in terms if t.effect == "acceleration_lag" and t.theta), (0.0,))
+    if lag[0] > 0:
+        view = replace(view, accel=view.trace.acceleration(*lag)[0])
+    signatures = tuple(term_signature(t, view) for t in terms)
+    if extra is not None:
+        # What an edge was placed by has to hold where it came to lie; beside a hole it may have come from anywhere.
+        strayed = np.abs(total(signatures, terms, view, "latency") - extra) > STRAYED_S
+        placed = replace(placed, ok=placed.ok & ~strayed)
+    residual = residual_mm(placed, geometry) - total(signatures, terms, view, "offset")
+    columns = [s.columns(view) for s in signatures]
+    design = np.column_stack([-base_columns(placed, law), *columns])
+    prior = np.concatenate([base_prior(law), np.full(sum(c.shape[1] for c in columns), 1e-12)])
+    settled = tuple(
+        replace(t, theta=s.theta, sizes=t.sizes or (0.0,) * c.shape[1])
+        for t, s, c in zip(terms, signatures, columns, strict=True)
+    )
+    blur = _blur_mm(settled, columns, view, placed)
+    return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur)
+
+
+@lru_cache(maxsize=2)
+def _placed_anew(runs: tuple[RunData, ...], law: LawParameters, asked: Asked) -> Placed:
+    """The same for the same law, whichever terms are tried beside it."""
+    return place(runs, law, asked=asked)
+
+
+def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
+    """What effects of the acceleration leave at each edge, mm: it is known to about a fifth of what it varies by."""
+    blur = np.zeros(view.x_mm.size)
+    for term, column in zip(terms, columns, strict=True):
+        if term.effect not in FOLLOW_ACCELERATION:
+            continue
+        moved = column @ np.array(term.sizes)
+        for k in np.unique(placed.run):
+            run = (placed.run == k) & placed.ok
+            typical = (
+                np.sqrt(np.mean(moved[run] ** 2) / max(np.mean(view.v_across[run] ** 2), 1e-9)) if run.any() else 0
+            )
+            blur[placed.run == k] += ACCEL_UNKNOWN * typical * view.v_across[placed.run == k]
+    return blur
+
+
+def stepped(
+    state: State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float, law: LawParameters | None = None
+) -> State:
+    """The point a step away. law: to be there instead of the stepped one."""
+    n = base_prior(state.law).size
+    beam = n - N_NUISANCES - 2
+    law = law or state.law.moved(step[:beam])
+    geometry = replace(
+        state.geometry,
+        slope=state.geometry.slope + step[beam],
+        intercept_mm=state.geometry.intercept_mm + step[beam + 1],
+    )
+    terms = []
+    for t in state.terms:
+        k = len(t.sizes)
+        sizes = tuple(float(q) for q in np.array(t.sizes) + step[n : n + k])
+        # The trace is unwarped by what is found in it.
+        theta = (max(sizes[0], 0.0), *t.theta[1:]) if t.effect == "acceleration_lag" else t.theta
+        terms.append(replace(t, sizes=sizes, theta=theta))
+        n += k
+    there = look(runs, law, geometry, terms, width_mm, state)
+    if terms and np.max(np.abs(there.placed.latency_s - state.placed.latency_s), initial=0) > FAR_S:
+        # What the terms add was told where the edges had been.
+        there = look(runs, law, geometry, there.terms, width_mm, there)
+    return there
+
+
+def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
+    """Edges to judge by: well placed, not far from their run, and not too uncertain to matter."""
+    placed = state.placed
+    use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
+    follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
+    local = touch_variances(runs, placed) + state.blur_mm**2
+    sd = np.sqrt(local + 0.05**2 + (0.02 * follows * placed.speed_mm_s) ** 2 + timing_mm(placed) ** 2)
+    use &= sd < FAR_MM
+    # A run that mostly starts and stops is no witness to a law: its few edges left would speak for those that went.
+    for k, data in enumerate(runs):
+        own = placed.run == k
+        if not data.steady and np.count_nonzero(use & own) < 0.5 * np.count_nonzero(own):
+            use[own] = False
+    return np.asarray(use & _not_far(state.residual, sd, placed, use, loose))
+
+
+def total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, role: str) -> FloatArray:
+    total = np.zeros(view.x_mm.size)
+    for s, t in zip(signatures, terms, strict=True):
+        columns = getattr(s, role)
+        if columns is not None and t.sizes:
+            total = total + columns @ np.array(t.sizes)
+    return total
+
+
+def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarray, loose: bool) -> np.ndarray:
+    """Edges within a few robust standard deviations of their own run, whatever latency and offset that run has."""
+    keep = np.ones(residual.size, bool)
+    most = 9 if loose else 5
+    for k in np.unique(placed.run):
+        own = np.flatnonzero((placed.run == k) & use)
+        if own.size < 6:
+            continue
+        v = placed.v_mm_s[own, 1]
+        size = max(float(np.abs(v).max()), 1.0)
+        # Each kind of edge and direction its own level: hysteresis, width and asymmetry are not outliers.
+        side = np.where(placed.falling[own], 1.0, -1.0)
+        columns = [np.ones_like(v), v / size, side, np.abs(v) / size, side * v / size, side * np.sign(v)]
+        design = np.column_stack(columns) if own.size > 20 else np.column_stack(columns[:2])
+        z, design = residual[own] / sd[own], design / sd[own][:, None]
+        left, held = _left_by_levels(z, design)
+        # The one edge near a standstill holds a level of its own: what it leaves is little, wherever it lies, and
+        # others are judged without it.
+        alone = (held > ALL_BUT_ITS_OWN) & (left > most)
+        keep[own[alone]] = False
+        keep[own[~alone][_left_by_levels(z[~alone], design[~alone])[0] > most]] = False
+    return keep
+
+
+def _left_by_levels(z: FloatArray, design: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What robust levels leave of each edge, in robust standard deviations of what they leave of it, and the share of
+    its own level that each edge holds, (m,)."""
+    weight = np.ones(z.size)
+    for _ in range(5):
+        beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
+        left = np.abs(z - design @ beta)
+        scale = max(1.4826 * float(np.median(left)), 0.5)
+        weight = np.sqrt(np.minimum(1.0, 2 * scale / np.maximum(left, 1e-9)))
+    held = np.sum(np.linalg.qr(design * weight[:, None])[0] ** 2, axis=1)
+    return left / (scale * np.sqrt(np.maximum(1 - held, 1e-3))), held

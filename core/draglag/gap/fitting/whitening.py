@@ -1,0 +1,154 @@
+"""White residuals: the covariance of all edges, banded within a run, and what is common to a whole run of low rank.
+
+C = B + U Uᵀ with B banded and U three columns of each run. With B = L Lᵀ and Ũ = L⁻¹ U, the Cholesky factor of C is
+L M, M that of I + Ũ Ũᵀ, whose row i is what recursive least squares expects of x_i after the edges before it (any
+textbook on linear filtering). So time and memory grow with the number of edges, not with its square and cube.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg.lapack import dpbtrf, dtbtrs
+
+from draglag.gap.fitting.noise import Components, Scatter
+from draglag.recording import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Cholesky factor of one grid point: ``apply`` makes residuals (m,) or (m, k) white; ``log_det`` is ln |C|.
+
+    Attributes:
+        variance_mm2: (m,) diagonal of C. banded: (b, m) factor L. common: (m, 3) columns Ũ. lead: (m, 3) the row of Ũ
+            times the inverse of I + Ũᵀ Ũ over the run's earlier edges. step: (m,) diagonal of M. begin: (m,) first edge
+            of the own run.
+    """
+
+    components: Components
+    variance_mm2: FloatArray
+    banded: FloatArray
+    common: FloatArray
+    lead: FloatArray
+    step: FloatArray
+    begin: IntArray
+    log_det: float
+
+    def apply(self, values: FloatArray) -> FloatArray:
+        """Whiten (m,) or (m, k)."""
+        columns = values.reshape(values.shape[0], -1)
+        if not columns.size:
+            return np.zeros(values.shape)
+        x = dtbtrs(self.banded, np.asfortranarray(columns), uplo="L")[0]
+        white = self._less_common(x, self.common, self.lead, -1) / self.step[:, None]
+        return np.asarray(white, np.float64).reshape(values.shape)
+
+    def colour(self, white: FloatArray) -> FloatArray:
+        """Residuals (m, k) of this covariance from white ones: the inverse of ``apply``."""
+        x = self._less_common(white * self.step[:, None], self.lead / self.step[:, None] ** 2, self.common, 1)
+        out = np.zeros_like(x)
+        for j, band in enumerate(self.banded):
+            out[j:] += band[: x.shape[0] - j, None] * x[: x.shape[0] - j]
+        return out
+
+    def _less_common(self, x: FloatArray, seen: FloatArray, shown: FloatArray, sign: int) -> FloatArray:
+        """x ± Σ_r shown_r · (sum of seen_r · x over the run's earlier edges), x (m, k)."""
+        out = x.copy(order="F")
+        total = np.zeros((x.shape[1], x.shape[0] + 1))
+        for r in np.flatnonzero(shown.any(axis=0)):
+            np.cumsum(x.T * seen[:, r], axis=1, out=total[:, 1:])
+            sums = total[:, :-1] - total.take(self.begin, axis=1, mode="clip")
+            sums *= sign * shown[:, r]
+            out += sums.T
+        return out
+
+
+def whitener(parts: Scatter, components: Components) -> Whitener:
+    """Factor C = touch + τ² I + speed error + uneven following + run latency + run offset.
+
+    Raises numpy.linalg.LinAlgError when it is not positive definite.
+    """
+    banded = _banded(parts, components)
+    common = _common(parts) * _sizes(parts, components)[parts.run]
+    variance = banded[0] + np.sum(common**2, axis=1)
+    if not parts.run.size:
+        return Whitener(components, variance, banded, common, common, variance, np.zeros(0, np.int64), 0.0)
+    factor = _factor(banded)
+    common = dtbtrs(factor, np.asfortranarray(common), uplo="L")[0]
+    begin = np.searchsorted(parts.run, parts.run, side="left").astype(np.int64)
+    outer = np.cumsum(common[:, :, None] * common[:, None, :], axis=0)
+    known = np.eye(3) + np.concatenate([np.zeros((1, 3, 3)), outer[:-1]])
+    known -= np.where(begin[:, None, None] > 0, outer[begin - 1], 0.0)
+    lead = np.linalg.solve(known, common[:, :, None])[:, :, 0]
+    step = np.sqrt(1 + np.einsum("mr,mr->m", common, lead))
+    log_det = 2 * float(np.sum(np.log(factor[0])) + np.sum(np.log(step)))
+    return Whitener(components, variance, factor, common, lead, step, begin, log_det)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Columns (m, k) seen through B, for inner products under every C that has it: xᵀ C⁻¹ y is that of ``columns``
+    less that of ``common``'s rows (Woodbury).
+
+    Attributes:
+        columns: (m, k) L⁻¹ of them. log_det: ln |B|. cross: (runs, 3, k) and own: (runs, 3, 3) products of what is
+            common to a run, per unit, with the columns and with itself.
+    """
+
+    parts: Scatter
+    columns: FloatArray
+    log_det: float
+    cross: FloatArray
+    own: FloatArray
+
+    def common(self, components: Components) -> tuple[FloatArray, float]:
+        """Rows (3 runs, k) to be taken off inner products, and ln |C|."""
+        size = _sizes(self.parts, components)[:, :, None]
+        root = np.linalg.cholesky(np.eye(3) + size * self.own * np.swapaxes(size, 1, 2))
+        rows = np.linalg.solve(root, size * self.cross).reshape(-1, self.columns.shape[1])
+        return rows, self.log_det + 2 * float(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2))))
+
+
+def seen(parts: Scatter, components: Components, columns: FloatArray) -> Seen:
+    """Columns (m, k) through the banded part of a scatter; of its components only those of single edges and of the
+    speed matter.
+
+    Raises numpy.linalg.LinAlgError when it is not positive definite.
+    """
+    factor, through = _banded(parts, components), np.column_stack([_common(parts), columns])
+    if through.size:
+        factor = _factor(factor)
+        through = dtbtrs(factor, np.asfortranarray(through), uplo="L")[0]
+    inner = np.zeros((parts.loose_s.size, 3, through.shape[1]))
+    begins = np.flatnonzero(np.diff(parts.run, prepend=-1))
+    for own in (slice(*ends) for ends in pairwise([*begins, parts.run.size])):
+        inner[parts.run[own.start]] = through[own, :3].T @ through[own]
+    return Seen(parts, through[:, 3:], 2 * float(np.sum(np.log(factor[0]))), inner[:, :, 3:], inner[:, :, :3])
+
+
+def _banded(parts: Scatter, components: Components) -> FloatArray:
+    """B (b, m): what edges do not share with their whole run."""
+    banded = parts.fixed_mm2 + components.speed**2 * parts.speed_mm2
+    banded += components.tremor_mm_s**2 * parts.tremor_s2
+    banded[0] += components.edge_mm**2
+    return np.asarray(banded)
+
+
+def _factor(banded: FloatArray) -> FloatArray:
+    factor, failed = dpbtrf(np.asfortranarray(banded), lower=1, overwrite_ab=1)
+    if failed:
+        raise np.linalg.LinAlgError(f"edge {failed - 1}: the scatter's covariance is not positive definite")
+    return np.asarray(factor)
+
+
+def _common(parts: Scatter) -> FloatArray:
+    """By how much a latency, an offset and an uneven following of the whole run move each edge, per unit, (m, 3)."""
+    return np.column_stack([parts.late_mm_s, np.ones(parts.run.size), parts.uneven_mm])
+
+
+def _sizes(parts: Scatter, components: Components) -> FloatArray:
+    """How large those are in each run, (runs, 3)."""
+    late_s = np.hypot(components.run_s, parts.loose_s)
+    return np.column_stack([late_s, *(np.full(late_s.size, q) for q in (components.run_mm, components.uneven))])

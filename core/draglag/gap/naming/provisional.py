@@ -1,0 +1,152 @@
+"""A smooth term without a name: what to go on with when a gap remains that no effect of the library explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.gap.finding.scan import Candidate
+from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_with
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.signatures import shape_free
+from draglag.gap.results import GapReport
+from draglag.recording import FloatArray
+from draglag.simulation.residual import View
+
+POINTS = 25
+UNITS = {
+    "session_time": "s", "time_in_run": "s", "x": "mm", "speed": "mm/s", "acceleration": "mm/s²",
+    "normal_acceleration": "mm/s²", "direction_angle": "rad",
+}  # fmt: skip
+ROLES = {"latency": "ms", "direction": "ms", "offset": "mm", "width": "mm"}
+
+
+@dataclass(frozen=True)
+class Provisional:
+    """A smooth function of a covariate, added to the model and marked unnamed.
+
+    Attributes:
+        name: ``unnamed:speed``. role: what it changes: latency (ms), offset (mm), width (mm), or direction, a latency
+        (ms) that is opposite for opposite travel. p_value: of the finding, after all looks together.
+        x, value, low, high: (k,) the function over the covariate with its 95 % band.
+        improves: held-out runs agree that the gap shrank.
+    """
+
+    name: str
+    covariate: str
+    role: str
+    p_value: float
+    gap_before_mm: float
+    gap_after_mm: float
+    noise_floor_mm: float
+    improves: bool
+    x: FloatArray
+    value: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def unit(self) -> str:
+        return ROLES[self.role]
+
+    def words(self) -> str:
+        """What it closes and how large it is, in two sentences."""
+        k = int(np.abs(self.value).argmax())
+        return (
+            f"Provisional term {self.name} ({self.role}): gap {self.gap_before_mm:.3f} → {self.gap_after_mm:.3f} mm, "
+            f"noise floor {self.noise_floor_mm:.3f} mm, p {self.p_value:.1g}; at most {self.value[k]:.3g} {self.unit} "
+            f"({self.low[k]:.3g} to {self.high[k]:.3g}) at {self.x[k]:.4g} {UNITS[self.covariate]}. "
+            "It has no name: look for the cause."
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "name": self.name,
+            "covariate": self.covariate,
+            "role": self.role,
+            "unit": self.unit,
+            "p_value": self.p_value,
+            "gap_before_mm": self.gap_before_mm,
+            "gap_after_mm": self.gap_after_mm,
+            "noise_floor_mm": self.noise_floor_mm,
+            "improves": self.improves,
+            "term": {
+                "x": self.x.tolist(),
+                "value": self.value.tolist(),
+                "ci95": np.column_stack([self.low, self.high]).tolist(),
+            },
+        }
+
+
+def provisional_term(report: GapReport) -> Provisional | None:
+    """The smooth term that closes most of what a report leaves unexplained; None where nothing smooth does.
+
+    The term follows the covariate that the report names; where that is none with a smooth term, the best of all.
+    """
+    if report.last is None or report.finding is None or report.unexplained_by is None:
+        return None
+    fit, smooth = report.last, shape_free(report.last.view)
+    found = [c for c in report.finding.candidates if c.effect is None and (c.covariate, c.role) in smooth]
+    same = [c for c in found if c.covariate == report.unexplained_by]
+    for candidate in (same or found)[:4]:
+        columns = smooth[candidate.covariate, candidate.role]
+        if candidate.gain > 0 and shrinks_with(fit, columns):
+            return _added(fit, candidate, columns)
+    return None
+
+
+def _added(fit: Fit, candidate: Candidate, columns: FloatArray) -> Provisional:
+    prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
+    design = np.column_stack([fit.design, columns])
+    after = replace(fit, design=design, prior=prior)
+    white = fit.whiteners[fit.best]
+    a, b = white.apply(design), white.apply(fit.residual_mm)
+    spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
+    own = slice(fit.design.shape[1], None)
+    size, covariance = (spread @ (a.T @ b))[own], spread[own, own]
+    basis, scale = _per_unit(fit.view, candidate.role, columns)
+    x = _values(fit.view, candidate.covariate)
+    order = np.argsort(x)
+    at = order[np.unique(np.linspace(0, x.size - 1, POINTS).astype(int))]
+    value = scale * (basis[at] @ size)
+    reach = 1.96 * abs(scale) * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis[at], covariance, basis[at]), 0))
+    return Provisional(
+        f"unnamed:{candidate.covariate}",
+        candidate.covariate,
+        candidate.role,
+        candidate.p_value,
+        gap_mm(fit),
+        gap_mm(after),
+        floor_mm(after),
+        True,
+        x[at],
+        value,
+        value - reach,
+        value + reach,
+    )
+
+
+def _per_unit(view: View, role: str, columns: FloatArray) -> tuple[FloatArray, float]:
+    """The function itself behind its residual columns, (m, k), and the factor to ms or mm."""
+    lever = view.v_across * view.stretch
+    if role == "offset":
+        return columns, 1.0
+    if role == "width":
+        return columns / (0.5 * view.side)[:, None], 1.0
+    if role == "direction":
+        lever = lever * np.sign(view.v_across)
+    return columns / -np.where(np.abs(lever) < 1e-6, np.nan, lever)[:, None], 1e3
+
+
+def _values(view: View, covariate: str) -> FloatArray:
+    """The covariate in its own unit, (m,)."""
+    return {
+        "session_time": view.since_start_s,
+        "time_in_run": view.in_run_s,
+        "x": view.x_mm,
+        "speed": view.speed,
+        "acceleration": view.accel,
+        "normal_acceleration": view.a_across,
+        "direction_angle": view.angle,
+    }[covariate]

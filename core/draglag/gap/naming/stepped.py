@@ -1,0 +1,81 @@
+"""A law with a step in it, found from the runs' own latencies: a second filter that takes over above some speed.
+
+A step is no small change: Eq. 5 bends until it nearly hides one, and only a fit that begins with the step finds it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from draglag.gap.fitting.model import LawParameters
+from draglag.gap.traces.run_data import RunData
+from draglag.recording import FloatArray
+
+RATES_S_MM = np.geomspace(8e-4, 0.06, 24)
+RUN_SD_S = 7e-4  # runs differ by about this (fact sheet on the gap)
+LEAST_GAIN = 12.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """Eq. 5 plus ``size_s`` above a threshold between two runs' speeds; gain: χ² that the step saves."""
+
+    law: LawParameters
+    between_mm_s: tuple[float, float]
+    size_s: float
+    gain: float
+
+    def thresholds_mm_s(self, count: int = 13) -> FloatArray:
+        """Thresholds to choose from, a little beyond both runs, for their speeds vary."""
+        low, high = self.between_mm_s
+        return np.geomspace(0.95 * low, 1.05 * high, count)
+
+
+def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> Step | None:
+    """The best step through the runs' latencies (less what other effects add, (runs,) s), or None.
+
+    Amplitudes are linear and solved for every pair of rates and every threshold between two runs at once.
+    """
+    rows = [
+        (d.estimate.speed_mm_s, d.estimate.latency_s - (0.0 if less_s is None else less_s[k]), d.estimate.curve_se_s)
+        for k, d in enumerate(runs)
+        if d.estimate is not None and d.estimate.latency_s is not None and d.estimate.speed_mm_s is not None
+        and d.estimate.curve_se_s
+    ]  # fmt: skip
+    if len(rows) < 8:
+        return None
+    v, latency, se = np.array(sorted(rows), float).T
+    weight = 1 / np.hypot(se, RUN_SD_S)
+    slow, fast = np.triu_indices(RATES_S_MM.size, 1)
+    rates = np.column_stack([RATES_S_MM[slow], RATES_S_MM[fast]])
+    base = np.stack([*(np.exp(-rates[:, [k]] * v) for k in (0, 1)), np.ones((rates.shape[0], v.size))], axis=2)
+    plain, _ = _solve(base, latency, weight)
+    best: Step | None = None
+    for left, right in pairwise(v[1:-1]):
+        threshold = float(np.sqrt(left * right))
+        step = np.broadcast_to((v > threshold).astype(float)[None, :, None], (rates.shape[0], v.size, 1))
+        chi2, solution = _solve(np.concatenate([base, step], axis=2), latency, weight)
+        k = int(np.argmin(chi2))
+        if not np.isfinite(chi2[k]):
+            continue
+        gain = float(plain.min() - chi2[k])
+        if gain > (LEAST_GAIN if best is None else best.gain):
+            a1, a4, a7, size = (float(q) for q in solution[k])
+            law = LawParameters(max(a1, 1e-3), float(rates[k, 0]), max(a4, 1e-3), float(rates[k, 1]), a7)
+            best = Step(law, (float(left), float(right)), size, gain)
+    return best
+
+
+def _solve(columns: FloatArray, latency: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """χ² (g,) and amplitudes (g, p) of each of g settings; infinite where an amplitude of Eq. 5 is negative."""
+    a = columns * weight[None, :, None]
+    b = latency * weight
+    normal = np.swapaxes(a, 1, 2) @ a
+    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(a.shape[2])
+    solution = np.linalg.solve(normal, (np.swapaxes(a, 1, 2) @ b)[..., None])[..., 0]
+    chi2 = np.sum((b - np.einsum("gnp,gp->gn", a, solution)) ** 2, axis=1)
+    possible = (solution[:, 0] >= 0) & (solution[:, 1] >= 0)
+    return np.where(possible, chi2, np.inf), np.asarray(solution, float)

@@ -1,0 +1,87 @@
+"""The stylus' own path behind a measured trace, as the present model has it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import savgol_filter
+
+from draglag.gap.replaying.realised import held_s
+from draglag.gap.traces.run_data import RunData
+from draglag.motion import local_fit
+from draglag.recording import FloatArray
+from draglag.simulation.digitiser import reporting
+from draglag.simulation.effects.base import Effect
+from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
+from draglag.simulation.rig import Rig
+
+COARSE = 5  # grid points of the simulation between two points at which the trace is smoothed
+SMOOTHED = 31  # coarse points, about 0.15 s
+ROUNDS = 4
+ROUNDS_UNSTEADY = 10
+
+
+def hand_motion(
+    rig: Rig, data: RunData, latency_s: FloatArray, effects: Sequence[Effect], origin_s: float
+) -> tuple[Motion, float]:
+    """The stylus' own motion behind a measured trace, on the simulation's grid, and when it begins (host time, s).
+
+    At each moment t the trace is read at t + L(t), smoothed as the fit smooths it, and freed of what the model adds to
+    the position. L and that displacement come from the forward chain itself, a few times over.
+
+    Args:
+        latency_s: (edges,) where to begin.
+    """
+    slowest_s = float(np.max(latency_s)) + 0.05
+    start_s = float(data.t_s[0]) - slowest_s
+    n = int((data.t_s[-1] - start_s - max(float(np.min(latency_s)), 0.0)) * GRID_HZ)
+    t = np.arange(n) / GRID_HZ
+    coarse = np.unique(np.append(np.arange(0, n, COARSE), n - 1))
+    late = np.interp(t[coarse] + start_s, data.edge_t_s, latency_s)
+    wide_s = np.interp(t[coarse] + start_s, data.edge_t_s, data.speed_half_s)
+    moved = np.zeros((coarse.size, 2))
+    quiet = rig.ideal()
+    rounds = ROUNDS if data.steady else ROUNDS_UNSTEADY
+    for k in range(rounds + 1):
+        at_s = np.clip(t[coarse] + start_s + late, data.t_s[0], data.t_s[-1])
+        fit = local_fit(data.t_s, data.xy_mm, at_s, data.half_s)
+        fast = local_fit(data.t_s, data.xy_mm, at_s, wide_s)
+        here = _filled(fit.xy_mm, fit.ok) - moved
+        # In the stylus' own time the trace runs at another rate: d(t + L)/dt.
+        rate = np.clip(1 + np.gradient(late, t[coarse]), 0.3, 3.0)
+        velocity = _filled(fast.v_mm_s, fast.ok) * _smooth(rate)[:, None]
+        motion = _motion(t, t[coarse], here, velocity)
+        if k == rounds:
+            break
+        kinematics = Kinematics(motion, t + start_s - origin_s, rig.screen.width_mm, rig.screen.height_mm)
+        report = reporting(quiet, kinematics, effects, lambda name: np.random.default_rng(0))
+        step = np.clip(report.latency_s[coarse] + held_s(effects) - late, -0.03, 0.03)
+        late = late + (1.0 if data.steady or k >= rounds - 2 else 0.5) * step
+        moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])[coarse]
+        if moved.any() and coarse.size > SMOOTHED:
+            # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow at every round.
+            moved = savgol_filter(moved, SMOOTHED, 3, axis=0)
+    return motion, start_s
+
+
+def _filled(values: FloatArray, ok: np.ndarray) -> FloatArray:
+    """Rows without a fit, interpolated from their neighbours, (m, 2)."""
+    if ok.all() or not ok.any():
+        return values
+    index = np.arange(ok.size)
+    return np.column_stack([np.interp(index, index[ok], column[ok]) for column in values.T])
+
+
+def _smooth(rate: FloatArray) -> FloatArray:
+    """Running mean over 0.1 s: a rate of time is not known any faster."""
+    width = int(0.1 * GRID_HZ / COARSE) | 1
+    padded = np.pad(rate, width // 2, mode="edge")
+    return np.convolve(padded, np.full(width, 1 / width), mode="valid")
+
+
+def _motion(t: FloatArray, at: FloatArray, xy_mm: FloatArray, velocity: FloatArray) -> Motion:
+    path = CubicSpline(at, xy_mm)(t)
+    vx, vy = (np.interp(t, at, column) for column in velocity.T)
+    return Motion(t, path[:, 0], path[:, 1], vx, vy, np.ones(t.size, bool))

@@ -1,0 +1,317 @@
+"""Simulate a measured session again: the hand as measured, the rig as the present model has it.
+
+The touch trace, moved back through the model, is the stylus' own path. Sent through the forward simulation with the
+effects of the model, it crosses the beam at times, and shows itself in touch events, that can be laid over what was
+measured: edge by edge, and run by run through the same estimator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.blas import one_blas_thread
+from draglag.errors import EstimateError
+from draglag.events import contact_losses, sample_interval_s
+from draglag.gap.fitting.joint import Fit, restrict
+from draglag.gap.fitting.model import residual_mm
+from draglag.gap.fitting.signatures import view_of
+from draglag.gap.replaying.hand_path import hand_motion
+from draglag.gap.replaying.realised import effects_of_fit, rig_of
+from draglag.gap.results import GapReport
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.traces.edges import Placed, place
+from draglag.gap.traces.run_data import RunData, as_shown, gather
+from draglag.latency.estimate import RunEstimate
+from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace
+from draglag.simulation.chain import simulate_run
+from draglag.simulation.effects.base import Effect
+from draglag.simulation.kinematics import Motion
+from draglag.simulation.residual import View
+from draglag.simulation.rig import Rig
+
+Progress = Callable[[float, str], None]
+
+HELD = "sample_hold"
+REPAIRED = frozenset({"frame_batching", "timestamp_quantisation"})
+SEED = 20260101
+MATCH_S = 0.15  # a simulated edge farther from the measured one is another crossing
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Edges of measurement and simulation as one and the same model sees them: residual_mm (m,), and their motion."""
+
+    residual_mm: FloatArray
+    run: IntArray
+    view: View
+
+    @property
+    def late_ms(self) -> FloatArray:
+        """The residual as latency, (m,) ms; NaN where the stylus hardly moves across the beam."""
+        slow = np.abs(self.view.v_across) < 1
+        return np.asarray(1e3 * self.residual_mm / np.where(slow, np.nan, self.view.v_across))
+
+
+@dataclass(frozen=True)
+class RunReplay:
+    """One run, measured and simulated: latency and speed by the same estimator; None where it gives none."""
+
+    id: str
+    protocol: str
+    measured: RunEstimate | None
+    simulated: RunEstimate | None
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A session simulated again.
+
+    Attributes:
+        effects: what the simulation held. session: the simulated session.
+        runs: one a run of the fit, in order.
+        run, measured_s, simulated_s, falling: (m,) the edges the fit uses, and when the simulation has them (NaN where
+        it has no such edge); time of the host's clock.
+        across_mm_s: (m,) velocity across the beam.
+        between_runs_s: by how much the model lets runs differ from the law for no known reason.
+        measured, simulated: both as the reference model sees them, for the picture against a covariate.
+    """
+
+    effects: tuple[Effect, ...]
+    session: Session
+    runs: tuple[RunReplay, ...]
+    run: IntArray
+    measured_s: FloatArray
+    simulated_s: FloatArray
+    falling: np.ndarray
+    across_mm_s: FloatArray
+    measured: Overlay
+    simulated: Overlay | None
+    between_runs_s: float = 0.0
+
+    @property
+    def difference_ms(self) -> FloatArray:
+        """Simulated less measured edge times, (m,) ms."""
+        return np.asarray(1e3 * (self.simulated_s - self.measured_s))
+
+    @property
+    def difference_mm(self) -> FloatArray:
+        """The same as a distance across the beam, (m,) mm."""
+        return np.asarray(1e-3 * self.difference_ms * self.across_mm_s)
+
+    @property
+    def rms_mm(self) -> float:
+        """RMS of ``difference_mm`` over the edges that both have."""
+        good = self.difference_mm[np.isfinite(self.difference_mm)]
+        return float(np.sqrt(np.mean(good**2))) if good.size else float("nan")
+
+    @property
+    def rms_ms(self) -> float:
+        """The edge-time difference that this distance is at the session's RMS velocity across the beam."""
+        good = np.isfinite(self.difference_mm)
+        if not good.any():
+            return float("nan")
+        return float(1e3 * self.rms_mm / np.sqrt(np.mean(self.across_mm_s[good] ** 2)))
+
+    @property
+    def rms_ms_ci95(self) -> tuple[float, float]:
+        """95 % interval of ``rms_ms`` from the scatter between runs (runs drawn anew)."""
+        return _between_runs(self.run, self.difference_mm, self.across_mm_s)
+
+    def latencies_ms(self) -> list[tuple[str, float, float, float, float, float]]:
+        """(run, speed mm/s, measured, its standard error, simulated, its standard error) in ms, runs that have both."""
+        out = []
+        for item in self.runs:
+            a, b = item.measured, item.simulated
+            if a is None or b is None or a.latency_s is None or b.latency_s is None or a.speed_mm_s is None:
+                continue
+            errors = (1e3 * (a.latency_se_s or np.nan), 1e3 * (b.latency_se_s or np.nan))
+            out.append((item.id, a.speed_mm_s, 1e3 * a.latency_s, errors[0], 1e3 * b.latency_s, errors[1]))
+        return out
+
+    @property
+    def runs_that_agree(self) -> tuple[int, int]:
+        """Runs whose simulated less measured latency has a 95 % interval that holds 0, of how many."""
+        rows = self.latencies_ms()
+        wide = 1e3 * self.between_runs_s
+        inside = [abs(s - m) <= 1.96 * float(np.sqrt(me**2 + se**2 + wide**2)) for _, _, m, me, s, se in rows]
+        return sum(inside), len(rows)
+
+    def to_dict(self) -> dict[str, object]:
+        """What the pictures show, in numbers for JSON."""
+        low, high = self.rms_ms_ci95
+        known = np.isfinite(self.simulated_s)
+        return {
+            "effects": {effect.id: effect.numbers() for effect in self.effects},
+            "edge_rms_mm": self.rms_mm,
+            "edge_rms_ms": self.rms_ms,
+            "edge_rms_ms_ci95": [low, high],
+            "n_edges": int(known.size),
+            "runs_that_agree": list(self.runs_that_agree),
+            "n_simulated": int(np.count_nonzero(known)),
+            "runs": [
+                {"run": name, "speed_mm_s": v, "measured_ms": m, "measured_se_ms": ms, "simulated_ms": s,
+                 "simulated_se_ms": ss}
+                for name, v, m, ms, s, ss in self.latencies_ms()
+            ],
+        }  # fmt: skip
+
+
+def replay(
+    session: Session,
+    fit: Fit,
+    named: Mapping[str, Mapping[str, float]] | None = None,
+    reference: Fit | None = None,
+    progress: Progress | None = None,
+    raw: tuple[RunData, ...] | None = None,
+) -> Replay:
+    """Simulate a session again with its measured hand motion.
+
+    Args:
+        session: as measured; its streams give the measured estimates.
+        fit: the model: law, beam, and the edges to judge by.
+        named: effect id → parameters; None = the terms of the fit. Effects of the stream (a holding loop, batches) and
+            of the clock come only from here.
+        reference: the model both are held against in ``measured`` and ``simulated``; None = ``fit``.
+        raw: the measured runs before their streams were repaired, where the fit is of repaired ones: both estimates of
+            a run are then of streams as they come.
+
+    Raises EstimateError where no run can be simulated.
+    """
+    tell = progress or (lambda fraction, text: None)
+    reference = reference or fit
+    effects = effects_of_fit(fit, named)
+    rig = rig_of(session, fit, effects)
+    origin_s = min(data.t_s[0] for data in fit.runs)
+    simulated_runs = []
+    for k, data in enumerate(as_shown(fit.runs)):
+        tell(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
+        own = np.interp(data.edge_t_s, *_sorted(fit, k))
+        motion, start_s = hand_motion(rig, data, own, effects, origin_s)
+        simulated_runs.append(_simulated(rig, data, motion, start_s, effects, origin_s, k))
+    name = f"{session.name}, simulated with the measured hand"
+    again = replace(session, name=name, runs=tuple(simulated_runs), beam=rig.beam, taps=None)
+    if not any(run.laser.t_s.size for run in again.runs):
+        raise EstimateError(f"{session.name}: the simulated hand never crosses the beam", "Check beam and calibration")
+    tell(0.85, "estimating the simulated runs")
+    simulated = {effect.id for effect in effects}
+    # Batches and coarse clocks are repaired before anything is estimated, in the simulation as in the measurement; a
+    # loop's delay is seen in the streams as they come.
+    seen = gather(inspect(again)[1] if REPAIRED & simulated else again)
+    measured = {data.run.id: data.estimate for data in (raw if raw is not None else fit.runs)}
+    estimates = {data.run.id: data.estimate for data in seen}
+    runs = tuple(RunReplay(d.run.id, d.run.protocol, measured.get(d.run.id), estimates.get(d.run.id)) for d in fit.runs)
+    if HELD in simulated:
+        seen = gather(inspect(again)[1])
+    measured_s = fit.placed.t_s[fit.use]
+    falling = fit.placed.falling[fit.use]
+    simulated_s = np.full(measured_s.size, np.nan)
+    for k, run in enumerate(again.runs):
+        for falls in (True, False):
+            mine = np.flatnonzero((fit.run_index == k) & (falling == falls))
+            theirs = run.laser.t_s[run.laser.light == (0 if falls else 1)]
+            simulated_s[mine] = _nearest(measured_s[mine], np.sort(theirs))
+    tell(1.0, "done")
+    return Replay(
+        effects,
+        again,
+        runs,
+        fit.run_index.astype(np.int64),
+        measured_s,
+        simulated_s,
+        falling,
+        fit.placed.v_mm_s[fit.use, 1],
+        Overlay(reference.residual_mm, reference.run_index.astype(np.int64), reference.view),
+        _overlay(seen, reference),
+        fit.whiteners[fit.best].components.run_s,
+    )
+
+
+@one_blas_thread
+def replays(session: Session, report: GapReport, progress: Progress | None = None) -> tuple[Replay, ...]:
+    """The present model's replay, and one with each step of a gap report added, all held against the present model.
+
+    Raises EstimateError for a report without a verdict, or where no run can be simulated.
+    """
+    if report.first is None or report.last is None:
+        raise EstimateError(f"{report.session}: there is no model to simulate with", "; ".join(report.missing))
+    tell = progress or (lambda fraction, text: None)
+    raw = gather(session) if HELD in {step.effect for step in report.steps} else None
+    fits = [report.first]
+    for step in report.steps:
+        fits.append(step.fit or fits[-1])
+    fits[-1] = report.last
+    out = []
+    for k, fit in enumerate(fits):
+        named = {s.effect: {name: value for name, (value, _) in s.parameters.items()} for s in report.steps[:k]}
+
+        def part(fraction: float, text: str, k: int = k) -> None:
+            tell((k + fraction) / len(fits), text)
+
+        out.append(replay(session, fit, named, report.first, part, raw))
+    return tuple(out)
+
+
+def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
+    """Edge times of a run, increasing, and the latency the fit has there."""
+    own = fit.placed.run == k
+    order = np.argsort(fit.placed.t_s[own])
+    return fit.placed.t_s[own][order], fit.placed.latency_s[own][order]
+
+
+def _simulated(
+    rig: Rig, data: RunData, motion: Motion, start_s: float, effects: Sequence[Effect], origin_s: float, seed: int
+) -> Run:
+    """One run through the chain, its events at the measured rate and missing where the measured ones are missing."""
+    dt_s = sample_interval_s(data.t_s)
+    own = replace(rig, touch_rate_hz=1 / dt_s, noise_mm=data.noise_mm)
+    rng = np.random.default_rng([SEED, seed])
+    run = simulate_run(
+        own, motion, run_id=data.run.id, planned=None, start_s=start_s, rng=rng, effects=effects,
+        session_start_s=origin_s,
+    )  # fmt: skip
+    touch = run.touch
+    seen = (touch.t_s >= data.t_s[0]) & (touch.t_s <= data.t_s[-1])
+    for begin, end in contact_losses(data.t_s):
+        seen &= (touch.t_s <= begin) | (touch.t_s >= end)
+    kept = TouchTrace(touch.t_s[seen], touch.x_mm[seen], touch.y_mm[seen], touch.contact_id[seen])
+    was = data.run
+    return replace(
+        run, touch=kept, protocol=was.protocol, nominal_speed_mm_s=was.nominal_speed_mm_s, radius_mm=was.radius_mm
+    )
+
+
+def _nearest(at_s: FloatArray, others_s: FloatArray) -> FloatArray:
+    """The nearest of other (sorted) times, NaN where none is near, (m,)."""
+    if not others_s.size:
+        return np.full(at_s.size, np.nan)
+    right = np.clip(np.searchsorted(others_s, at_s), 1, max(others_s.size - 1, 1))
+    pair = np.column_stack([others_s[right - 1], others_s[np.minimum(right, others_s.size - 1)]])
+    best = pair[np.arange(at_s.size), np.argmin(np.abs(pair - at_s[:, None]), axis=1)]
+    return np.where(np.abs(best - at_s) < MATCH_S, best, np.nan)
+
+
+def _between_runs(run: IntArray, values: FloatArray, across: FloatArray) -> tuple[float, float]:
+    good = np.isfinite(values)
+    ids = np.unique(run[good])
+    if ids.size < 2:
+        return (float("nan"), float("nan"))
+    squares = np.array([np.sum(values[good & (run == k)] ** 2) for k in ids])
+    levers = np.array([np.sum(across[good & (run == k)] ** 2) for k in ids])
+    draws = np.random.default_rng(20260101).integers(0, ids.size, (400, ids.size))
+    means = 1e3 * np.sqrt(squares[draws].sum(1) / np.maximum(levers[draws].sum(1), 1e-12))
+    low, high = np.quantile(means, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _overlay(runs: tuple[RunData, ...], reference: Fit) -> Overlay | None:
+    """Simulated runs as the reference model sees them: its law and its beam, and none of its effects."""
+    if not runs:
+        return None
+    placed: Placed = place(runs, reference.law)
+    view = view_of(placed, reference.law, reference.geometry, reference.width_mm)
+    left = residual_mm(placed, reference.geometry)
+    keep = placed.ok & np.isfinite(left)
+    return Overlay(left[keep], placed.run[keep].astype(np.int64), restrict(view, keep))

@@ -1,0 +1,110 @@
+"""What shows in the streams themselves, before any residual: tick grids, repeats, batches, quanta, chatter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.gap.streams.fills import filled_losses
+from draglag.gap.streams.holding import first_of_repeats, hold, resolution_mm, still_uneven
+from draglag.gap.streams.stamps import StreamEffect, batches, coarse_clock, drops, evened, share_interval, spread
+from draglag.gap.streams.unheld import unheld
+from draglag.recording import Run, Session
+
+STAMP_S = 1e-6  # to which edges are stamped
+UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open which frame a stamp is of
+
+
+def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
+    """Effects that the streams give away, and the session with them repaired as far as they can be.
+
+    The raw session is untouched: the repaired one is a copy for the residual tests.
+    """
+    found: list[StreamEffect] = []
+    touches = [run.touch for run in session.runs if run.touch.t_s.size > 50]
+    if not touches:
+        return (), session
+    runs = session.runs
+    bounced = _bounce(session)
+    if bounced is not None:
+        found.append(bounced[0])
+    step_mm = resolution_mm(touches)
+    batched, held, coarse = batches(touches), hold(touches, step_mm), coarse_clock(touches)
+    if batched is not None:
+        found.append(batched)
+        runs = tuple(replace(r, touch=spread(r.touch, round(batched.value))) for r in runs)
+    elif coarse is not None:
+        # A grid of stamps without repeated positions is a coarse clock; with them it is a loop that holds.
+        found.append(coarse)
+        runs = tuple(replace(r, touch=evened(r.touch, coarse.value)) for r in runs)
+    elif held is not None:
+        first = [first_of_repeats(r.touch) for r in runs]
+        even = unheld(first, 1 / held.value)
+        if even is not None and still_uneven(first, even, 1 / held.value):
+            even = None  # another beat was taken for theirs
+        found.append(replace(held, undone=even is not None))
+        runs = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
+    dropped = drops(touches)
+    told = held is None if coarse is None else not coarse.undone
+    if dropped is not None and batched is None and told:
+        sure = (1.0, 1.0) if coarse is None else (1 - UNSURE, 1 + UNSURE)
+        low, high = (each * one for each, one in zip(sure, dropped.ci95, strict=True))
+        found.append(replace(dropped, ci95=(low, min(high, 1.0))))
+    lost, runs = filled_losses(runs, held is not None, step_mm)
+    if lost is not None:
+        found.append(lost)
+    return tuple(found), replace(session, runs=runs)
+
+
+def _bounce(session: Session) -> tuple[StreamEffect] | None:
+    """Chatter: transitions closer together than any stylus allows, in groups around single edges."""
+    groups: list[tuple[float, int, int]] = []  # of each run: how near, groups that chatter, groups
+    spans: list[float] = []
+    for run in session.runs:
+        t = np.sort(run.laser.t_s)
+        if t.size < 6 or run.touch.t_s.size < 50:
+            continue
+        fastest = _fastest(run)
+        closest = 0.3 * session.stylus.diameter_mm / max(fastest, 1.0)
+        closest = min(closest, 0.006)
+        near = np.diff(t) < closest
+        starts = np.append(True, ~near)
+        size = np.bincount(np.cumsum(starts) - 1)
+        begin = np.flatnonzero(starts)
+        # A chattering edge ends in its new state, after three transitions or more; two are a pass that grazes the beam,
+        # an even number two edges so close that their chatter meets.
+        spans += [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 2 and n % 2]
+        groups.append((closest, int(np.sum(size > 2)), int(size.size)))
+    extra, edges = (sum(group[k] for group in groups) for k in (1, 2))
+    if edges == 0 or extra < max(5, 0.02 * edges) or not spans:
+        return None
+    # Of the time in which it may chatter the longest tells: of n edges' last of two flips, one lies within its last
+    # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
+    spans = [span for span in spans if span <= 2 * float(np.median(spans))]
+    span_s = max(spans)
+    longest_s = span_s * 0.05 ** (-1 / (2 * len(spans)))
+    share = extra / edges
+    # Chatter that outlasts what is near in a fast run falls apart there.
+    told, of = (int(sum(group[k] for group in groups if group[0] >= span_s)) for k in (1, 2))
+    return (
+        StreamEffect(
+            "laser_bounce",
+            "span_s",
+            span_s,
+            (span_s - STAMP_S, longest_s),
+            f"{100 * share:.0f} % of edges",
+            f"{extra} of {edges} edges chatter for up to {1e3 * span_s:.2f} ms",
+            share,
+            also=(("share", told / of, share_interval(told, of)),) if of else (),
+        ),
+    )
+
+
+def _fastest(run: Run) -> float:
+    t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
+    step = max(1, round(0.03 / max(float(np.median(np.diff(t))), 1e-4)))
+    if t.size <= step:
+        return 1000.0
+    dt = np.maximum(t[step:] - t[:-step], 1e-6)
+    return float(np.percentile(np.hypot(x[step:] - x[:-step], y[step:] - y[:-step]) / dt, 90))

@@ -1,0 +1,118 @@
+"""Losses of contact that something filled in with straight lines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from draglag.gap.streams.stamps import StreamEffect
+from draglag.recording import Run, TouchTrace
+
+AROUND = 61  # events whose usual bend is told
+BY_CHANCE = 0.01  # stretches in a session that chance may make
+# Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
+TELLING, LEAST_USUAL = 4.0, 10.0
+UNEVEN = 0.5  # of a frame that an interval may differ from it by
+INDEPENDENT = 0.8  # of bends; neighbours share two events
+
+
+def filled_losses(
+    runs: tuple[Run, ...], held: bool, resolution_mm: float = 0.0
+) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in.
+
+    ``held``: positions are of uneven age, so that only the straightness can tell, and has to last longer.
+    resolution_mm: of coordinates that are whole steps. A line of those bends, too, if less than the noise: a stretch
+    then has to be likelier a line than chance makes any.
+    """
+    least = 4 if held else 3
+    n_events = sum(run.touch.t_s.size for run in runs)
+    count, length_s, total_s = 0, [], 0.0
+    out = []
+    for run in runs:
+        t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
+        if t.size < 60:
+            out.append(run)
+            continue
+        # How far each event lies from the line between its neighbours at its own stamp: stamps are not quite even.
+        share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
+        off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
+        bend = np.hypot(*off)
+        if held:
+            # Positions of uneven age lie unevenly along the line, but on it.
+            chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
+            bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
+        moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
+        straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
+        if resolution_mm:
+            even = _even(t)
+            of_even = uniform_filter1d(np.array(off) ** 2 * even, AROUND, axis=1)
+            usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
+            if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
+                out.append(run)  # where a slow path stays on one step, anything is a line
+                continue
+            if not held:
+                straight = _likelier_lines(np.array(off), usual_mm2, even, resolution_mm, n_events)
+        total_s += float(t[-1] - t[0])
+        keep = np.ones(t.size, bool)
+        start = None
+        for k in range(straight.size + 1):
+            inside = k < straight.size and straight[k]
+            if inside and start is None:
+                start = k
+            elif not inside and start is not None:
+                if k - start >= least:
+                    count += 1
+                    length_s.append(float(t[k + 1] - t[start]))
+                    keep[start + 1 : k + 1] = False
+                start = None
+        if keep.all():
+            out.append(run)
+            continue
+        ids = run.touch.contact_id[keep] if run.touch.contact_id.size == keep.size else run.touch.contact_id
+        touch = TouchTrace(t[keep], x[keep], y[keep], ids, gaps_s=run.touch.gaps_s)
+        out.append(replace(run, touch=touch))
+    if count < 4:
+        return None, runs
+    touching_s = max(total_s - sum(length_s), 1.0)  # contact is lost while there is contact
+    per_min = 60 * count / touching_s
+    reach = 1.96 * np.sqrt(count) * 60 / touching_s
+    effect = StreamEffect(
+        "loss_of_contact",
+        "losses_per_min",
+        per_min,
+        (per_min - reach, per_min + reach),
+        "straight lines in the trace",
+        f"{count} straight fills of {1e3 * float(np.median(length_s)):.0f} ms (median)",
+        count / max(len(runs), 1),
+    )
+    return effect, tuple(out)
+
+
+def _even(t_s: np.ndarray) -> np.ndarray:
+    """1 at inner events (n,) that lie a frame from both neighbours, else 0: about a burst any path bends."""
+    frames = np.diff(t_s) / np.median(np.diff(t_s))
+    return np.asarray((np.abs(np.array([frames[:-1], frames[1:]]) - 1) < UNEVEN).all(axis=0), float)
+
+
+def _likelier_lines(
+    off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, resolution_mm: float, n_events: int
+) -> np.ndarray:
+    """Events (n,) in stretches whose bends off_mm (2, n) are those of rounded lines and not the usual ones around."""
+    rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
+    gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
+    gain *= INDEPENDENT * even
+    enough = np.log(n_events / BY_CHANCE)
+    lines = np.zeros(gain.size, bool)
+    total, start, top, end = 0.0, 0, 0.0, 0
+    for k, more in enumerate(np.append(gain, -np.inf)):
+        total += more
+        if total > top:
+            top, end = total, k
+        if total <= 0 or total < top - enough:
+            if top > enough:
+                lines[start : end + 1] = True
+            total, start, top = 0.0, k + 1, 0.0
+    return lines

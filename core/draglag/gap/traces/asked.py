@@ -1,0 +1,160 @@
+"""The speed that the law is asked at, behind the speed that a trace shows: of the same moment, or of another.
+
+An event at t + L(w) runs 1 + L′ ẇ times slower than the stylus: the trace shows u = v / (1 + L′ ẇ), where the stylus
+has the speed v and the law is asked at w, v itself or that of d before. As functions of the event's time that is
+v + τ ẇ = u with τ = −v L′(w): where d = 0, a first-order low-pass of the shown speed whose time constant follows the
+speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_banded, solveh_banded
+from scipy.signal import lfilter
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+Law = Callable[[FloatArray], FloatArray]
+Asked = tuple[float, float]
+"""(which, delay_s): the speed of ``delay_s`` before, 0; or 1, of that times the latency over the usual one, so that
+minus the usual latency is the speed of the moment of the report."""
+NOW: Asked = (0.0, 0.0)
+CHANGING_STEP_S, PASSES = 0.01, 3
+DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # no hand changes its speed faster
+PADDED_S = 1.0
+LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it is taken for noise
+
+
+def asked_speeds(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
+    """For each of some runs that keep moving, times (g,) s on its trace and the speed that the law is asked at there,
+    (g,) mm/s."""
+    if asked[1] and runs:
+        return _delayed(runs, law, asked)
+    return [_now(data, law) if data.steady else _changing(data, law) for data in runs]
+
+
+def speed_apart(data: RunData, law: Law, asked: Asked) -> tuple[FloatArray, FloatArray]:
+    """Times (g,) s on the trace and by how much the speed that the law is asked at differs from the one of that moment,
+    (g,) mm/s, in a run of changing speed: to first order, as smooth as a hand's speed changes."""
+    shown = data.shown
+    around = np.maximum(shown.speed_mm_s, 1.0)
+    slope = law(around + 0.5) - law(around - 0.5)
+    change = np.gradient(shown.speed_mm_s, shown.step_s)
+    own = shown.speed_mm_s * (1 + np.clip(slope * change, -0.3, 0.3))
+    then = np.interp(shown.grid_s - before_s(asked, law(own)), shown.grid_s, own)
+    return shown.grid_s, then - own
+
+
+def before_s(asked: Asked, latency_s: FloatArray) -> FloatArray:
+    """How long before each edge the speed is taken, (m,) s; negative: after it."""
+    which, delay_s = asked
+    return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
+
+
+def _now(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+    """About a run's usual speed the time constant is one."""
+    grid_s, shown = data.quick
+    step_s = grid_s[1] - grid_s[0]
+    usual = float(np.mean(shown))
+    slow = max(usual - 1.0, 0.0)
+    tau_s = -usual * float(np.diff(law(np.array([slow, usual + 1.0])))[0]) / (usual + 1.0 - slow)
+    if tau_s < 0.1 * step_s:
+        return grid_s, shown
+    keep = float(np.exp(-step_s / tau_s))
+    speed, _ = lfilter([1 - keep], [1, -keep], shown, zi=[keep * shown[0]])
+    return grid_s + 0.5 * step_s, speed  # each step takes in what is shown at its end
+
+
+def _changing(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+    """The low-pass step by step, backwards in each: no size of a step lets it swing."""
+    step_s = CHANGING_STEP_S
+    grid_s = np.arange(data.quick[0][0], data.quick[0][-1], step_s)
+    shown = np.interp(grid_s, *data.quick)
+    knots, falls = _falls(law, float(shown.max()))
+    speed, bands = shown, np.zeros((2, shown.size))
+    bands[1, :-1] = -1.0
+    for _ in range(PASSES):
+        share = step_s / np.maximum(speed * np.interp(speed, knots, falls), 1e-3 * step_s)
+        bands[0], given = 1 + share, share * shown
+        bands[0, 0], given[0] = 1.0, shown[0]
+        speed = solve_banded((1, 0), bands, given, check_finite=False)
+    return grid_s, speed
+
+
+def _delayed(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
+    """v + τ ẇ = u of all runs at once, w being v of ``asked`` before, as smooth as it has to be.
+
+    At some frequencies the delay turns τ ẇ against v, at ω d = 3π/2, or −π/2 where w is later: there u holds little of
+    v and much noise, so that the least squares also ask for little v̈.
+    """
+    times, shown = [], []
+    for data in runs:
+        grid_s, speed = data.quick
+        t_s = np.arange(grid_s[0], grid_s[-1], DELAYED_STEP_S)
+        edge = min(round(PADDED_S / DELAYED_STEP_S), t_s.size - 1)  # what was before a trace began is not known
+        times.append(t_s)
+        shown.append(np.pad(np.interp(t_s, grid_s, speed), edge, mode="reflect"))
+    u = np.concatenate(shown)
+    knots, falls = _falls(law, 1.5 * float(u.max()))
+    latency_s = law(knots)
+    at = np.arange(u.size)
+    v = u
+    delay_s = before_s(asked, np.interp(u, knots, latency_s))
+    smooth_s4 = LITTLE_SHOWN * (delay_s / np.where(delay_s > 0, 1.5 * np.pi, 0.5 * np.pi)) ** 4
+    for _ in range(DELAYED_PASSES):
+        back = before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S
+        tau = v * np.interp(np.interp(at - back, at, v), knots, falls)
+        v = np.maximum(_solved(u, tau / (2 * DELAYED_STEP_S), back, smooth_s4), 0.0)
+    w = np.interp(at - before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S, at, v)
+    ends = np.cumsum([part.size for part in shown])
+    out = []
+    for t_s, part, end in zip(times, shown, ends, strict=True):
+        edge = (part.size - t_s.size) // 2
+        out.append((t_s, w[end - part.size + edge : end - edge]))
+    return out
+
+
+def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray, smooth_s4: FloatArray) -> FloatArray:
+    """v (n,) of u = v + half_tau · (v one step after ``back`` steps before, less one step before that).
+
+    The normal equations of it and of the second differences times √``smooth_s4`` (n,), whose matrix is a band.
+    """
+    n = u.size
+    row = np.arange(n)
+    place = np.clip(row - back, 1.0, n - 2.001)
+    first = np.minimum(place.astype(np.int64), n - 3)
+    part = place - first
+    # The matrix is one and a band: what each row takes from four neighbouring columns.
+    taken = half_tau * np.stack([part - 1, -part, 1 - part, part])
+    columns = first - 1 + np.arange(4)[:, None]
+    off = row - columns
+    bands = np.zeros((max(int(np.abs(off).max()), 3) + 1, n))
+    bands[0] = 1.0
+    size = bands.size
+    for of, column, by in zip(taken, columns, off, strict=True):
+        flat = np.abs(by) * n + np.minimum(row, column)
+        bands += np.bincount(flat, np.where(by == 0, 2 * of, of), size).reshape(bands.shape)
+    for i in range(4):
+        for j in range(i + 1):
+            bands[i - j] += np.bincount(columns[j], taken[i] * taken[j], n)
+    stiff = smooth_s4 / DELAYED_STEP_S**4
+    before, after = np.append(0.0, stiff[:-1]), np.append(stiff[1:], 0.0)
+    bands[0] += before + 4 * stiff + after
+    bands[1, :-1] -= 2 * (stiff + after)[:-1]
+    bands[2, :-2] += after[:-2]
+    given = u + sum(np.bincount(column, of * u, n) for of, column in zip(taken, columns, strict=True))
+    return np.asarray(solveh_banded(bands, given, lower=True, check_finite=False))
+
+
+def _falls(law: Law, fastest_mm_s: float) -> tuple[FloatArray, FloatArray]:
+    """Speeds (k,) mm/s and −L′ at each, s²/mm; no less than none."""
+    knots = np.arange(0.0, fastest_mm_s + 2.0)
+    slow, fast = np.maximum(knots - 0.5, 0.0), knots + 0.5
+    return knots, np.maximum((law(slow) - law(fast)) / (fast - slow), 0.0)

@@ -1,0 +1,239 @@
+"""Every usable edge of a session, with the stylus' motion at it under a given latency law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from draglag.events import in_contact, sample_interval_s
+from draglag.gap.traces.asked import NOW, Asked, asked_speeds, speed_apart
+from draglag.gap.traces.local_fits import Traces, traces_of
+from draglag.gap.traces.run_data import RunData
+from draglag.gap.traces.unwarped import Unwarped
+from draglag.inversion import slope_of, stylus_speed, stylus_time_s
+from draglag.motion import speed_half_widths_s
+from draglag.recording import FloatArray, IntArray
+
+Law = Callable[[FloatArray], FloatArray]
+STRAIGHT_S = 0.001  # so near, a velocity and its rate of change say what a new fit would
+NEAR_S = 0.004  # further, they say nothing
+ROUNDS, STEPS = 8, 6  # a step is at most 20 ms: a law may lie far off where a fit begins
+EXACT_S = 2e-5
+FEW = 0.002  # of all edges
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Edges (m,) of all runs, placed on the touch trace by a law.
+
+    Attributes:
+        run: index into the runs. t_s: laser time. since_start_s: since the session's first event; in_run_s: since the
+        run's. steady: in a run of constant speed. falling: light→dark. latency_s: L at the edge. speed_mm_s: the
+        stylus' own speed.
+        xy_mm, v_mm_s, a_mm_s2: (m, 2) shown by the trace at t + L. accel_mm_s2: along the motion, in own time.
+        accel_apart_mm_s2: the same with an error that is not the position's.
+        slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
+        stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
+        ok: placed well enough to judge by. trace: where on the traces the edges lie.
+        speed_half_s: half the window of each speed. position_at_s, speed_at_s: where on ``traces`` the fits were made.
+    """
+
+    run: IntArray
+    t_s: FloatArray
+    since_start_s: FloatArray
+    in_run_s: FloatArray
+    steady: np.ndarray
+    falling: np.ndarray
+    latency_s: FloatArray
+    speed_mm_s: FloatArray
+    xy_mm: FloatArray
+    v_mm_s: FloatArray
+    a_mm_s2: FloatArray
+    accel_mm_s2: FloatArray
+    accel_apart_mm_s2: FloatArray
+    slope_s2_mm: FloatArray
+    uneven_mm_s: FloatArray
+    stretch: FloatArray
+    ok: np.ndarray
+    speed_half_s: FloatArray
+    position_at_s: FloatArray
+    speed_at_s: FloatArray
+    traces: Traces
+    trace: Unwarped
+
+    def __len__(self) -> int:
+        return int(self.t_s.size)
+
+    @cached_property
+    def position_rows(self) -> csr_matrix:
+        """By how much each event of all runs enters each position, (m, n)."""
+        return self.traces.rows(self.position_at_s, self.traces.half_s, lambda by_event: by_event.position)
+
+    @cached_property
+    def velocity_rows(self) -> csr_matrix:
+        """By how much each event of all runs enters each velocity, (m, n) 1/s."""
+        return self.traces.rows(self.speed_at_s, self.speed_half_s, lambda by_event: by_event.velocity)
+
+
+def place(
+    runs: tuple[RunData, ...],
+    law: Law,
+    extra_s: FloatArray | None = None,
+    start: Placed | None = None,
+    asked: Asked = NOW,
+) -> Placed:
+    """Solve L = law(v) + extra at every edge. extra_s: (m,) from effects. start: a previous placing to begin from.
+    asked: of which moment v is."""
+    traces = traces_of(runs)
+    edge_s = traces.edge_t_s
+    added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
+    if start is not None:
+        half_s = start.speed_half_s
+        latency = np.where(np.isfinite(start.latency_s), start.latency_s, start.speed_at_s - edge_s)
+    else:
+        latency, half_s = _begun(traces, law)
+    asked_at = _asked(traces, law, asked)
+    latency, speed, step = latency.copy(), np.zeros(edge_s.size), np.zeros(edge_s.size)
+    made = np.empty((edge_s.size, 8))
+    open_ = traces.edges
+    for _ in range(ROUNDS):
+        made[open_] = traces.speeds.at(edge_s[open_] + latency[open_], half_s[open_], open_)
+        latency[open_], speed[open_], step[open_] = _solved(
+            traces, open_, made[open_], latency[open_], law, added_s[open_], asked_at
+        )
+        open_ = open_[np.abs(edge_s[open_] + latency[open_] - made[open_, 0]) >= STRAIGHT_S]
+        if open_.size <= (0 if start is None else FEW * edge_s.size):
+            break  # a few that come to no end are not worth a round of their own: another placing goes on with them
+    at_s = edge_s + latency
+    there = traces.positions.at(at_s, traces.half_s, traces.edges)
+    xy_mm, _ = _moved(there, at_s)
+    _, v_mm_s = _moved(made, at_s)
+    a_mm_s2 = made[:, 5:7]
+    slope = slope_of(law, speed)
+    shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
+    ratio = np.maximum(speed, 1e-6) / shown
+    along = np.einsum("mk,mk->m", v_mm_s, a_mm_s2) / shown * ratio**2
+    # For the columns: with the fit's own, position noise would look like an effect.
+    _, change, sudden = traces.changes.at(at_s, np.zeros(at_s.size), traces.edges).T
+    apart = ratio**2 * change
+    ok = (there[:, 7] > 0) & (made[:, 7] > 0) & in_contact(traces.t_s, at_s, traces.losses_s) & (there[:, 8] < 1.5)
+    ok &= np.abs(at_s - made[:, 0]) < NEAR_S
+    ok &= (sudden == 0) & (np.abs(v_mm_s[:, 1]) > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
+    run, t_s = traces.run, edge_s - traces.shift_s[traces.run]
+    first_s = np.array([data.t_s[0] for data in runs])
+    judged = ok & traces.steady
+    count = np.bincount(run[judged], None, len(runs))
+    mean = np.bincount(run[judged], speed[judged], len(runs)) / np.maximum(count, 1)
+    return Placed(
+        run=run,
+        t_s=t_s,
+        since_start_s=t_s - first_s.min(),
+        in_run_s=t_s - first_s[run],
+        steady=traces.steady,
+        falling=traces.falling,
+        latency_s=latency,
+        speed_mm_s=speed,
+        xy_mm=xy_mm,
+        v_mm_s=v_mm_s,
+        a_mm_s2=a_mm_s2,
+        accel_mm_s2=along,
+        accel_apart_mm_s2=apart,
+        slope_s2_mm=slope,
+        uneven_mm_s=np.where(traces.steady & (count > 0)[run], speed - mean[run], 0.0),
+        stretch=1 / np.clip(1 - slope * apart, 0.7, 1.5),
+        ok=ok,
+        speed_half_s=half_s,
+        position_at_s=there[:, 0],
+        speed_at_s=made[:, 0],
+        traces=traces,
+        trace=Unwarped(runs, run, t_s + latency),
+    )
+
+
+def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
+    """Latencies to begin from and half widths of the speeds' windows, (m,) s each."""
+    latency, half_s = [], []
+    for data in traces.runs:
+        if data.steady:
+            latency.append(data.guess_s)
+            half_s.append(data.speed_half_s)
+            continue
+        # The trace in the stylus' own time: from one constant latency a bell-shaped movement finds wrong roots.
+        own_s = stylus_time_s(data.t_s, data.xy_mm, data.t_s, law, max(0.05, 4.5 * sample_interval_s(data.t_s)))
+        forwards = np.append(np.diff(own_s) > 0, True)
+        late = np.interp(data.edge_t_s, own_s[forwards], data.t_s[forwards]) - data.edge_t_s
+        latency.append(late)
+        half_s.append(speed_half_widths_s(data.t_s, data.xy_mm, data.edge_t_s + late, data.noise_mm))
+    return np.concatenate(latency), np.concatenate(half_s)
+
+
+@dataclass(frozen=True)
+class _AskedAt:
+    """Over all traces: the speed that the law is asked at where a run keeps moving, and what is added to the edge's own
+    speed elsewhere; None where the edge's own is meant."""
+
+    followed: tuple[FloatArray, FloatArray]
+    apart: tuple[FloatArray, FloatArray] | None
+
+
+def _asked(traces: Traces, law: Law, asked: Asked) -> _AskedAt:
+    each = list(zip(traces.runs, traces.shift_s, strict=True))
+    moving = asked_speeds([data for data, _ in each if data.keeps_moving], law, asked)
+    followed = [(t + by, v) for (t, v), by in zip(moving, [by for d, by in each if d.keeps_moving], strict=True)]
+    apart = [(speed_apart(d, law, asked), by) for d, by in each if not d.keeps_moving and asked[1]]
+    return _AskedAt(_joined(followed) or (np.zeros(1), np.zeros(1)), _joined([(t + by, v) for (t, v), by in apart]))
+
+
+def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray] | None:
+    if not parts:
+        return None
+    times_s, values = zip(*parts, strict=True)
+    return np.concatenate(times_s), np.concatenate(values)
+
+
+def _solved(
+    traces: Traces,
+    edges: IntArray,
+    fast: FloatArray,
+    latency: FloatArray,
+    law: Law,
+    added_s: FloatArray,
+    asked_at: _AskedAt,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Latency, stylus' speed and last step, (q,) each, of L = law(v) + added at some edges, traces taken for straight.
+
+    fast: (q, 8) rows of the speeds' fits. An edge that has left what its fit can tell waits for another.
+    """
+    latency, step, speed = latency.copy(), np.zeros(edges.size), np.zeros(edges.size)
+    edge_s, followed = traces.edge_t_s[edges], traces.keeps_moving[edges]
+    share = np.where(traces.steady[edges], 1.0, 0.5)
+    moving = np.arange(edges.size)
+    for _ in range(STEPS):
+        at_s = edge_s[moving] + latency[moving]
+        now = np.interp(at_s, *asked_at.followed)
+        changing = np.flatnonzero(~followed[moving])
+        if changing.size:
+            rows = fast[moving[changing]]
+            own = stylus_speed(law, _moved(rows, at_s[changing])[1], rows[:, 5:7])
+            if asked_at.apart is not None:
+                own = np.maximum(own + np.interp(at_s[changing], *asked_at.apart), 0.0)
+            now[changing] = own
+        by_s = share[moving] * (law(now) + added_s[moving] - latency[moving]).clip(-0.02, 0.02)
+        by_s = np.where(fast[moving, 7] > 0, by_s, 0.0)
+        speed[moving], step[moving] = now, by_s
+        latency[moving] += by_s
+        moving = moving[(np.abs(by_s) >= EXACT_S) & (np.abs(edge_s + latency - fast[:, 0])[moving] <= NEAR_S)]
+        if not moving.size:
+            break
+    return latency, speed, step
+
+
+def _moved(rows: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity of fits a little beside where they were made, (m, 2) each."""
+    apart_s = (at_s - rows[:, 0])[:, None]
+    change = rows[:, 5:7] * apart_s
+    return rows[:, 1:3] + (rows[:, 3:5] + 0.5 * change) * apart_s, rows[:, 3:5] + change

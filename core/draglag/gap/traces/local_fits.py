@@ -1,0 +1,241 @@
+"""The traces of all runs as one, and local fits about their edges, each made once.
+
+The joint fit comes back to an edge hundreds of times, mostly to where it was before. Fits are made at times of a grid
+about each edge, so fine that a fit's own velocity and acceleration bridge what is left, and kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from draglag.events import sample_interval_s
+from draglag.gap.traces.run_data import RunData
+from draglag.motion import FitWeights, local_fit
+from draglag.recording import FloatArray, IntArray
+
+BETWEEN_S = 10.0  # longer than any window
+POSITION_STEP_S, SPEED_STEP_S = 0.0004, 0.001  # within half of it, a fit's own motion says what a new fit would
+CHANGE_STEP_S = 0.004  # so near, the accelerations of a hand are the same
+# Half the span of a change of speed and half the window of each speed: beyond the reach of a position's own window; a
+# hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
+APART_S, WIDTH_S = 0.12, 0.13
+WIDTH_UNIT_S = 1e-5  # windows closer than this are one
+FURTHEST, WIDEST = (1 << 23) - 1, (1 << 20) - 1  # of what a key can hold: steps, units of a width
+SIZES = 2.0  # windows per doubling of their number of events that are fitted together
+
+Fitted = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
+
+
+class Kept:
+    """Rows of numbers about edges at times of a grid, each row made where it is first asked for.
+
+    make: of times (q,) s, half widths (q,) s and edges (q,), the rows (q, c); the first column is the time.
+    """
+
+    def __init__(self, make: Fitted, edge_t_s: FloatArray, step_s: float) -> None:
+        self._make, self._edge_t_s, self._step_s = make, edge_t_s, step_s
+        self._keys, self._row = np.empty(0, np.int64), np.empty(0, np.int64)  # sorted, and which row has it
+        self._rows: FloatArray = np.empty((0, 0))
+        self._used = 0
+
+    def at(self, at_s: FloatArray, half_s: FloatArray, edges: IntArray) -> FloatArray:
+        """Rows (q, c) at the times of the grid that are next to ``at_s`` (q,); each edge once."""
+        away = np.rint((at_s - self._edge_t_s[edges]) / self._step_s)
+        steps = np.clip(np.nan_to_num(away, nan=FURTHEST), -FURTHEST, FURTHEST).astype(np.int64)
+        widths = np.minimum(np.rint(half_s / WIDTH_UNIT_S), WIDEST).astype(np.int64)
+        keys = (edges << 44) + ((steps + (1 << 23)) << 20) + widths
+        where, known = self._found(keys)
+        if not known.all():
+            new = np.flatnonzero(~known)
+            new = new[np.argsort(keys[new])]
+            self._add(
+                keys[new], self._make(self._edge_t_s[edges[new]] + steps[new] * self._step_s, half_s[new], edges[new])
+            )
+            where, _ = self._found(keys)
+        return np.asarray(self._rows.take(self._row[where], axis=0))
+
+    def _found(self, keys: IntArray) -> tuple[IntArray, np.ndarray]:
+        if not self._keys.size:
+            return np.zeros(keys.size, np.int64), np.zeros(keys.size, bool)
+        where = np.minimum(np.searchsorted(self._keys, keys), self._keys.size - 1)
+        return where, self._keys[where] == keys
+
+    def _add(self, keys: IntArray, rows: FloatArray) -> None:
+        end = self._used + rows.shape[0]
+        if end > self._rows.shape[0]:
+            grown = np.empty((2 * end, rows.shape[1]))
+            if self._used:
+                grown[: self._used] = self._rows[: self._used]
+            self._rows = grown
+        self._rows[self._used : end] = rows
+        at = np.searchsorted(self._keys, keys)
+        self._keys = np.insert(self._keys, at, keys)
+        self._row = np.insert(self._row, at, np.arange(self._used, end))
+        self._used = end
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """All runs' traces one after another, each shifted in time so that no window reaches from one into another.
+
+    Attributes:
+        t_s, xy_mm: (n,), (n, 2) all events. shift_s, begin: (runs,), (runs + 1,) by how much a run is shifted, and its
+        first event. losses_s: (k, 2) contact losses and what lies between the runs.
+        run, edge_t_s, falling, steady, keeps_moving, half_s: (m,) of all edges; edge_t_s shifted as the traces are.
+    """
+
+    runs: tuple[RunData, ...]
+    t_s: FloatArray
+    xy_mm: FloatArray
+    shift_s: FloatArray
+    begin: IntArray
+    losses_s: FloatArray
+    run: IntArray
+    edge_t_s: FloatArray
+    falling: np.ndarray
+    steady: np.ndarray
+    keeps_moving: np.ndarray
+    half_s: FloatArray
+
+    def __getstate__(self) -> dict[str, object]:
+        """To another process go the traces; what is kept about them is made anew there."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @cached_property
+    def edges(self) -> IntArray:
+        return np.arange(self.edge_t_s.size)
+
+    @cached_property
+    def smooth_mm(self) -> FloatArray:
+        """Positions of the path at all events, (n, 2)."""
+        return np.concatenate([data.smooth_mm for data in self.runs])
+
+    @cached_property
+    def noise_mm(self) -> FloatArray:
+        """One event's noise in the run of each edge, (m,)."""
+        return np.array([data.noise_mm for data in self.runs])[self.run]
+
+    @cached_property
+    def positions(self) -> Kept:
+        """By edge: at_s, x, y, vx, vy, ax, ay, ok, gain of fits as wide as a position's."""
+        return Kept(lambda at_s, half_s, _: self._fitted(at_s, half_s, True), self.edge_t_s, POSITION_STEP_S)
+
+    @cached_property
+    def speeds(self) -> Kept:
+        """By edge: at_s, x, y, vx, vy, ax, ay, ok of fits as wide as a speed's."""
+        return Kept(lambda at_s, half_s, _: self._fitted(at_s, half_s, False), self.edge_t_s, SPEED_STEP_S)
+
+    @cached_property
+    def changes(self) -> Kept:
+        """By edge: at_s, change of speed (mm/s²), whether next to a sudden start or stop."""
+
+        def make(at_s: FloatArray, _: FloatArray, edges: IntArray) -> FloatArray:
+            return np.column_stack([at_s, self._change(at_s, edges), self._catching_up(at_s, edges)])
+
+        return Kept(make, self.edge_t_s, CHANGE_STEP_S)
+
+    def _fitted(self, at_s: FloatArray, half_s: FloatArray, gain: bool) -> FloatArray:
+        out = np.empty((at_s.size, 8 + gain))
+        for part in self._alike(at_s, half_s):
+            fit = local_fit(self.t_s, self.xy_mm, at_s[part], half_s[part])
+            columns = [at_s[part], fit.xy_mm, fit.v_mm_s, fit.a_mm_s2, fit.ok]
+            out[part] = np.column_stack([*columns, fit.gain] if gain else columns)
+        return out
+
+    def _alike(self, at_s: FloatArray, half_s: FloatArray) -> list[IntArray]:
+        """Indices of windows with about as many events, together all of them."""
+        first, last = (np.searchsorted(self.t_s, at_s + side * half_s) for side in (-1, 1))
+        size = np.round(SIZES * np.log2(np.maximum(last - first, 4)))
+        return [np.flatnonzero(size == s) for s in np.unique(size)]
+
+    @cached_property
+    def _reach(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of each edge: half the span of a change of speed, half the window of its speeds, that of sudden starts, s."""
+        scales, widths, sudden = [], [], []
+        for data in self.runs:
+            scale, interval_s = 1.0, sample_interval_s(data.t_s)
+            if data.run.radius_mm and data.estimate and data.estimate.speed_mm_s:
+                scale = min(1.0, data.run.radius_mm / data.estimate.speed_mm_s / APART_S)
+            scales.append(scale * APART_S)
+            widths.append(max(scale * WIDTH_S, 4.5 * interval_s))
+            sudden.append(max(0.045, 4.5 * interval_s))
+        return np.array(scales)[self.run], np.array(widths)[self.run], np.array(sudden)[self.run]
+
+    def _change(self, at_s: FloatArray, edges: IntArray) -> FloatArray:
+        """Change of speed about each time, (q,) mm/s², as the trace shows it, with an error that is not the position's.
+
+        Taken from speeds, not from bent positions, which a fast circle bends far more; each from a window beside the
+        position's own, so that the two share no noise, and smooth enough that a tremor, which the law turns into an
+        error of the position, is not taken for a change of speed.
+        """
+        apart_s, width_s = (reach[edges] for reach in self._reach[:2])
+        later, earlier = (
+            local_fit(self.t_s, self.xy_mm, at_s + side * apart_s, width_s, degree=2, roundness=3) for side in (1, -1)
+        )
+        return np.where(later.ok & earlier.ok, (later.speed_mm_s - earlier.speed_mm_s) / (2 * apart_s), 0.0)
+
+    def _catching_up(self, at_s: FloatArray, edges: IntArray) -> np.ndarray:
+        """Times close to a sudden start or stop, where fresh positions overtake late ones and no law holds, (q,) bool.
+
+        Where L falls faster than time passes a digitiser cannot report in order; what it sends then is its own affair.
+        """
+        out = np.zeros(at_s.size, bool)
+        unsteady = np.flatnonzero(~self.steady[edges])
+        if not unsteady.size:
+            return out
+        half_s = self._reach[2][edges[unsteady]]
+        fits = [
+            local_fit(self.t_s, self.xy_mm, at_s[unsteady] + aside, half_s) for aside in (-0.1, -0.05, 0.0, 0.05, 0.1)
+        ]
+        speed = np.array([np.where(f.ok, f.speed_mm_s, np.nan) for f in fits])
+        slowest, fastest = np.fmin.reduce(speed, axis=0), np.fmax.reduce(speed, axis=0)  # NaN where none is
+        out[unsteady] = ~(slowest > 0.45 * fastest)
+        return out
+
+    def rows(self, at_s: FloatArray, half_s: FloatArray, weights: Callable[[FitWeights], FloatArray]) -> csr_matrix:
+        """By how much each event of all runs enters the fit at each time, (m, n)."""
+        index, values, counts, order = [], [], [], []
+        for part in self._alike(at_s, half_s):
+            fit = local_fit(self.t_s, self.xy_mm, at_s[part], half_s[part])
+            each = weights(fit.by_event)
+            index.append(np.minimum(fit.first[:, None] + np.arange(each.shape[1]), self.t_s.size - 1).ravel())
+            values.append(each.ravel())
+            counts.append(np.full(part.size, each.shape[1]))
+            order.append(part)
+        ends = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
+        grouped = csr_matrix((np.concatenate(values), np.concatenate(index), ends), shape=(at_s.size, self.t_s.size))
+        return grouped[np.argsort(np.concatenate(order))]
+
+
+@lru_cache(maxsize=4)
+def traces_of(runs: tuple[RunData, ...]) -> Traces:
+    """The runs' traces as one, the same for the same runs: what has been fitted stays fitted."""
+    spans = np.array([[min(d.t_s[0], d.edge_t_s.min()), max(d.t_s[-1], d.edge_t_s.max())] for d in runs])
+    lengths = np.diff(spans, axis=1)[:, 0] + BETWEEN_S
+    shift_s = np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) - spans[:, 0]
+    t_s = [data.t_s + by for data, by in zip(runs, shift_s, strict=True)]
+    between = [[before[-1], after[0]] for before, after in pairwise(t_s)]
+    losses = np.concatenate(
+        [data.losses_s + by for data, by in zip(runs, shift_s, strict=True)] + [np.reshape(between, (-1, 2))]
+    )
+    count = [data.edge_t_s.size for data in runs]
+    return Traces(
+        runs,
+        np.concatenate(t_s),
+        np.concatenate([data.xy_mm for data in runs]),
+        shift_s,
+        np.concatenate([[0], np.cumsum([data.t_s.size for data in runs])]),
+        losses[np.argsort(losses[:, 0])],
+        np.repeat(np.arange(len(runs)), count),
+        np.concatenate([data.edge_t_s + by for data, by in zip(runs, shift_s, strict=True)]),
+        np.concatenate([data.falling for data in runs]),
+        np.repeat([data.steady for data in runs], count),
+        np.repeat([data.keeps_moving for data in runs], count),
+        np.repeat([data.half_s for data in runs], count),
+    )

@@ -1,0 +1,93 @@
+"""The stylus' own acceleration behind a trace that an effect of the acceleration has warped.
+
+When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ). About a mean speed v₀ that is
+the shown speed u = v − v₀ c·ȧ, where a is the change of the speed as the panel's tracker smooths it, G v̇: changes of
+speed are shown amplified by 1 + v₀ c ω² G, four times at 1 m/s, and a = iω G u / (1 + v₀ c ω² G).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from draglag.events import sample_interval_s
+from draglag.motion import local_fit
+from draglag.recording import FloatArray
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+# Half the window of a speed, and half the span of a change of speed: a hand speeds up and slows down at 1–4 Hz, its
+# tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.
+WIDTH_S, APART_S = 0.18, 0.05
+TURNING = 0.7
+PADDED_S = 1.0
+STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rate
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The speed that one run's trace shows. grid_s, speed_mm_s: (g,) every step_s. apart_s: half the span of a
+    change of speed. mean_mm_s: the run's own speed."""
+
+    grid_s: FloatArray
+    step_s: float
+    speed_mm_s: FloatArray
+    apart_s: float
+    mean_mm_s: float
+
+
+@dataclass(frozen=True)
+class Unwarped:
+    """Where m edges lie on their runs' traces. run: (m,) index. at_s: (m,) touch time."""
+
+    runs: tuple[RunData, ...]
+    run: np.ndarray
+    at_s: FloatArray
+
+    def __getitem__(self, use: np.ndarray) -> Unwarped:
+        return replace(self, run=self.run[use], at_s=self.at_s[use])
+
+    def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
+        """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
+        ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's own smoothing of the speed."""
+        out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
+        for k in np.unique(self.run):
+            shown, own = self.runs[k].shown, self.run == k
+            edge = min(round(PADDED_S / shown.step_s), shown.grid_s.size - 1)
+            speed = np.pad(shown.speed_mm_s - shown.mean_mm_s, edge, mode="reflect")
+            omega = 2 * np.pi * np.fft.rfftfreq(speed.size, shown.step_s)
+            smooth = np.exp(-0.5 * (omega * window_s) ** 2)
+            amplified = 1 + max(shown.mean_mm_s * lag_s3_mm, 0.0) * omega**2 * smooth
+            of = np.fft.rfft(speed) * 1j * omega * smooth / amplified
+            for values, factor in ((out, 1.0), (change, 1j * omega)):
+                at_grid = np.fft.irfft(of * factor, speed.size)[edge : edge + shown.grid_s.size]
+                values[own] = np.interp(self.at_s[own], shown.grid_s, at_grid)
+        return out, change
+
+    def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Speed and its change that the trace shows another ``before_s`` (m,) before each edge (negative: after it),
+        (m,) mm/s and mm/s²."""
+        speed, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
+        for k in np.unique(self.run):
+            shown, own = self.runs[k].shown, self.run == k
+            at = self.at_s[own] - before_s[own]
+            apart_s = shown.apart_s
+            slower, now, faster = (
+                np.interp(at + aside, shown.grid_s, shown.speed_mm_s) for aside in (-apart_s, 0.0, apart_s)
+            )
+            speed[own], change[own] = now, (faster - slower) / (2 * apart_s)
+        return speed, change
+
+
+def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
+    """The speed that a trace (n,), (n, 2) shows, evenly spaced. radius_mm, mean_mm_s: of a circle at constant speed."""
+    interval_s = sample_interval_s(t_s)
+    step_s = max(interval_s, STEP_S)
+    grid_s = np.arange(t_s[0], t_s[-1], step_s)
+    turning_s = TURNING * radius_mm / mean_mm_s if mean_mm_s and radius_mm else np.inf
+    fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * interval_s), degree=2, roundness=3)
+    speed = np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok]) if fit.ok.any() else np.zeros(grid_s.size)
+    return Shown(grid_s, step_s, speed, float(min(APART_S, turning_s)), mean_mm_s or float(np.mean(speed)))
