@@ -12,10 +12,10 @@ from draglag.errors import DataError
 from draglag.protocols import load_protocol
 from draglag_app.session import events
 from draglag_app.windows import files
-from draglag_app.windows.i18n import translate
-from draglag_app.windows.library_words import in_words
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import translate
+from draglag_app.windows.wording.library_words import in_words
 from draglag_devices.source import DeviceError
 
 Shoot = Callable[[QWidget, Path], None]

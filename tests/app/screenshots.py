@@ -26,10 +26,10 @@ from draglag.protocols import load_protocol
 from draglag.recording import Screen
 from draglag.targets import Circle, Tap
 from draglag_app.windows.application import make_application
-from draglag_app.windows.i18n import translate
-from draglag_app.windows.participant import ParticipantWindow
+from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import translate
 
 SIZES = {"small": (1280, 800), "large": (1920, 1080)}
 SIMULATED = RigSettings(touch="sim:", laser="sim:", walt="sim:", fast=True, display="offscreen")

@@ -18,12 +18,12 @@ from PySide6.QtCore import QAbstractEventDispatcher
 from draglag.store.write import SessionWriter
 from draglag_app.session.saver import Saver
 from draglag_app.windows.bridge import SessionBridge
-from draglag_app.windows.frame_log import FrameLog
 from draglag_app.windows.header import Header
-from draglag_app.windows.live_plots import SpeedPlot, TracePlot
-from draglag_app.windows.live_view import LiveView
-from draglag_app.windows.participant import ParticipantWindow
-from draglag_app.windows.plots import Plot
+from draglag_app.windows.participant.frame_log import FrameLog
+from draglag_app.windows.participant.window import ParticipantWindow
+from draglag_app.windows.plots.plot import Plot
+from draglag_app.windows.recording.live_plots import SpeedPlot, TracePlot
+from draglag_app.windows.recording.live_view import LiveView
 
 _RATE_HZ = 60.0
 # Shorter work than this holds nothing up.

@@ -28,7 +28,7 @@ from draglag_devices.sim.world import World
 
 SIMULATED = ("sim", "replay", "csv")
 _OnScreen = Callable[[int, Callable[[Display], Path], Screen, Control], Path]
-_ON_SCREEN = "draglag_app.windows.screen_display"
+_ON_SCREEN = "draglag_app.windows.participant.screen_display"
 
 
 @click.command("record")

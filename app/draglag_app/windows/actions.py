@@ -10,8 +10,8 @@ from PySide6.QtCore import QCoreApplication, QObject
 from PySide6.QtGui import QAction, QKeySequence, QUndoStack
 from PySide6.QtWidgets import QMenuBar, QWidget
 
-from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
-from draglag_app.windows.letter_menu import LetterMenu
+from draglag_app.windows.parts.letter_menu import LetterMenu
+from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
 CONTEXT = "Actions"
 

@@ -17,10 +17,10 @@ from PySide6.QtGui import QIcon, QPixmap
 from PySide6.QtWidgets import QApplication
 
 from draglag.errors import DraglagError
-from draglag_app.windows.garbage import collect_in_this_thread
-from draglag_app.windows.i18n import translate, use_language
+from draglag_app.windows.parts.garbage import collect_in_this_thread
+from draglag_app.windows.parts.theme import apply_theme
 from draglag_app.windows.settings import Settings
-from draglag_app.windows.theme import apply_theme
+from draglag_app.windows.wording.i18n import translate, use_language
 from draglag_resources import resource
 
 

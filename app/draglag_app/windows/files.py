@@ -11,8 +11,8 @@ from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
 from draglag.store import partial_files, salvage
-from draglag_app.windows.ask_files import ask_folder, ask_new_folder, ask_open
-from draglag_app.windows.tasks import Progress
+from draglag_app.windows.parts.ask_files import ask_folder, ask_new_folder, ask_open
+from draglag_app.windows.parts.tasks import Progress
 
 if TYPE_CHECKING:
     from draglag_app.windows.window import OperatorWindow

@@ -10,10 +10,10 @@ from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from draglag_app.session import events
-from draglag_app.windows import words
-from draglag_app.windows.full_texts import ElidedLabel
-from draglag_app.windows.library_words import fault_words, in_words, source_name
-from draglag_app.windows.widgets import Light, label, restyle
+from draglag_app.windows.parts.full_texts import ElidedLabel
+from draglag_app.windows.parts.widgets import Light, label, restyle
+from draglag_app.windows.wording import words
+from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 

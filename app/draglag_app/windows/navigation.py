@@ -8,8 +8,8 @@ from PySide6.QtCore import QSize, Signal
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QButtonGroup, QFrame, QPushButton, QVBoxLayout
 
-from draglag_app.windows.icons import icon
-from draglag_app.windows.theme import theme, wide
+from draglag_app.windows.parts.icons import icon
+from draglag_app.windows.parts.theme import theme, wide
 
 _WIDTH_PX, _ICON_PX = 164, 22
 # After these comes a little room: to set up, to judge, to look things up.

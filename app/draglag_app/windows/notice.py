@@ -5,9 +5,9 @@ from __future__ import annotations
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QProgressBar, QWidget
 
-from draglag_app.windows.library_words import in_words
-from draglag_app.windows.tasks import Tasks
-from draglag_app.windows.widgets import button, label, restyle
+from draglag_app.windows.parts.tasks import Tasks
+from draglag_app.windows.parts.widgets import button, label, restyle
+from draglag_app.windows.wording.library_words import in_words
 
 # Work that is over at once shall not flicker.
 _SLOW_MS = 400

@@ -13,9 +13,9 @@ from draglag.errors import DraglagError
 from draglag.protocols import Protocol
 from draglag.recording import Screen, TouchCalibration
 from draglag_app.session import SessionOptions
-from draglag_app.windows.placement import axes_problem, shape_problem
-from draglag_app.windows.screen_display import numbered_screen
-from draglag_app.windows.session_thread import Order
+from draglag_app.windows.participant.placement import axes_problem, shape_problem
+from draglag_app.windows.participant.screen_display import numbered_screen
+from draglag_app.windows.recording.session_thread import Order
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.calibration import as_mapping

@@ -23,11 +23,8 @@ from draglag.errors import DraglagError
 from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
-from draglag_app.windows.field_keys import FieldKeys
-from draglag_app.windows.file_dialogs import close_file_dialogs
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
-from draglag_app.windows.library_words import fault_words, in_words, source_name
 from draglag_app.windows.navigation import Navigation
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.pages import make_pages
@@ -35,9 +32,12 @@ from draglag_app.windows.pages.bench import BenchPage, Checked
 from draglag_app.windows.pages.geometry import GeometryPage
 from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
+from draglag_app.windows.parts.field_keys import FieldKeys
+from draglag_app.windows.parts.file_dialogs import close_file_dialogs
+from draglag_app.windows.parts.theme import apply_theme, theme
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
-from draglag_app.windows.theme import apply_theme, theme
+from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 
 

@@ -18,12 +18,12 @@ from draglag.recording import Session
 from draglag.store import add_analysis, read_session
 from draglag.store.write import PARTIAL
 from draglag_app.windows.bridge import SessionBridge
-from draglag_app.windows.calibrating import Calibrating
-from draglag_app.windows.library_words import in_words
-from draglag_app.windows.live_estimates import LiveEstimates
-from draglag_app.windows.session_thread import Recording
+from draglag_app.windows.parts.tasks import Progress, Tasks
+from draglag_app.windows.recording.calibrating import Calibrating
+from draglag_app.windows.recording.live_estimates import LiveEstimates
+from draglag_app.windows.recording.session_thread import Recording
 from draglag_app.windows.settings import Settings, save_settings
-from draglag_app.windows.tasks import Progress, Tasks
+from draglag_app.windows.wording.library_words import in_words
 
 
 class Edit(QUndoCommand):

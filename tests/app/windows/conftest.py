@@ -18,7 +18,7 @@ from draglag.protocols import Protocol, load_protocol
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_app.windows.application import make_application
-from draglag_app.windows.garbage import collect_in_this_thread
+from draglag_app.windows.parts.garbage import collect_in_this_thread
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.rig import make_rig

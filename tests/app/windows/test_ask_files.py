@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from draglag_app.windows.ask_files import ask_new_folder, ask_open, ask_save, start_folder
+from draglag_app.windows.parts.ask_files import ask_new_folder, ask_open, ask_save, start_folder
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> dict[str, Path | None]:
         if told["typed"] is not None:
             then([told["typed"]])
 
-    monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", pick)
+    monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", pick)
     return told
 
 
@@ -38,7 +38,7 @@ def test_a_name_gets_the_ending_it_needs_and_nothing_is_replaced_unasked(
     tmp_path: Path, answers: dict[str, Path | None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[tuple[str, Callable[[], None]]] = []
-    monkeypatch.setattr("draglag_app.windows.ask_files.ask_whether", lambda parent, *more: asked.append(more))
+    monkeypatch.setattr("draglag_app.windows.parts.ask_files.ask_whether", lambda parent, *more: asked.append(more))
     start, got = tmp_path / "mine.toml", []
     for typed, becomes in (("a", "a.toml"), ("a.toml", "a.toml"), ("v1.2", "v1.2.toml")):
         answers["typed"] = tmp_path / typed

@@ -133,7 +133,7 @@ class TestInTheWindow:
         calibrate(window, until)
         assert not panel.save.isHidden()
         path = tmp_path / "touchscreen.json"
-        monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([path]))
+        monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", lambda *asked: asked[-1]([path]))
         panel.save.click()
         made = window.space.settings.panel.calibration
         fit, device = load_calibration(tmp_path / "touchscreen.json")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from draglag_app.windows import words
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording import words
 
 
 class TestCompare:

@@ -13,9 +13,9 @@ from PySide6.QtWidgets import QApplication
 import draglag_devices
 from draglag_app.session import events
 from draglag_app.session.readers import OpenFaults
-from draglag_app.windows.i18n import use_language
-from draglag_app.windows.library_words import fault_words, in_words, source_name
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import use_language
+from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_devices.addresses import ROLES
 from draglag_devices.rig import make_rig
 from draglag_devices.source import DeviceError

@@ -16,11 +16,11 @@ from PySide6.QtWidgets import QApplication, QDialog, QInputDialog, QMessageBox
 import draglag_app.windows
 from draglag_app.session import events
 from draglag_app.windows.notice import NoticeStrip
-from draglag_app.windows.plot_values import unit
-from draglag_app.windows.plots import Plot
-from draglag_app.windows.tasks import Progress, Tasks
-from draglag_app.windows.theme import THEMES, Theme
-from draglag_app.windows.widgets import Light
+from draglag_app.windows.parts.tasks import Progress, Tasks
+from draglag_app.windows.parts.theme import THEMES, Theme
+from draglag_app.windows.parts.widgets import Light
+from draglag_app.windows.plots.plot import Plot
+from draglag_app.windows.plots.plot_values import unit
 from draglag_app.windows.window import OperatorWindow
 
 SOURCE = Path(draglag_app.windows.__file__).parent
@@ -159,7 +159,7 @@ def test_nothing_stands_in_the_way_of_a_run(
     window = open_window()
     bridge, plot = window.space.bridge, window.record.live.trace
     gone = tmp_path / "gone" / "plot.png"
-    monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([gone]))
+    monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", lambda *asked: asked[-1]([gone]))
     told: list[str] = []
 
     def trouble(event: events.RunStarted) -> None:

@@ -8,8 +8,8 @@ from PySide6.QtCore import QPoint
 from PySide6.QtGui import QHelpEvent
 from PySide6.QtWidgets import QApplication, QComboBox, QStyleOptionViewItem, QTableWidgetItem, QToolTip
 
-from draglag_app.windows.full_texts import ElidedLabel, WholeTexts, whole_text
-from draglag_app.windows.widgets import Shallow, label, table
+from draglag_app.windows.parts.full_texts import ElidedLabel, WholeTexts, whole_text
+from draglag_app.windows.parts.widgets import Shallow, label, table
 from draglag_app.windows.window import OperatorWindow
 
 LONG = "2026-11-21_152622_latency-sweep-with-a-name-that-nobody-foresaw-on-screen-1.h5"

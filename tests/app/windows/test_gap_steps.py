@@ -8,8 +8,8 @@ import pytest
 from PySide6.QtGui import QImage, QPainter
 from PySide6.QtWidgets import QApplication
 
-from draglag_app.windows.gap_steps import StepPlot
-from draglag_app.windows.i18n import use_language
+from draglag_app.windows.pages.parts.gap_steps import StepPlot
+from draglag_app.windows.wording.i18n import use_language
 
 
 @pytest.mark.parametrize("language", ["en", "nl"])

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from PySide6.QtWidgets import QApplication, QLabel
 
-from draglag_app.windows.garbage import collect_in_this_thread
+from draglag_app.windows.parts.garbage import collect_in_this_thread
 
 
 def test_a_window_in_a_cycle_is_finalised_by_its_own_thread_alone(qapp: QApplication, until: Callable) -> None:

@@ -19,9 +19,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from draglag_app.windows.effect_words import effect_meaning
 from draglag_app.windows.pages.help import manual_text
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.effect_words import effect_meaning
 
 Key = Qt.Key
 

@@ -8,10 +8,10 @@ import pytest
 from PySide6.QtCore import QPoint
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTableWidgetItem, QVBoxLayout, QWidget
 
-from draglag_app.windows.flow import Flow
-from draglag_app.windows.i18n import use_language
-from draglag_app.windows.theme import apply_theme
+from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.theme import apply_theme
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import use_language
 
 
 @pytest.fixture(params=["en", "nl"])

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from draglag_app.windows.letter_menu import LetterMenu
+from draglag_app.windows.parts.letter_menu import LetterMenu
 
 NAMES = ("clock-check", "demo", "latency-sweep", "taps-100", "late")
 Key = Qt.Key

@@ -13,9 +13,9 @@ from PySide6.QtWidgets import QApplication
 from draglag.protocols import PlannedRun, expand, load_protocol
 from draglag.recording import Beam, Screen
 from draglag_app.session import SessionOptions, events
-from draglag_app.windows.live_view import LiveView
-from draglag_app.windows.session_thread import Order
-from draglag_app.windows.theme import apply_theme, theme
+from draglag_app.windows.parts.theme import apply_theme, theme
+from draglag_app.windows.recording.live_view import LiveView
+from draglag_app.windows.recording.session_thread import Order
 from draglag_devices.rig import Rig
 
 BEAM = Beam(0.01, 80.0)

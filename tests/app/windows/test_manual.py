@@ -7,8 +7,8 @@ from collections.abc import Callable
 from PySide6.QtWidgets import QPushButton
 
 from draglag_app.windows.actions import ACTIONS
-from draglag_app.windows.i18n import table_of
 from draglag_app.windows.pages.help import manual_text
+from draglag_app.windows.wording.i18n import table_of
 
 
 def test_the_manual_tells_what_the_window_can_do_by_the_names_it_has_there(open_window: Callable) -> None:

@@ -14,8 +14,8 @@ from PySide6.QtWidgets import QApplication
 
 from draglag.recording import Screen
 from draglag.targets import Circle, Tap
-from draglag_app.windows.participant import BACKGROUND, DONE, PRACTICE, TARGET, ParticipantWindow
-from draglag_app.windows.screen_display import ScreenDisplay
+from draglag_app.windows.participant.screen_display import ScreenDisplay
+from draglag_app.windows.participant.window import BACKGROUND, DONE, PRACTICE, TARGET, ParticipantWindow
 
 SCREEN = Screen("s", 200.0, 100.0, 1600, 800)
 CIRCLE = Circle(100.0, 50.0, 30.0, 100.0, duration_s=5.0)

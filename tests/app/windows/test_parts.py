@@ -30,13 +30,13 @@ from draglag.protocols import load_protocol
 from draglag_app.session import events
 from draglag_app.windows.actions import ACTIONS, key_list
 from draglag_app.windows.bridge import SessionBridge
-from draglag_app.windows.i18n import use_language
-from draglag_app.windows.plots import Plot
+from draglag_app.windows.parts.tasks import Progress, Tasks
+from draglag_app.windows.parts.theme import THEMES, style_sheet, theme
+from draglag_app.windows.plots.plot import Plot
 from draglag_app.windows.protocol_text import to_toml
 from draglag_app.windows.settings import RigSettings, Settings, load_settings, save_settings
-from draglag_app.windows.tasks import Progress, Tasks
-from draglag_app.windows.theme import THEMES, style_sheet, theme
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import use_language
 from draglag_resources import presets
 
 

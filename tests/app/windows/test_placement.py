@@ -16,8 +16,9 @@ from PySide6.QtWidgets import QApplication, QMessageBox, QWidget
 
 from draglag.calibration import target_places
 from draglag.recording import Screen
-from draglag_app.windows import placement, start
+from draglag_app.windows import start
 from draglag_app.windows.main import show_whole
+from draglag_app.windows.participant import placement
 from draglag_app.windows.settings import CalibrationSettings, PanelSettings
 from draglag_devices.calibration import as_mapping
 
@@ -31,8 +32,8 @@ from PySide6.QtGui import QColor, QGuiApplication, QImage
 from draglag.recording import Screen
 from draglag.targets import Tap
 from draglag_app.windows.application import make_application
-from draglag_app.windows.participant import TARGET, ParticipantWindow
-from draglag_app.windows.screen_display import numbered_screen
+from draglag_app.windows.participant.window import TARGET, ParticipantWindow
+from draglag_app.windows.participant.screen_display import numbered_screen
 
 application = make_application([])
 seen = []

@@ -13,8 +13,8 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QMessageBox
 
 from draglag.errors import DataError
-from draglag_app.windows.plot_values import unit
-from draglag_app.windows.plots import Plot
+from draglag_app.windows.plots.plot import Plot
+from draglag_app.windows.plots.plot_values import unit
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_what_is_saved_is_there_also_without_an_ending(
     plot: Plot, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plot.line("curve", np.array([0.0, 1.0]), np.array([2.0, 3.0]), "#ffffff")
-    monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([tmp_path / "mine"]))
+    monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", lambda *asked: asked[-1]([tmp_path / "mine"]))
     plot._save_as(suffix)
     (made,) = tmp_path.iterdir()
     assert made.name == f"mine.{suffix}"
@@ -87,7 +87,7 @@ def test_what_cannot_be_saved_is_told(plot: Plot, suffix: str, tmp_path: Path, m
     with pytest.raises(DataError, match="cannot be written"):
         plot.save(path)
     told: list[str] = []
-    monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([path]))
+    monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", lambda *asked: asked[-1]([path]))
     monkeypatch.setattr(QMessageBox, "warning", lambda parent, title, text: told.append(text))
     plot._save_as(suffix)
     assert os.fspath(path) in told[0]

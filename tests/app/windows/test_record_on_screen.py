@@ -16,8 +16,8 @@ from draglag.presets import load_screen
 from draglag.store import read_session
 from draglag_app.session import Control, Display, SessionOptions, events, run_session
 from draglag_app.windows.pages import bench
-from draglag_app.windows.participant import ParticipantWindow
-from draglag_app.windows.screen_display import record_on_screen
+from draglag_app.windows.participant.screen_display import record_on_screen
+from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.settings import PanelSettings
 from draglag_devices.rig import Rig, make_rig
 

@@ -27,12 +27,12 @@ from draglag.latency.flags import MEANING
 from draglag.latency.on_clock import warnings_of
 from draglag.recording import ClockBounds, Session, empty_touch
 from draglag.simulation.effects import EFFECTS
-from draglag_app.windows.effect_words import EFFECT_NAMES, PARAMETERS, effect_meaning, effect_name, size_words
-from draglag_app.windows.gap_steps import remarks
-from draglag_app.windows.gap_words import _FOLLOWS
-from draglag_app.windows.i18n import language_of, table_of, use_language
-from draglag_app.windows.library_words import in_words
+from draglag_app.windows.pages.parts.gap_steps import remarks
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.effect_words import EFFECT_NAMES, PARAMETERS, effect_meaning, effect_name, size_words
+from draglag_app.windows.wording.gap_words import _FOLLOWS
+from draglag_app.windows.wording.i18n import language_of, table_of, use_language
+from draglag_app.windows.wording.library_words import in_words
 
 LANGUAGES = ("nl",)
 _MARKS = {"tr": 0, "translate": 1, "QT_TRANSLATE_NOOP": 1, "say": 1}

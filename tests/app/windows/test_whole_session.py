@@ -20,7 +20,7 @@ from draglag.store import partial_files, read_analyses, read_session
 from draglag_app.session import SessionOptions, events
 from draglag_app.session.digest import within
 from draglag_app.windows import files
-from draglag_app.windows.session_thread import Order
+from draglag_app.windows.recording.session_thread import Order
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.rig import make_rig
 
@@ -135,7 +135,7 @@ class TestResults:
         self, opened: OperatorWindow, until: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         out = tmp_path / "exchange"
-        monkeypatch.setattr("draglag_app.windows.ask_files.pick_files", lambda *asked: asked[-1]([out]))
+        monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", lambda *asked: asked[-1]([out]))
         files.export_session(opened)
         until(lambda: not opened.space.tasks.running)
         assert len(read_exchange(out).runs) == N_RUNS

@@ -5,7 +5,6 @@ from __future__ import annotations
 from PySide6.QtWidgets import QWidget
 
 from draglag_app.windows.actions import say
-from draglag_app.windows.i18n import QT_TRANSLATE_NOOP
 from draglag_app.windows.pages.bench import BenchPage
 from draglag_app.windows.pages.compare import ComparePage
 from draglag_app.windows.pages.gap import GapPage, gap_workflow
@@ -16,6 +15,7 @@ from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.protocol import ProtocolPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.pages.results import ResultsPage
+from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 from draglag_app.windows.workspace import Workspace
 
 

@@ -9,13 +9,13 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
-from draglag_app.windows.flow import Flow
-from draglag_app.windows.full_texts import whole_text, widen_list
-from draglag_app.windows.library_words import in_words
-from draglag_app.windows.session_thread import display_choices
+from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.full_texts import whole_text, widen_list
+from draglag_app.windows.parts.tasks import Progress
+from draglag_app.windows.parts.widgets import Light, Panel, Resting, button, label
+from draglag_app.windows.recording.session_thread import display_choices
 from draglag_app.windows.settings import PanelSettings
-from draglag_app.windows.tasks import Progress
-from draglag_app.windows.widgets import Light, Panel, Resting, button, label
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 from draglag_devices.discovery import Found, discover

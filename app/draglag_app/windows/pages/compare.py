@@ -17,13 +17,13 @@ from PySide6.QtWidgets import (
 from draglag.analysis import Analysis, analyze
 from draglag.curve.compare import curve_difference
 from draglag.store import read_session
-from draglag_app.windows import words
-from draglag_app.windows.ask_files import ask_open_several
-from draglag_app.windows.curve_plot import SYMBOLS, CurvePlot, speeds_of
-from draglag_app.windows.plots import Plot, tr
-from draglag_app.windows.tasks import Progress
-from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import button, label, table
+from draglag_app.windows.parts.ask_files import ask_open_several
+from draglag_app.windows.parts.tasks import Progress
+from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.widgets import button, label, table
+from draglag_app.windows.plots.curve_plot import SYMBOLS, CurvePlot, speeds_of
+from draglag_app.windows.plots.plot import Plot, tr
+from draglag_app.windows.wording import words
 from draglag_app.windows.workspace import Workspace
 
 SPEEDS_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)

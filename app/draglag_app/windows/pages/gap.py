@@ -22,15 +22,15 @@ from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
 from draglag_app.apart import close_gap_of, run_apart
-from draglag_app.windows.ask_files import ask_save
-from draglag_app.windows.effect_words import effect_meaning, effect_name
-from draglag_app.windows.flow import Flow
-from draglag_app.windows.gap_picture import GapPicture
-from draglag_app.windows.gap_steps import StepPlot, StepTable, remarks
-from draglag_app.windows.gap_words import followed
-from draglag_app.windows.library_words import in_words
-from draglag_app.windows.tasks import Progress, Task
-from draglag_app.windows.widgets import Resting, Shallow, button, label, restyle
+from draglag_app.windows.pages.parts.gap_picture import GapPicture
+from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks
+from draglag_app.windows.parts.ask_files import ask_save
+from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.tasks import Progress, Task
+from draglag_app.windows.parts.widgets import Resting, Shallow, button, label, restyle
+from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
+from draglag_app.windows.wording.gap_words import followed
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
 
 

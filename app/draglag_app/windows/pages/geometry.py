@@ -9,15 +9,15 @@ from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QSpinBox, 
 from draglag.errors import DraglagError
 from draglag.presets import load_screen_file
 from draglag.recording import Screen
-from draglag_app.windows.calibration_panel import CalibrationPanel
-from draglag_app.windows.flow import Flow
-from draglag_app.windows.full_texts import whole_text
-from draglag_app.windows.placement import shape_problem, turned_panel
-from draglag_app.windows.plots import Plot, tr
-from draglag_app.windows.ruler import BAR_MM, RulerWindow
+from draglag_app.windows.pages.parts.calibration_panel import CalibrationPanel
+from draglag_app.windows.participant.placement import shape_problem, turned_panel
+from draglag_app.windows.participant.ruler import BAR_MM, RulerWindow
+from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.full_texts import whole_text
+from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.widgets import Form, Panel, Scrolled, button, label, restyle
+from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.settings import CalibrationSettings, PanelSettings
-from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import Form, Panel, Scrolled, button, label, restyle
 from draglag_app.windows.workspace import Edit, Workspace
 from draglag_resources import presets
 

@@ -7,7 +7,7 @@ from PySide6.QtGui import QTextBlockFormat, QTextCursor, QTextDocument
 from PySide6.QtWidgets import QHBoxLayout, QTextBrowser, QWidget
 
 from draglag_app.windows.actions import key_list, other_keys
-from draglag_app.windows.i18n import language_of
+from draglag_app.windows.wording.i18n import language_of
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import resource
 

@@ -16,10 +16,10 @@ from PySide6.QtWidgets import (
 )
 
 from draglag_app.session import events
-from draglag_app.windows import words
-from draglag_app.windows.library_words import fault_words, in_words, source_name
-from draglag_app.windows.theme import theme
-from draglag_app.windows.widgets import button, label, table
+from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.widgets import button, label, table
+from draglag_app.windows.wording import words
+from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 
 _MARKS = {"info": "·", "note": "✎", "warning": "▲", "error": "✕"}

@@ -14,8 +14,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from draglag_app.windows.ask_files import ask_folder
-from draglag_app.windows.widgets import Form, Panel, button, label
+from draglag_app.windows.parts.ask_files import ask_folder
+from draglag_app.windows.parts.widgets import Form, Panel, button, label
 from draglag_app.windows.workspace import Workspace
 
 

@@ -15,17 +15,17 @@ from PySide6.QtWidgets import (
 
 from draglag.errors import DraglagError
 from draglag.protocols import Protocol, RunPlan, load_protocol
-from draglag_app.windows import words
-from draglag_app.windows.ask_files import ask_open, ask_save
-from draglag_app.windows.flow import Flow
-from draglag_app.windows.letter_menu import LetterMenu
-from draglag_app.windows.plan_editor import PlanEditor
-from draglag_app.windows.plan_preview import PlanPreview
-from draglag_app.windows.precision_preview import PrecisionPreview
-from draglag_app.windows.protocol_form import ProtocolForm
+from draglag_app.windows.pages.parts.plan_editor import PlanEditor
+from draglag_app.windows.pages.parts.plan_preview import PlanPreview
+from draglag_app.windows.pages.parts.precision_preview import PrecisionPreview
+from draglag_app.windows.pages.parts.protocol_form import ProtocolForm
+from draglag_app.windows.parts.ask_files import ask_open, ask_save
+from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.letter_menu import LetterMenu
+from draglag_app.windows.parts.theme import wide
+from draglag_app.windows.parts.widgets import LARGE_TEXT, Panel, Scrolled, button, table
 from draglag_app.windows.protocol_text import to_toml
-from draglag_app.windows.theme import wide
-from draglag_app.windows.widgets import LARGE_TEXT, Panel, Scrolled, button, table
+from draglag_app.windows.wording import words
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import presets
 

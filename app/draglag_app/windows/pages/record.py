@@ -17,15 +17,15 @@ from PySide6.QtWidgets import (
 
 from draglag_app.session import events
 from draglag_app.session.machine import Phase
-from draglag_app.windows import words
 from draglag_app.windows.bridge import Prompted
-from draglag_app.windows.full_texts import ElidedLabel
-from draglag_app.windows.heading import Heading
-from draglag_app.windows.library_words import in_words
-from draglag_app.windows.live_view import LiveView
-from draglag_app.windows.run_table import RunTable
-from draglag_app.windows.theme import theme, wide
-from draglag_app.windows.widgets import LARGE_TEXT, Fact, Panel, button, label, restyle
+from draglag_app.windows.pages.parts.run_table import RunTable
+from draglag_app.windows.parts.full_texts import ElidedLabel
+from draglag_app.windows.parts.heading import Heading
+from draglag_app.windows.parts.theme import theme, wide
+from draglag_app.windows.parts.widgets import LARGE_TEXT, Fact, Panel, button, label, restyle
+from draglag_app.windows.recording.live_view import LiveView
+from draglag_app.windows.wording import words
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 
 # Room for what is told in the largest letters; buttons give way to it.

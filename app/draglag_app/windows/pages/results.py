@@ -18,16 +18,16 @@ from PySide6.QtWidgets import (
 from draglag.analysis import Analysis
 from draglag.curve import FORMS, CurveFit, fit_form
 from draglag.errors import EstimateError
-from draglag_app.windows import words
-from draglag_app.windows.curve_plot import CurvePlot
-from draglag_app.windows.flow import Flow
-from draglag_app.windows.full_texts import whole_text
-from draglag_app.windows.library_words import in_words
-from draglag_app.windows.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
-from draglag_app.windows.run_table import RunTable
-from draglag_app.windows.tasks import Progress
-from draglag_app.windows.theme import wide
-from draglag_app.windows.widgets import LARGE_TEXT, button, label
+from draglag_app.windows.pages.parts.run_table import RunTable
+from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.full_texts import whole_text
+from draglag_app.windows.parts.tasks import Progress
+from draglag_app.windows.parts.theme import wide
+from draglag_app.windows.parts.widgets import LARGE_TEXT, button, label
+from draglag_app.windows.plots.curve_plot import CurvePlot
+from draglag_app.windows.plots.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
+from draglag_app.windows.wording import words
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 
 _RATES = (None, 60.0, 100.0, 120.0, 200.0)

@@ -1,0 +1,114 @@
+"""The steps of a closed gap as the page shows them: a table of effects, a plot of the gap that shrinks, remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
+
+from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.widgets import set_up_table
+from draglag_app.windows.plots.plot import Plot, tr
+from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words, sizes_in_words
+from draglag_app.windows.wording.gap_words import followed
+from draglag_app.windows.wording.library_words import in_words
+
+
+def say(text: str) -> str:
+    return QCoreApplication.translate("GapPage", text)
+
+
+class StepTable(QTableWidget):
+    """One row a step of a gap report (the design's JSON)."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        titles = [say("effect"), say("where"), say("size"), say("gap before → after"), say("p")]
+        set_up_table(self, titles, stretch=1)
+
+    def show_steps(self, steps: list[dict[str, Any]]) -> None:
+        self.setRowCount(0)
+        for k, step in enumerate(steps):
+            self._add(k, step)
+
+    def chosen(self) -> tuple[int, str]:
+        """Row and effect that are chosen; −1 and nothing where none is."""
+        rows = self.selectionModel().selectedRows()
+        item = self.item(rows[0].row(), 0) if rows else None
+        return (-1, "") if item is None else (item.row(), str(item.data(Qt.ItemDataRole.UserRole)))
+
+    def _add(self, k: int, step: dict[str, Any]) -> None:
+        self.insertRow(k)
+        twins = step.get("indistinguishable_from") or []
+        others = ", ".join(map(effect_name, twins))
+        name = effect_name(step["effect"]) + (say(" (or {others})").format(others=others) if twins else "")
+        size = ", ".join(_size(key, value) for key, value in step["parameters"].items())
+        gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
+        p_value = step["evidence"]["p_value"]
+        chance = f"{p_value:.1e}" if 0.0 < p_value < 1e-3 else f"{p_value:.2g}" if p_value else "< 1e-300"
+        for column, text in enumerate((name, in_words(str(step.get("where", ""))), size, gap, chance)):
+            item = QTableWidgetItem(text)
+            item.setToolTip(effect_meaning(step["effect"]) if column == 0 else text)
+            item.setData(Qt.ItemDataRole.UserRole, step["effect"])
+            self.setItem(k, column, item)
+
+
+# Of a step's name in a line below the plot.
+_LETTERS = 14
+
+
+class StepPlot(Plot):
+    """The gap on runs held out of the fit, step by step, against the noise floor."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        title = say("Residual on runs held out of the fit")
+        super().__init__(title, tr("effects in the model"), tr("gap (mm RMS)"), "gap", parent)
+        self.add_legend(columns=3)
+
+    def show_report(self, report: dict[str, Any]) -> None:
+        self.clear_all()
+        if report["gap_first_mm"] is None:
+            return
+        gaps = [report["gap_first_mm"], *(step["gap_after_mm"] for step in report["steps"])]
+        x, y = np.arange(len(gaps), dtype=float), np.array(gaps, float)
+        names = [say("none yet"), *(effect_name(step["effect"]) for step in report["steps"])]
+        tips = [f"{name}\n{gap:.3f} mm" for name, gap in zip(names, gaps, strict=True)]
+        self.line(say("gap"), x, y, theme().blue, 2)
+        self.dots(say("steps"), x, y, theme().orange, "s", 10, words=tips)
+        floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
+        self.line(say("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
+        # A name that is wider than its place would be left out.
+        self.getAxis("bottom").setTicks([[(float(k), fill(name, _LETTERS)) for k, name in enumerate(names)]])
+        self.setXRange(-0.5, len(gaps) - 0.5, padding=0)
+        # With room for the legend above the highest of them.
+        self.setYRange(0, 1.4 * max(*gaps, *floor))
+
+
+def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
+    """What would tell twins apart, how effects by taps or by hand are judged, what the session cannot show."""
+    steps = report["steps"]
+    lines = [f"{effect_name(s['effect'])}: {in_words(s['extra_run'])}" for s in steps if s.get("extra_run")]
+    for step in steps:
+        if step["effect"] in added or step.get("covariate") == "taps":  # whose gap is not the one before it
+            lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
+    for left in report.get("passed_over", ()):
+        words = say("Beyond chance (p {p}) but left: {what}, {why}")
+        why = sizes_in_words(in_words(left["text"]))
+        lines.append(words.format(p=f"{left['p_value']:.1g}", what=followed(left["what"]), why=why))
+    unseen = [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
+    if unseen:
+        lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
+    if without:
+        lines.append(say("Left out: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
+    return lines
+
+
+def _size(parameter: str, value: Any) -> str:
+    """A parameter with its 95 % interval."""
+    if not isinstance(value, dict):
+        return f"{parameter} {value}"
+    return size_words(parameter, value["value"], value.get("ci95"))

@@ -1,0 +1,84 @@
+"""How long a protocol takes on the screen under test, in which order, and what stands in its way."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+from PySide6.QtCore import QObject
+
+from draglag.errors import DraglagError
+from draglag.protocols import PlannedRun, expand
+from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.widgets import label, restyle
+from draglag_app.windows.plots.plot import Plot, tr
+from draglag_app.windows.wording import words
+from draglag_app.windows.workspace import Workspace
+
+
+class PlanPreview(QObject):
+    """A line of words and a plot of speed against the session's time, for a page to place."""
+
+    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._space = workspace
+        self._key = ""
+        self.words = label("", "verdict", wrap=True)
+        self.plot = Plot(
+            tr("Order of the runs"), tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol"
+        )
+        self.plot.setMinimumHeight(130)
+        workspace.settings_changed.connect(self.refresh)
+
+    def refresh(self) -> None:
+        """Expand the protocol on the present screen and show it."""
+        protocol, panel = self._space.protocol, self._space.settings.panel
+        self.plot.clear_all()
+        try:
+            plan = expand(protocol, panel.screen(), beam=panel.beam())
+        except DraglagError as error:
+            self.words.setText(str(error))
+            restyle(self.words, "level", "bad")
+            return
+        restyle(self.words, "level", "")
+        total_s = self._draw(plan)
+        times = {"both": 2, "start": 1, "end": 1}
+        if protocol.taps is not None:
+            total_s += protocol.taps.count * protocol.taps.interval_s * times[protocol.taps.when]
+        if protocol.clock_check is not None:
+            total_s += 2 * protocol.clock_check.duration_s
+        text = self.tr("{n} runs, about {time} in all").format(n=len(plan), time=words.duration(total_s))
+        notes = sorted({planned.note for planned in plan if planned.note})
+        # What the colours mean stands here: above the plot there is no room for it.
+        self.words.setText(escape(text + "".join(f". {note}" for note in notes)) + self._key)
+
+    def _draw(self, plan: tuple[PlannedRun, ...]) -> float:
+        at_s, rest_s = 0.0, self._space.protocol.rest_s
+        parts: dict[str, list[np.ndarray]] = {}
+        for planned in plan:
+            t_s = np.linspace(0, planned.duration_s, 300)
+            speed = np.hypot(*planned.target.velocity_mm_s(t_s))
+            if planned.nominal_speed_mm_s is not None:
+                speed = np.full(t_s.shape, planned.nominal_speed_mm_s)
+            piece = np.column_stack([(at_s + t_s) / 60, speed])
+            parts.setdefault(planned.kind, []).append(np.vstack([piece, [np.nan, np.nan]]))
+            at_s += planned.duration_s + rest_s + 3.0
+        colours = dict(zip(("circle", "chirp", "multisine", "step"), theme().series, strict=False))
+        for kind, pieces in parts.items():
+            table = np.vstack(pieces)
+            width = 4 if kind == "circle" else 1.2
+            colour = colours.get(kind, theme().text)
+            self.plot.line(words.target_name(kind), table[:, 0], table[:, 1], colour, width, legend=False)
+        self._key = "".join(
+            # The square and its words stay in one line.
+            f" &nbsp; <span style='color:{colours.get(kind, theme().text)}'>■</span>"
+            + f" {words.target_name(kind)}".replace(" ", "&nbsp;")
+            for kind in parts
+        )
+        self.plot.autoRange(padding=0.04)
+        return at_s
+
+    def restyle_plots(self) -> None:
+        """Draw in the present theme."""
+        self.plot.restyle()
+        self.refresh()

@@ -1,0 +1,132 @@
+"""The session's display protocol on a participant window: calls from the session's thread, drawn in the windows'."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtGui import QGuiApplication, QScreen
+from PySide6.QtWidgets import QApplication
+
+from draglag.errors import DataError
+from draglag.recording import DisplayTrace, Screen
+from draglag.targets import Target
+from draglag_app.session.control import Control
+from draglag_app.session.display import Display
+from draglag_app.windows.bridge import Prompted
+from draglag_app.windows.participant.window import ParticipantWindow
+
+
+class ScreenDisplay(QObject):
+    """Thread-safe: every call is queued to the window; frames come back through its log."""
+
+    _show = Signal(object, float)
+    _prompt = Signal(str)
+    _hide = Signal()
+
+    def __init__(self, window: ParticipantWindow) -> None:
+        super().__init__(window)
+        self._frames = window.frames
+        queued = Qt.ConnectionType.QueuedConnection
+        self._show.connect(window.show_target, queued)
+        self._prompt.connect(window.set_prompt, queued)
+        self._hide.connect(window.hide_target, queued)
+
+    def show(self, target: Target, start_s: float) -> None:
+        self._frames.clear()
+        self._show.emit(target, start_s)
+
+    def prompt(self, text: str) -> None:
+        self._prompt.emit(text)
+
+    def frames(self, until_s: float) -> DisplayTrace:
+        return self._frames.take(until_s)
+
+    def hide(self) -> None:
+        self._hide.emit()
+
+
+class WatchedDisplay:
+    """Passes everything on to a display, and tells somebody what the participant is told."""
+
+    def __init__(self, display: Display, tell: Callable[[Prompted], None]) -> None:
+        self._display = display
+        self._tell = tell
+        self._text = ""
+
+    def show(self, target: Target, start_s: float) -> None:
+        self._display.show(target, start_s)
+        self._tell(Prompted(self._text, target.kind))
+
+    def prompt(self, text: str) -> None:
+        self._text = text
+        self._display.prompt(text)
+        self._tell(Prompted(text))
+
+    def frames(self, until_s: float) -> DisplayTrace:
+        return self._display.frames(until_s)
+
+    def hide(self) -> None:
+        self._display.hide()
+
+
+def numbered_screen(number: int) -> QScreen:
+    """The screen of that number, from 1. Raises DataError that lists those there are."""
+    screens = QGuiApplication.screens()
+    if not 1 <= number <= len(screens):
+        known = ", ".join(f"{k} ({s.name()} {s.size().width()}×{s.size().height()})" for k, s in enumerate(screens, 1))
+        raise DataError(f"there is no screen {number}", f"screens are {known}")
+    return screens[number - 1]
+
+
+def record_on_screen(
+    number: int, measure: Callable[[Display], Path], panel: Screen | None = None, control: Control | None = None
+) -> Path:
+    """Measure with the participant's window on that screen, from the command line. Returns what ``measure`` does.
+
+    ``panel`` is the screen under test; None takes its size from what the desktop says. Raises what ``measure``
+    raises, and DataError for a screen that is not there. Esc on the participant's screen aborts the present run of
+    the session that ``control`` steers; the session goes on. Ctrl-C ends it, in order.
+    """
+    from draglag_app.windows.application import make_application
+
+    application = make_application(sys.argv[:1])
+    screen = numbered_screen(number)
+    window = ParticipantWindow(panel or _panel_of(screen))
+    outcome: dict[str, Any] = {}
+
+    def work(display: Display) -> None:
+        try:
+            outcome["path"] = measure(display)
+        except Exception as error:  # handed to the caller below
+            outcome["error"] = error
+
+    display = ScreenDisplay(window)
+    if control is not None:
+        window.aborted.connect(control.abort_run)
+    window.show_on(screen)
+    thread = threading.Thread(target=work, args=(display,), name="draglag-session")
+    watch = QTimer()
+    # Not quit(): that closes the window too, and the last window closed posts a wish to quit that outlives this loop.
+    watch.timeout.connect(lambda: None if thread.is_alive() else application.exit())
+    watch.start(50)
+    thread.start()
+    application.exec()
+    thread.join()
+    watch.stop()
+    window.close()
+    window.deleteLater()
+    QApplication.processEvents()
+    if "error" in outcome:
+        raise outcome["error"]
+    path: Path = outcome["path"]
+    return path
+
+
+def _panel_of(screen: QScreen) -> Screen:
+    size, pixels = screen.physicalSize(), screen.size()
+    return Screen(screen.name(), size.width() or 1.0, size.height() or 1.0, pixels.width(), pixels.height())

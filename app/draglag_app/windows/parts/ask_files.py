@@ -1,0 +1,87 @@
+"""Asking for files and folders: the dialog begins in a folder that is there, a name gets the ending it needs.
+
+Nothing waits for the answer: ``then`` gets it, and is not called when the operator changes their mind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication
+from PySide6.QtWidgets import QWidget
+
+from draglag_app.windows.parts.file_dialogs import Mode, ask_whether, pick_files
+
+Then = Callable[[Path], None]
+
+_last = {"folder": ""}
+"""Where something was read or written last: the next thing without a place of its own begins there."""
+
+
+def start_folder(folder: str | Path) -> str:
+    """The folder, or the nearest above it that is there: sessions may have none before the first."""
+    place = Path(folder).expanduser()
+    while not place.is_dir() and place != place.parent:
+        place = place.parent
+    return str(place)
+
+
+def ask_open(parent: QWidget, title: str, folder: str | Path, kind: str, then: Then) -> None:
+    """A file to read."""
+    ask_open_several(parent, title, folder, kind, lambda paths: then(paths[0]), Mode.ExistingFile)
+
+
+def ask_open_several(
+    parent: QWidget,
+    title: str,
+    folder: str | Path,
+    kind: str,
+    then: Callable[[list[Path]], None],
+    mode: Mode = Mode.ExistingFiles,
+) -> None:
+    """Files to read, one or more."""
+
+    def chosen(paths: list[Path]) -> None:
+        _remember(paths[0])
+        then(paths)
+
+    pick_files(parent, title, Path(start_folder(folder)), kind, mode, chosen)
+
+
+def _remember(path: Path) -> None:
+    _last["folder"] = str(path.parent)
+
+
+def ask_folder(parent: QWidget, title: str, folder: str | Path, then: Then) -> None:
+    """A folder that is there."""
+    pick_files(parent, title, Path(start_folder(folder)), "", Mode.Directory, lambda paths: then(paths[0]))
+
+
+def ask_new_folder(parent: QWidget, title: str, start: Path, then: Then) -> None:
+    """A folder to write into, which need not be there yet: its name can be typed, ``start`` is proposed."""
+
+    def chosen(paths: list[Path]) -> None:
+        _remember(paths[0])
+        then(paths[0])
+
+    pick_files(parent, title, Path(start_folder(start.parent)) / start.name, "", Mode.AnyFile, chosen)
+
+
+def ask_save(parent: QWidget, title: str, start: str | Path, kind: str, then: Then) -> None:
+    """Where to write; the ending is that of ``start`` unless another is typed. A file is not replaced unasked."""
+    start = Path(start)
+    folder = _last["folder"] or Path.home() if start.parent == Path() else start.parent
+
+    def chosen(paths: list[Path]) -> None:
+        path = paths[0]
+        _remember(path)
+        if path.suffix != start.suffix:
+            path = path.with_name(path.name + start.suffix)
+        if not path.exists():
+            then(path)
+            return
+        text = QCoreApplication.translate("Files", "{name} exists already. Replace it?").format(name=path.name)
+        ask_whether(parent, text, lambda: then(path))
+
+    pick_files(parent, title, Path(start_folder(folder)) / start.name, kind, Mode.AnyFile, chosen)

@@ -1,0 +1,104 @@
+"""Latency against speed: the plot that Record, Results and Compare share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from PySide6.QtWidgets import QWidget
+
+from draglag.curve import CurveFit
+from draglag.latency import RunEstimate
+from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.plots.plot import Plot, tr
+from draglag_app.windows.wording import words
+
+SYMBOLS = ("o", "s", "t", "d", "x")
+
+
+class CurvePlot(Plot):
+    """Points of runs with their 95 % intervals, the fitted curve with its band, rivals if asked for."""
+
+    def __init__(self, title: str = "", parent: QWidget | None = None, named_above: bool = False) -> None:
+        self._named_above = ""
+        super().__init__(title, tr("drag speed (mm/s)"), tr("latency (ms)"), "latency-curve", parent)
+        if named_above:  # where a legend would cover what there is to see
+            self._named_above = title
+            self.restyle()
+        else:
+            self.add_legend()
+
+    def restyle(self) -> None:
+        super().restyle()
+        if self._named_above:
+            marks = (("●", theme().orange, tr("runs")), ("─", theme().blue, tr("curve")))
+            self.name_above(self._named_above, marks)
+
+    def draw(
+        self,
+        estimates: Iterable[RunEstimate],
+        curve: CurveFit | None,
+        excluded: Iterable[str] = (),
+        rivals: Iterable[CurveFit] = (),
+        clicked: Callable[[str], None] | None = None,
+    ) -> None:
+        """Draw anew. ``clicked`` hears the id of a run whose point was clicked."""
+        self.clear_all()
+        colours, out = theme(), set(excluded)
+        good = [e for e in estimates if e.latency_s is not None and e.speed_mm_s is not None]
+        if curve is not None:
+            self.draw_curve(tr("curve"), curve, colours.blue)
+        for k, rival in enumerate(rivals):
+            colour = (colours.green, colours.purple, colours.sky, colours.orange)[k % 4]
+            speed = speeds_of(rival)
+            self.line(words.form_name(rival.form), speed, 1e3 * rival.predict_s(speed), colour, 1.5, dash=True)
+        for name, chosen, symbol, colour in (
+            (tr("runs"), [e for e in good if not e.flags and e.id not in out], "o", colours.orange),
+            (tr("runs with a flag"), [e for e in good if e.flags and e.id not in out], "t", colours.orange),
+            (tr("left out"), [e for e in good if e.id in out], "x", colours.muted),
+        ):
+            if chosen:
+                self._runs(name, chosen, symbol, colour, clicked)
+        if good:
+            # From zero, so that the first point of a session does not fill the plot with its own interval.
+            # The margin below is for the labels of zero.
+            self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
+            self.setYRange(0, 1.15 * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good)), padding=0.03)
+
+    def _runs(
+        self,
+        name: str,
+        chosen: list[RunEstimate],
+        symbol: str,
+        colour: str,
+        clicked: Callable[[str], None] | None,
+    ) -> None:
+        latency_ms = [1e3 * e.latency_s for e in chosen if e.latency_s is not None]
+        self.dots(
+            name,
+            np.array([e.speed_mm_s for e in chosen], float),
+            np.array(latency_ms),
+            colour,
+            symbol,
+            error=np.array([_half_ms(e) for e in chosen]),
+            words=[f"{e.id}\n{words.number(e.speed_mm_s, 0)} mm/s\n{words.latency_text(e)}" for e in chosen],
+            clicked=None if clicked is None else (lambda k: clicked(chosen[k].id)),
+        )
+
+    def draw_curve(self, name: str, curve: CurveFit, colour: str) -> None:
+        """One curve with its 95 % band over the measured speeds."""
+        speed = speeds_of(curve)
+        low_s, high_s = curve.band_s(speed)
+        self.band(name + " 95 %", speed, 1e3 * low_s, 1e3 * high_s, colour)
+        self.line(name, speed, 1e3 * curve.predict_s(speed), colour, 2.5)
+
+
+def speeds_of(curve: CurveFit) -> np.ndarray:
+    """Speeds to draw a curve at, (400,) mm/s."""
+    return np.linspace(*curve.speed_range_mm_s, 400)
+
+
+def _half_ms(estimate: RunEstimate) -> float:
+    if estimate.latency_ci95_s is None:
+        return 0.0
+    return 500 * (estimate.latency_ci95_s[1] - estimate.latency_ci95_s[0])

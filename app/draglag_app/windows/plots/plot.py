@@ -1,0 +1,167 @@
+"""One kind of plot for all pages: what is drawn goes by name, with hover values and numbers to hand out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QWidget
+
+from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.plots.plot_frame import PlotFrame
+from draglag_app.windows.plots.plot_frame import tr as tr
+from draglag_app.windows.plots.plot_values import Column, Series, near
+
+
+class Plot(PlotFrame):
+    """A plot with titled axes in units.
+
+    What is drawn goes through ``line``, ``dots``, ``band`` … under a name, so that drawing again replaces it, and
+    so that "Save numbers" knows it.
+    """
+
+    def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
+        self._hover: dict[str, Series] = {}
+        self._looks: dict[str, tuple[object, ...]] = {}
+        super().__init__(title, x, y, file_name, parent)
+        self.scene().sigMouseMoved.connect(self._hovered)
+
+    # --- drawing --------------------------------------------------------------------------------------------
+
+    def clear_all(self) -> None:
+        """Take everything away."""
+        for name in list(self._items):
+            self.remove(name)
+
+    def remove(self, name: str) -> None:
+        for item in self._items.pop(name, []):
+            self.removeItem(item)
+        if not self._items:
+            self._show_emptiness()
+        self._numbers.pop(name, None)
+        self._looks.pop(name, None)
+        self._hover.pop(name, None)
+
+    def line(
+        self, name: str, x: Column, y: Column, colour: str, width: float = 2, dash: bool = False, legend: bool = True
+    ) -> None:
+        """A line through points; NaN breaks it."""
+        style = Qt.PenStyle.DashLine if dash else Qt.PenStyle.SolidLine
+        look = (colour, width, dash)
+        held = self._items.get(name)
+        if held and isinstance(held[0], pg.PlotDataItem):
+            held[0].setData(x, y, connect="finite")
+            if self._looks.get(name) != look:  # a pen of its own costs as much again as the data
+                held[0].setPen(pg.mkPen(colour, width=width, style=style))
+        else:
+            named = name if legend and self.legend is not None else None
+            pen = pg.mkPen(colour, width=width, style=style)
+            self._keep(name, self.plot(x, y, pen=pen, name=named, connect="finite"))
+        self._looks[name] = look
+        self._numbers[name] = (np.asarray(x), np.asarray(y))
+        self._hover[name] = Series(np.asarray(x), np.asarray(y), joined=True)
+
+    def dots(
+        self,
+        name: str,
+        x: Column,
+        y: Column,
+        colour: str,
+        symbol: str = "o",
+        size: float = 9,
+        hollow: bool = False,
+        error: Column | None = None,
+        words: Sequence[str] = (),
+        clicked: Callable[[int], None] | None = None,
+        legend: bool = True,
+    ) -> None:
+        """Points with a shape, an error bar (half its length) and words to show when the mouse is near."""
+        x, y = np.asarray(x, float), np.asarray(y, float)
+        look = (colour, symbol, size, hollow)
+        if error is None and not words and clicked is None and self._looks.get(name) == look:
+            self._items[name][0].setData(x=x, y=y)  # more of the same
+            self._numbers[name] = (x, y)
+            self._hover[name] = Series(x, y)
+            return
+        self.remove(name)
+        if error is None and not words and clicked is None:
+            self._looks[name] = look
+        if error is not None and len(x):
+            bars = pg.ErrorBarItem(x=x, y=y, height=2 * np.asarray(error), beam=0, pen=pg.mkPen(colour, width=1.5))
+            self.addItem(bars)
+            self._keep(name, bars)
+        brush = pg.mkBrush(None) if hollow else pg.mkBrush(colour)
+        named = name if legend and self.legend is not None else None
+        item = pg.ScatterPlotItem(
+            x=x, y=y, symbol=symbol, size=size, brush=brush, pen=pg.mkPen(colour, width=1.6), name=named
+        )
+        if clicked is not None:
+            item.sigClicked.connect(lambda scatter, points, event: clicked(int(points[0].index())))
+        self.addItem(item)
+        self._keep(name, item)
+        self._numbers[name] = (x, y) if error is None else (x, y, np.asarray(error))
+        self._hover[name] = Series(x, y, words=words)
+
+    def band(self, name: str, x: Column, low: Column, high: Column, colour: str) -> None:
+        """A shaded stretch between two curves."""
+        self.remove(name)
+        shade = QColor(colour)
+        shade.setAlpha(50)
+        edges = [pg.PlotDataItem(x, y, pen=None) for y in (low, high)]
+        fill = pg.FillBetweenItem(*edges, brush=pg.mkBrush(shade))
+        fill.setZValue(-10)
+        for item in (*edges, fill):
+            self.addItem(item)
+            self._keep(name, item)
+        self._numbers[name] = (np.asarray(x), np.asarray(low), np.asarray(high))
+
+    def bars(self, name: str, centre: Column, height: Column, width: float, colour: str) -> None:
+        """A histogram."""
+        self.remove(name)
+        shade = QColor(colour)
+        shade.setAlpha(150)
+        item = pg.BarGraphItem(x=centre, height=height, width=width, brush=pg.mkBrush(shade), pen=pg.mkPen(colour))
+        self.addItem(item)
+        self._keep(name, item)
+        self._numbers[name] = (np.asarray(centre), np.asarray(height))
+        self._hover[name] = Series(np.asarray(centre), np.asarray(height))
+
+    def upright(self, name: str, at: float, colour: str, text: str = "") -> None:
+        """A vertical mark."""
+        self.remove(name)
+        item = pg.InfiniteLine(
+            at, pen=pg.mkPen(colour, width=1.6, style=Qt.PenStyle.DashLine), label=text or None,
+            labelOpts={"position": 0.92, "color": colour, "fill": pg.mkBrush(theme().panel)},
+        )  # fmt: skip
+        self.addItem(item)
+        self._keep(name, item)
+        self._numbers[name] = (np.array([at]),)
+
+    def _keep(self, name: str, item: Any) -> None:
+        first = not self._items
+        self._items.setdefault(name, []).append(item)
+        if first or self.legend is not None:
+            self._show_emptiness()
+
+    # --- hover ----------------------------------------------------------------------------------------------
+
+    def _hovered(self, at: Any) -> None:
+        found = near(self.getPlotItem().vb, at, self._hover, self._labels[1:])
+        if found is None:
+            self._tip.hide()
+            return
+        (x0, x1), (y0, y1) = self.getPlotItem().vb.viewRange()
+        upper = (found.y > (y0 + y1) / 2) != self.getPlotItem().vb.yInverted()
+        self._tip.setAnchor((1 if found.x > (x0 + x1) / 2 else 0, 0 if upper else 1))
+        self._tip.setText(found.words)
+        self._tip.setPos(found.x, found.y)
+        self._tip.show()
+
+    @property
+    def drawn(self) -> Mapping[str, tuple[Column, ...]]:
+        """Name → columns of what is drawn."""
+        return self._numbers

@@ -1,0 +1,245 @@
+"""The frame of every plot: titled axes in the present theme, focus, legend, a menu to copy and export."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyqtgraph as pg
+from PySide6.QtCore import QCoreApplication, QPoint, QRectF, Qt, QTimer
+from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplication, QKeyEvent, QResizeEvent
+from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMessageBox, QSizePolicy, QWidget
+
+from draglag.errors import DataError
+from draglag_app.windows.parts.ask_files import ask_save
+from draglag_app.windows.parts.letter_menu import LetterMenu
+from draglag_app.windows.parts.theme import points, theme
+from draglag_app.windows.plots.plot_values import Column, as_csv, write_picture, write_text
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("Plot", text)
+
+
+_BESIDE_PX = 16
+# The keyboard was with a menu or with another window in the meantime.
+_AWAY = (Qt.FocusReason.PopupFocusReason, Qt.FocusReason.ActiveWindowFocusReason, Qt.FocusReason.MenuBarFocusReason)
+
+
+class PlotFrame(pg.PlotWidget):
+    """What is around the drawing; what is drawn is the subclass's."""
+
+    def __init__(self, title: str, x: str, y: str, file_name: str, parent: QWidget | None) -> None:
+        super().__init__(parent, enableMenu=False)
+        # Its menu is not shown, but holds the switches of the grid, and belongs to nobody.
+        menu = self.getPlotItem().ctrlMenu
+        menu.setParent(self, menu.windowFlags())
+        self.file_name = file_name
+        self.setAccessibleName(title or f"{y} / {x}")
+        self._labels: tuple[str, str, str] = (title, x, y)
+        self._title: tuple[str, ...] = ()
+        # Plots take what room there is instead of asking for the much that a graphics view would like.
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Ignored)
+        self.setMinimumSize(160, 110)
+        self.hideButtons()
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        self.customContextMenuRequested.connect(self._menu)
+        self._tip = pg.TextItem("", anchor=(0, 1))
+        self._tip.setZValue(50)
+        self.getPlotItem().vb.addItem(self._tip, ignoreBounds=True)
+        self._tip.hide()
+        self.legend: Any = None
+        self._nothing = QLabel(tr("nothing yet"), self)
+        self._nothing.setObjectName("hint")
+        self._nothing.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._nothing.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        # A border of its own would push the axes out of sight.
+        self._ring = QFrame(self)
+        self._ring.setObjectName("focusRing")
+        self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        self._ring.hide()
+        self._by_tab = False
+        self._items: dict[str, list[Any]] = {}
+        self._numbers: dict[str, tuple[Column, ...]] = {}
+        # Not within the change of size itself, which has a layout of its own under way.
+        self._resized = QTimer(self)
+        self._resized.setSingleShot(True)
+        self._resized.timeout.connect(self._fit_title)
+        self.restyle()
+        self._show_emptiness()
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        """The ring is for those who come by keyboard; it comes back after a menu or a dialog."""
+        super().focusInEvent(event)
+        if event.reason() not in _AWAY:
+            self._by_tab = event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason)
+        self._ring.setVisible(self._by_tab)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Return opens the menu, as the menu key does where a keyboard has one."""
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self._menu(self.rect().center())
+            event.accept()
+            return
+        super().keyPressEvent(event)
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        super().focusOutEvent(event)
+        self._ring.hide()
+
+    def _tick_font(self) -> QFont:
+        font = QFont(self.font())
+        font.setPointSizeF(float(points(9).removesuffix("pt")))
+        return font
+
+    # --- legend and titles ----------------------------------------------------------------------------------
+
+    def add_legend(self, offset: tuple[int, int] = (-10, 8), columns: int = 1) -> None:
+        """Names of what is drawn, in a corner."""
+        self.legend = self.addLegend(offset=offset, labelTextSize=points(9), colCount=columns)
+        self.restyle()
+        self._show_emptiness()
+
+    def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = " &nbsp; ") -> None:
+        """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend."""
+        words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
+        self.title_lines(f"{title}{apart}{words}".split("<br>"))
+
+    def title_lines(self, lines: Sequence[str]) -> None:
+        """A title of a line or more, each in the middle."""
+        self._title = tuple(lines)
+        self._write_title()
+
+    def _write_title(self) -> None:
+        """As large as there is room for now: a title that asks for more would push the plot out of sight."""
+        plot, lines = self.getPlotItem(), self._title
+        # A title has no width of its own to centre lines in; a table has.
+        rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
+        text = f"<table cellspacing='0'>{rows}</table>" if len(lines) > 1 else "".join(lines)
+        plot.setTitle(text, color=theme().text, size=points(10))
+        asked = plot.titleLabel.item.boundingRect().width()
+        room = self.width() - plot.getAxis("left").width() - _BESIDE_PX
+        if asked > room:
+            plot.setTitle(text, color=theme().text, size=points(max(4.0, 9.8 * room / asked)))
+        if len(lines) > 1:
+            high = QFontMetrics(self._tick_font()).height() * len(lines) + 12
+            plot.titleLabel.setMaximumHeight(high)
+            plot.layout.setRowFixedHeight(0, high)
+
+    def _fit_title(self) -> None:
+        """Write the title for the width there is now."""
+        plot = self.getPlotItem()
+        if self._title and plot is not None:  # a plot that was closed has none
+            self._write_title()
+            plot.layout.activate()
+            plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
+
+    def keep_axes_drawn(self) -> None:
+        """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
+
+        They cost as much as all the rest of such a plot, and change only when its range does.
+        """
+        for side in ("bottom", "left"):
+            self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
+
+    def rename(self, title: str) -> None:
+        """Another title above the plot."""
+        self._labels = (title, *self._labels[1:])
+        self.restyle()
+
+    def relabel(self, title: str, x: str, y: str) -> None:
+        """Another title and other axes."""
+        self._labels = (title, x, y)
+        self.restyle()
+
+    def restyle(self) -> None:
+        """Take the present theme's colours."""
+        colours = theme()
+        self.setBackground(colours.panel)
+        title, x, y = self._labels
+        plot = self.getPlotItem()
+        if title:
+            self.title_lines([title])
+        for side, text in (("bottom", x), ("left", y)):
+            axis = plot.getAxis(side)
+            # Without ranges for prefixes: numbers below one would be shown a thousandfold, under an unchanged title.
+            axis.setLabel(text, siPrefixEnableRanges=(), **{"color": colours.text, "font-size": points(10)})
+            axis.setTickFont(self._tick_font())
+            axis.setPen(pg.mkPen(colours.muted))
+            axis.setTextPen(pg.mkPen(colours.text))
+            axis.enableAutoSIPrefix(False)
+        plot.showGrid(x=True, y=True, alpha=0.12)
+        self._tip.setColor(QColor(colours.text))
+        self._tip.fill = pg.mkBrush(colours.raised)
+        self._tip.border = pg.mkPen(colours.line)
+        if self.legend is not None:
+            self.legend.setLabelTextColor(colours.text)
+            for _, name in self.legend.items:  # those it has already keep their own colour else
+                name.setText(name.text, color=colours.text)
+            self.legend.setBrush(pg.mkBrush(QColor(colours.panel)))
+            self.legend.setPen(pg.mkPen(colours.line))
+
+    def _show_emptiness(self) -> None:
+        """An empty plot says so, instead of showing axes without meaning."""
+        empty = not self._items
+        self._nothing.setVisible(empty)
+        for side in ("bottom", "left"):
+            self.getPlotItem().getAxis(side).setStyle(showValues=not empty)
+        if self.legend is not None:
+            self.legend.setVisible(not empty and bool(self.legend.items))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        nothing = getattr(self, "_nothing", None)
+        if nothing is not None:  # the base class resizes itself while it is made
+            nothing.setGeometry(self.rect())
+            self._ring.setGeometry(self.rect())
+            if event.oldSize().width() != event.size().width():
+                self._resized.start(0)
+
+    # --- copy and export ------------------------------------------------------------------------------------
+
+    def _menu(self, at: QPoint) -> None:
+        menu = LetterMenu(self)
+        for text, action in (
+            (tr("Show all"), self.autoRange),
+            (tr("Copy picture"), lambda: QGuiApplication.clipboard().setPixmap(self.grab())),
+            (tr("Copy numbers"), lambda: QGuiApplication.clipboard().setText(self.csv())),
+            (tr("Save picture (PNG)…"), lambda: self._save_as("png")),
+            (tr("Save drawing (SVG)…"), lambda: self._save_as("svg")),
+            (tr("Save numbers (CSV)…"), lambda: self._save_as("csv")),
+        ):
+            menu.addAction(text).triggered.connect(action)
+        menu.popup(self.mapToGlobal(at))
+
+    def _save_as(self, suffix: str) -> None:
+        ask_save(self, tr("Save"), f"{self.file_name}.{suffix}", f"*.{suffix}", self._save_to)
+
+    def _save_to(self, path: Path) -> None:
+        try:
+            self.save(path)
+        except DataError as error:
+            self._tell("error", str(error))
+        else:
+            self._tell("info", tr("Saved: {path}").format(path=path))
+
+    def _tell(self, level: str, text: str) -> None:
+        """Where the operator's window has a place for it: nothing stands in the way of a run."""
+        tell = getattr(self.window(), "tell", None)
+        if tell is not None:
+            tell(level, text)
+        elif level == "error":
+            QMessageBox.warning(self, "draglag", text)
+
+    def save(self, path: Path) -> None:
+        """Write a PNG, an SVG or a CSV, by the name's ending. Raises DataError where it cannot be written."""
+        if path.suffix == ".csv":
+            write_text(self.csv(), path)
+        else:
+            write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()))
+
+    def csv(self) -> str:
+        """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
+        return as_csv(self._labels[1:], self._numbers)

@@ -1,0 +1,131 @@
+"""The latency of each run of the session being recorded, as soon as there is one, and the curve through them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QObject, Signal
+
+from draglag.analysis import AnalysisOptions, curve_points, has_constant_speed
+from draglag.curve import CurveFit, fit_best
+from draglag.errors import EstimateError
+from draglag.latency import RunEstimate, estimate_on_clock, with_sensor
+from draglag_app.session import events
+from draglag_app.windows.parts.tasks import Progress
+
+if TYPE_CHECKING:
+    from draglag_app.windows.workspace import Workspace
+
+
+class LiveEstimates(QObject):
+    """A run is estimated twice: from what there is right after its end, and from all of it once it is saved.
+
+    Attributes:
+        known: one estimate a run, in the order of recording.
+        preliminary: ids of the runs whose last events are still to come.
+        curve: the best curve through those that are whole; None while there are too few.
+    """
+
+    changed = Signal()
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self._space = workspace
+        self.known: list[RunEstimate] = []
+        self.preliminary: set[str] = set()
+        self.curve: CurveFit | None = None
+        self._fitting = False
+        self._fit_again = False
+        workspace.recording.began.connect(self.clear)
+        workspace.bridge.run_previewed.connect(self._previewed)
+        workspace.bridge.run_finished.connect(self._finished)
+
+    def clear(self) -> None:
+        """A new session."""
+        self.known, self.curve = [], None
+        self.preliminary.clear()
+        self.changed.emit()
+
+    def take(self, estimate: RunEstimate) -> None:
+        """An estimate of a whole run, in the place of the preliminary one."""
+        self.preliminary.discard(estimate.id)
+        self._put(estimate)
+        self._fit()
+
+    def _previewed(self, event: events.RunPreviewed) -> None:
+        order = self._space.recording.order
+        # As fast as the computer allows, the whole run follows at once.
+        if order is None or order.rig.stage.time_base.realtime:
+            self._estimate(event, preliminary=True)
+
+    def _finished(self, event: events.RunFinished) -> None:
+        if event.outcome == "complete":
+            self._estimate(event, preliminary=False)
+        elif event.run.id in self.preliminary:
+            self.preliminary.discard(event.run.id)
+            self.known = [estimate for estimate in self.known if estimate.id != event.run.id]
+            self.changed.emit()
+
+    def _estimate(self, event: events.RunPreviewed | events.RunFinished, preliminary: bool) -> None:
+        """Without waiting for the file. Tasks are done one after the other, so the whole run has the last word."""
+        order, run, options = self._space.recording.order, event.run, self._space.options
+        if order is None or not has_constant_speed(run):
+            return
+        stylus_mm = order.options.stylus.diameter_mm
+        if preliminary:
+            self.preliminary.add(run.id)
+
+        def work(progress: Progress) -> RunEstimate:
+            return with_sensor(
+                estimate_on_clock(
+                    run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
+                )
+            )
+
+        def done(estimate: RunEstimate) -> None:
+            if not preliminary:
+                self.take(estimate)
+            elif run.id in self.preliminary:
+                self._put(estimate)
+
+        self._space.tasks.start(self.tr("Estimating"), work, done, self._space.fault)
+
+    def _put(self, estimate: RunEstimate) -> None:
+        ids = [known.id for known in self.known]
+        if estimate.id in ids:
+            self.known[ids.index(estimate.id)] = estimate
+        else:
+            self.known.append(estimate)
+        self.changed.emit()
+
+    def _fit(self) -> None:
+        """One fit at a time; what came in the meantime is fitted next."""
+        if self._fitting:
+            self._fit_again = True
+            return
+        whole = [estimate for estimate in self.known if estimate.id not in self.preliminary]
+        options = self._space.options
+        self._fitting, self._fit_again = True, False
+
+        def done(curve: CurveFit | None) -> None:
+            self._fitting = False
+            self.curve = curve
+            self.changed.emit()
+            if self._fit_again:
+                self._fit()
+
+        def failed(text: str) -> None:
+            self._fitting = False
+
+        self._space.tasks.start(self.tr("Fitting"), lambda progress: curve_through(whole, options), done, failed)
+
+
+def curve_through(known: list[RunEstimate], options: AnalysisOptions) -> CurveFit | None:
+    """The best curve through runs; None while there are too few."""
+    points = curve_points(known, options)
+    if len(points.speed_mm_s) < 4:
+        return None
+    try:
+        return fit_best(points)
+    except EstimateError:
+        return None

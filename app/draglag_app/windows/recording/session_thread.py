@@ -1,0 +1,165 @@
+"""One recording at a time: the session in a thread of its own, the participant's window, what the operator asks."""
+
+from __future__ import annotations
+
+import gc
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtGui import QGuiApplication
+
+from draglag.errors import DataError
+from draglag.protocols import PlannedRun, Protocol, expand
+from draglag.recording import Run
+from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
+from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.participant.beside import operators_window
+from draglag_app.windows.participant.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
+from draglag_app.windows.participant.window import LOST_AFTER_S, ParticipantWindow
+from draglag_app.windows.wording.i18n import translate
+from draglag_devices.rig import Rig
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to record, where to, and where the participant looks: "window", "offscreen" or "screen N"."""
+
+    protocol: Protocol
+    rig: Rig
+    out: Path
+    options: SessionOptions
+    display: str = "window"
+    auto: bool = True
+
+
+class Recording(QObject):
+    """Starts and steers a session. Signals come in the window's thread."""
+
+    began = Signal(object)
+    ended = Signal(object, str)
+    """(path or None, problem): the file is closed, or there is none."""
+
+    def __init__(self, bridge: SessionBridge, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._bridge = bridge
+        self._thread: threading.Thread | None = None
+        self._plan: dict[str, PlannedRun] = {}
+        self.control: Control | None = None
+        self.order: Order | None = None
+        self.window: ParticipantWindow | None = None
+        bridge.session_finished.connect(self._finished)
+        bridge.crashed.connect(self._crashed)
+        bridge.state_changed.connect(self._state_changed)
+        bridge.samples_arrived.connect(self._samples_arrived)
+
+    @property
+    def active(self) -> bool:
+        return self._thread is not None
+
+    def start(self, order: Order) -> None:
+        """Begin. Raises DraglagError for a plan that does not fit, a screen or a folder that is not there."""
+        if self.active:
+            raise DataError("a session is being recorded already", "Stop it first")
+        if order.out.exists():
+            raise DataError(f"{order.out}: exists already and is not overwritten", "Choose another name")
+        plan = expand(order.protocol, order.options.screen, order.options.seed, beam=order.options.beam)
+        try:
+            order.out.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DataError(f"{order.out.parent}: cannot be made ({error.strerror})", "Choose another folder") from None
+        self._plan = {planned.id: planned for planned in plan}
+        display: Display = OffscreenDisplay()
+        if order.display != "offscreen" and order.rig.stage.time_base.realtime:
+            display = self._participant(order)
+        display = WatchedDisplay(display, self._bridge.listener)
+        self.order = order
+        self.control = Control(order.auto)
+        control = self.control
+
+        def work() -> None:
+            try:
+                run_session(
+                    order.protocol, order.rig, display, order.out, order.options, self._bridge.listener, control
+                )
+            except Exception as error:  # told by the bridge; the window decides what to say
+                self._bridge.failed(error)
+
+        # A look for garbage among all that the windows are made of takes as long as several of the target's frames:
+        # now, and then not until the end. What the session makes itself is looked at all the same.
+        gc.collect()
+        gc.freeze()
+        self._thread = threading.Thread(target=work, name="draglag-session")
+        self._thread.start()
+        self.began.emit(order)
+
+    def planned(self, run: str | Run) -> PlannedRun | None:
+        """What was planned for a run; repeats (run-03-2) share the plan of the first."""
+        run_id = run if isinstance(run, str) else run.id
+        return self._plan.get(run_id) or self._plan.get("-".join(run_id.split("-")[:2]))
+
+    def stop_and_wait(self) -> None:
+        """End the session in order and wait until the file is closed."""
+        if self.control is not None:
+            self.control.stop()
+        if self._thread is not None:
+            self._thread.join()
+
+    # --- the participant's window ---------------------------------------------------------------------------
+
+    def _participant(self, order: Order) -> Display:
+        screen = None
+        if order.display.startswith("screen"):
+            screen = numbered_screen(int(order.display.split()[-1]))
+        window = ParticipantWindow(order.options.screen)
+        window.aborted.connect(self._aborted)
+        window.show_on(screen, operators_window(self))
+        self.window = window
+        return ScreenDisplay(window)
+
+    def _aborted(self) -> None:
+        if self.control is not None:
+            self.control.abort_run()
+
+    def _state_changed(self, event: events.StateChanged) -> None:
+        planned = self.planned(event.run_id)
+        if self.window is not None and planned is not None:
+            self.window.set_practice(planned.practice)
+
+    def _samples_arrived(self, event: events.SamplesArrived) -> None:
+        if self.window is not None and event.role == "touch" and len(event.t_s):
+            self.window.set_contact(event.until_s - float(event.t_s[-1]) < LOST_AFTER_S)
+
+    # --- the end --------------------------------------------------------------------------------------------
+
+    def _finished(self, event: events.SessionFinished) -> None:
+        self._close(event.path, event.problem)
+
+    def _crashed(self, error: Exception) -> None:
+        self._close(None, str(error) or type(error).__name__)
+
+    def _close(self, path: Path | None, problem: str) -> None:
+        if self._thread is None:  # a failure told twice
+            return
+        self._thread.join()
+        self._thread = None
+        gc.unfreeze()
+        self.control = None
+        if self.window is not None:
+            self.window.close()
+            self.window.deleteLater()
+            self.window = None
+        self.ended.emit(path if path is not None and path.exists() else None, problem)
+
+
+def display_choices() -> list[tuple[str, str]]:
+    """(value, words) of where the participant can look."""
+    rows = [
+        ("window", translate("Bench", "In a window")),
+        ("offscreen", translate("Bench", "Nowhere (no participant)")),
+    ]
+    for k, screen in enumerate(QGuiApplication.screens(), 1):
+        words = translate("Bench", "Screen {k}: {name}").format(k=k, name=screen.name())
+        rows.append((f"screen {k}", f"{words} {screen.size().width()}×{screen.size().height()}"))
+    return rows

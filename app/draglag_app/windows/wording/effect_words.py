@@ -1,0 +1,100 @@
+"""Names of effects and of their parameters as the operator reads them; ids stay what files and commands call them."""
+
+from __future__ import annotations
+
+import re
+
+from PySide6.QtCore import QCoreApplication
+
+from draglag.simulation.effects import EFFECTS
+from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+
+EFFECT_NAMES = {
+    "clock_drift": QT_TRANSLATE_NOOP("Effect", "clock drift"),
+    "clock_offset": QT_TRANSLATE_NOOP("Effect", "clock offset"),
+    "low_speed_plateau": QT_TRANSLATE_NOOP("Effect", "low-speed plateau"),
+    "sample_hold": QT_TRANSLATE_NOOP("Effect", "sample and hold"),
+    "laser_hysteresis": QT_TRANSLATE_NOOP("Effect", "laser hysteresis"),
+    "beam_width": QT_TRANSLATE_NOOP("Effect", "beam width"),
+    "laser_bounce": QT_TRANSLATE_NOOP("Effect", "laser bounce"),
+    "spatial_warp": QT_TRANSLATE_NOOP("Effect", "spatial warp"),
+    "scale_error": QT_TRANSLATE_NOOP("Effect", "scale error"),
+    "direction_asymmetry": QT_TRANSLATE_NOOP("Effect", "direction asymmetry"),
+    "acceleration_lag": QT_TRANSLATE_NOOP("Effect", "acceleration lag"),
+    "contact_trail": QT_TRANSLATE_NOOP("Effect", "contact trail"),
+    "thermal_drift": QT_TRANSLATE_NOOP("Effect", "thermal drift"),
+    "frame_batching": QT_TRANSLATE_NOOP("Effect", "frame batching"),
+    "timestamp_quantisation": QT_TRANSLATE_NOOP("Effect", "coarse time stamps"),
+    "frame_drop": QT_TRANSLATE_NOOP("Effect", "dropped frames"),
+    "loss_of_contact": QT_TRANSLATE_NOOP("Effect", "loss of contact"),
+    "second_filter_mode": QT_TRANSLATE_NOOP("Effect", "second filter mode"),
+    "scan_skew": QT_TRANSLATE_NOOP("Effect", "scan skew"),
+    "pitch_ripple": QT_TRANSLATE_NOOP("Effect", "electrode ripple"),
+    "smoothing_shrink": QT_TRANSLATE_NOOP("Effect", "smoothing that shrinks"),
+    "beam_wedge": QT_TRANSLATE_NOOP("Effect", "beam wedge"),
+    "lagging_law": QT_TRANSLATE_NOOP("Effect", "lagging law"),
+}
+# id → name, unit as shown, how many of it make one of the library's.
+_MS = (" ms", 1e3)
+PARAMETERS: dict[str, tuple[str, str, float]] = {
+    "drift_ppm": (QT_TRANSLATE_NOOP("Effect", "drift"), " ppm", 1.0),
+    "offset_s": (QT_TRANSLATE_NOOP("Effect", "offset"), *_MS),
+    "speed_mm_s": (QT_TRANSLATE_NOOP("Effect", "speed"), " mm/s", 1.0),
+    "rate_hz": (QT_TRANSLATE_NOOP("Effect", "rate"), " Hz", 1.0),
+    "delay_s": (QT_TRANSLATE_NOOP("Effect", "delay"), *_MS),
+    "extra_mm": (QT_TRANSLATE_NOOP("Effect", "extra"), " mm", 1.0),
+    "extra_s": (QT_TRANSLATE_NOOP("Effect", "extra"), *_MS),
+    "share": (QT_TRANSLATE_NOOP("Effect", "share"), " %", 100.0),
+    "span_s": (QT_TRANSLATE_NOOP("Effect", "span"), *_MS),
+    "amplitude_mm": (QT_TRANSLATE_NOOP("Effect", "amplitude"), " mm", 1.0),
+    "difference_s": (QT_TRANSLATE_NOOP("Effect", "difference"), *_MS),
+    "lag_s_per_mm_s2": (QT_TRANSLATE_NOOP("Effect", "lag"), " ms/(m/s²)", 1e6),
+    "trail_mm": (QT_TRANSLATE_NOOP("Effect", "trail"), " mm", 1.0),
+    "creep_s_per_h": (QT_TRANSLATE_NOOP("Effect", "creep"), " ms/h", 1e3),
+    "frames": (QT_TRANSLATE_NOOP("Effect", "frames"), "", 1.0),
+    "quantum_s": (QT_TRANSLATE_NOOP("Effect", "quantum"), *_MS),
+    "losses_per_min": (QT_TRANSLATE_NOOP("Effect", "losses"), " /min", 1.0),
+    "duration_s": (QT_TRANSLATE_NOOP("Effect", "duration"), *_MS),
+    "filled": (QT_TRANSLATE_NOOP("Effect", "filled"), "", 1.0),
+    "threshold_mm_s": (QT_TRANSLATE_NOOP("Effect", "threshold"), " mm/s", 1.0),
+    "threshold_mm_s2": (QT_TRANSLATE_NOOP("Effect", "threshold"), " mm/s²", 1.0),
+    "across_s": (QT_TRANSLATE_NOOP("Effect", "across the panel"), *_MS),
+    "across_mm": (QT_TRANSLATE_NOOP("Effect", "across the panel"), " mm", 1.0),
+    "pitch_mm": (QT_TRANSLATE_NOOP("Effect", "pitch"), " mm", 1.0),
+    "time_constant_s": (QT_TRANSLATE_NOOP("Effect", "time constant"), *_MS),
+}
+_SIZE = re.compile(r"(?P<id>[a-z]\w*_\w+|share|frames) (?P<value>[-\d.e]+) \((?P<low>[-\d.e]+) to (?P<high>[-\d.e]+)\)")
+
+
+def _say(text: str) -> str:
+    return QCoreApplication.translate("Effect", text)
+
+
+def effect_name(effect: str) -> str:
+    """An effect's name; an id that is not known stays as it is."""
+    return _say(EFFECT_NAMES[effect]) if effect in EFFECT_NAMES else effect
+
+
+def effect_meaning(effect: str) -> str:
+    """What it is, in one sentence, and its id, by which files and commands call it."""
+    known = EFFECTS.get(effect)
+    return effect if known is None else f"{_say(known.meaning)} ({effect})"
+
+
+def size_words(parameter: str, value: float, interval: tuple[float, float] | None = None) -> str:
+    """A parameter's name and size with its 95 % interval, in the unit people read."""
+    name, unit, factor = PARAMETERS.get(parameter, (parameter, "", 1.0))
+    text = f"{_say(name)} {factor * value:.4g}{unit}"
+    if interval is None:
+        return text
+    return text + f" ({factor * interval[0]:.4g} … {factor * interval[1]:.4g})"
+
+
+def sizes_in_words(sentence: str) -> str:
+    """A sentence of the gap report with its sizes, “amplitude_mm 0.02 (0.01 to 0.03)”, in words."""
+
+    def told(found: re.Match[str]) -> str:
+        interval = float(found["low"]), float(found["high"])
+        return size_words(found["id"], float(found["value"]), interval)
+
+    return _SIZE.sub(told, sentence)

@@ -1,0 +1,145 @@
+"""Sentences of library and instruments in the operator's language: they say them in English, with numbers in them."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+from PySide6.QtCore import QCoreApplication
+
+from draglag.errors import DraglagError
+from draglag_app.windows.wording.device_words import NOTICES, PROBLEMS, REASONS, REMEDIES
+from draglag_app.windows.wording.gap_words import GAP
+from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+
+_SOURCES = {
+    "touch": QT_TRANSLATE_NOOP("Source", "touchscreen"),
+    "laser": QT_TRANSLATE_NOOP("Source", "laser sensor"),
+    "walt": QT_TRANSLATE_NOOP("Source", "WALT"),
+    "file": QT_TRANSLATE_NOOP("Source", "file"),
+    "disk": QT_TRANSLATE_NOOP("Source", "disk"),
+    "protocol": QT_TRANSLATE_NOOP("Source", "protocol"),
+    "operator": QT_TRANSLATE_NOOP("Source", "operator"),
+}
+
+# What ``analyze`` may say about a session's clocks, runs and curve, and what the session itself says while it records.
+SENTENCES = (
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The laser's clock shifts the latency of {runs} by up to ±{worst} ms (more than {limit} ms); the intervals "
+        "hold it. Use another port and close other programs.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The laser's clock was never compared with the host's in {runs}: a shift of the latency would not show. "
+        "Record again with the clocks compared.",
+    ),
+    QT_TRANSLATE_NOOP("Library", "The {name}'s clock shifts the tap latencies by up to ±{worst} ms."),
+    QT_TRANSLATE_NOOP("Library", "The clock comparisons cannot be read: {problem}."),
+    QT_TRANSLATE_NOOP(
+        "Library", "The {name} clock does not run evenly: its comparisons contradict each other by {slack} ms."
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The {name} clock drifts by {ppm} ppm ({ms} ms in 60 s); it is corrected, but more than the paper's 1 ms in "
+        "60 s.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "Runs lie {off} ms off the curve beyond their own errors: something other than speed moves their latency, or "
+        "the curve is too simple for them. See what draglag gap finds before using the curve.",
+    ),
+    QT_TRANSLATE_NOOP("Library", "{run}: no latency ({flags})"),
+    QT_TRANSLATE_NOOP("Library", "no run gave a latency, so there is no curve. Record runs at several speeds."),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "{n} runs cannot determine the {k} parameters of {form}. Measure more speeds or choose a simpler form.",
+    ),
+    QT_TRANSLATE_NOOP("Library", "the asymptote could not be tied: the session has no release taps"),
+    QT_TRANSLATE_NOOP("Library", "the form {form} has no asymptote to tie. Choose an exponential form."),
+    QT_TRANSLATE_NOOP("Library", "Stopped by the operator."),
+    QT_TRANSLATE_NOOP("Library", "Tap the spot {n} times"),
+    QT_TRANSLATE_NOOP("Library", "Comparing clocks: leave the screen alone"),
+    QT_TRANSLATE_NOOP("Library", "taps were left out: there is no {roles} source"),
+    QT_TRANSLATE_NOOP("Library", "{role} did not report up to the end of the run"),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The touches are {how} against the target: screen or touchscreen was turned after the calibration. Stop, "
+        "calibrate the touchscreen again, and begin anew.",
+    ),
+    QT_TRANSLATE_NOOP("Library", "only {free} MB are free in {folder}: make room"),
+    *GAP,
+)
+
+
+# Where the next of several faults begins, told together.
+_NEXT = re.compile(r"(?<=\. )(?=(?:evdev|ethercat|serial|sim|replay|csv):\S*: )")
+_ADDRESS = r"(?:(?P<_source>.+?): )?"
+_REMEDY = r"(?:(?P<_joint>; |\. |\.)(?P<_remedy>.+)?)?"
+
+
+def in_words(sentence: str) -> str:
+    """The sentence in the operator's language, with its own numbers; one that is not known stays as it is.
+
+    Those of instruments are "address: problem. remedy." (see ``DraglagError``), and may be several.
+    """
+    known = _known(sentence, "Library", SENTENCES)
+    if known is not None:
+        return known
+    return "".join(_device_words(part) for part in _NEXT.split(sentence))
+
+
+def fault_words(problem: str, remedy: str) -> str:
+    """What is wrong and what to do about it, in the operator's language."""
+    return in_words(str(DraglagError(problem, remedy)))
+
+
+def source_name(source: str) -> str:
+    """Who says something, in the operator's language; an address stays as it is."""
+    return QCoreApplication.translate("Source", _SOURCES[source]) if source in _SOURCES else source
+
+
+def _device_words(sentence: str) -> str:
+    prefix = re.match(r"(?P<_source>\S+): ", sentence)
+    source = prefix["_source"] if prefix else None
+    rest = sentence[prefix.end() :] if prefix else sentence
+    for whole, text in (("", sentence), (f"{source}: ", rest)):
+        known = _known(text, "Device", NOTICES)
+        if known is not None:
+            return whole + known
+    for template in PROBLEMS:
+        found = _pattern(template, _ADDRESS, _REMEDY).fullmatch(sentence.rstrip())
+        if found is None:
+            continue
+        places = found.groupdict()
+        source, joint, remedy = places.pop("_source"), places.pop("_joint"), places.pop("_remedy")
+        told = f"{source}: " if source else ""
+        told += _filled("Device", template, places) + (joint or "")
+        if remedy:
+            end = "." if remedy.endswith(".") else ""
+            told += (_known(remedy.removesuffix("."), "Device", REMEDIES) or remedy.removesuffix(".")) + end
+        return told + sentence[len(sentence.rstrip()) :]
+    return _known(sentence.removesuffix("."), "Device", REMEDIES) or sentence
+
+
+def _known(text: str, context: str, templates: tuple[str, ...]) -> str | None:
+    for template in templates:
+        found = _pattern(template).fullmatch(text)
+        if found is not None:
+            return _filled(context, template, found.groupdict())
+    return None
+
+
+def _filled(context: str, template: str, places: dict[str, str]) -> str:
+    words = {
+        name: source_name(value) if name == "role" else _known(value, "Device", REASONS) or value
+        for name, value in places.items()
+    }
+    return QCoreApplication.translate(context, template).format(**words)
+
+
+@cache
+def _pattern(template: str, before: str = "", after: str = "") -> re.Pattern[str]:
+    parts = re.split(r"{(\w+)}", template)
+    inner = "".join(f"(?P<{part}>.+?)" if k % 2 else re.escape(part) for k, part in enumerate(parts))
+    return re.compile(before + inner + after, re.DOTALL)

@@ -1,0 +1,120 @@
+"""Numbers and states in the operator's words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import QCoreApplication
+
+from draglag.curve import FORMS
+from draglag.latency import RunEstimate
+from draglag.latency.flags import MEANING
+from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+
+DASH = "–"
+TARGETS = {
+    "circle": QT_TRANSLATE_NOOP("Words", "circle"),
+    "chirp": QT_TRANSLATE_NOOP("Words", "chirp"),
+    "multisine": QT_TRANSLATE_NOOP("Words", "multi-sine"),
+    "step": QT_TRANSLATE_NOOP("Words", "step"),
+    "free": QT_TRANSLATE_NOOP("Words", "free"),
+    "tap": QT_TRANSLATE_NOOP("Words", "tap"),
+}
+OUTCOMES = {
+    "complete": QT_TRANSLATE_NOOP("Words", "complete"),
+    "aborted": QT_TRANSLATE_NOOP("Words", "aborted"),
+    "device_lost": QT_TRANSLATE_NOOP("Words", "device lost"),
+    "failed": QT_TRANSLATE_NOOP("Words", "failed"),
+}
+
+
+def say(text: str) -> str:
+    """A text of this file in the operator's language."""
+    return QCoreApplication.translate("Words", text)
+
+
+def target_name(kind: str) -> str:
+    return say(TARGETS.get(kind, kind))
+
+
+def outcome_name(outcome: str) -> str:
+    return say(OUTCOMES.get(outcome, outcome))
+
+
+def form_name(form: str) -> str:
+    return say(FORMS[form].title) if form in FORMS else form
+
+
+def number(value: float | None, digits: int = 1) -> str:
+    """A number, or a dash."""
+    return DASH if value is None or value != value else f"{value:.{digits}f}"
+
+
+def chance(p_value: float) -> str:
+    """A probability; none is nothing, however small the computer's numbers get."""
+    return f"p = {p_value:.2g}" if p_value > 0.0 else "p < 1e-300"
+
+
+def ms(value_s: float | None, digits: int = 1) -> str:
+    """Seconds as milliseconds, without the unit."""
+    return number(None if value_s is None else 1e3 * value_s, digits)
+
+
+def latency_text(estimate: RunEstimate) -> str:
+    """Latency with half the width of its 95 % interval."""
+    if estimate.latency_s is None:
+        return DASH
+    if estimate.latency_ci95_s is None:
+        return f"{ms(estimate.latency_s)} ms"
+    half_s = (estimate.latency_ci95_s[1] - estimate.latency_ci95_s[0]) / 2
+    return f"{ms(estimate.latency_s)} ± {ms(half_s)} ms"
+
+
+def verdict(estimate: RunEstimate) -> tuple[str, str]:
+    """(level, words) of an estimate: "ok", "warning" or "bad"."""
+    if estimate.latency_s is None:
+        return "bad", ", ".join(flag_name(flag) for flag in estimate.flags) or say("no latency")
+    if estimate.flags:
+        return "warning", ", ".join(flag_name(flag) for flag in estimate.flags)
+    return "ok", say("good")
+
+
+def flag_name(flag: str) -> str:
+    return say(flag.replace("_", " "))
+
+
+def flag_meanings(flags: tuple[str, ...]) -> str:
+    """What the flags mean, a line each."""
+    return "\n".join(f"{flag_name(flag)}: {say(MEANING.get(flag, flag))}" for flag in flags)
+
+
+def clock_words(estimates: Sequence[RunEstimate]) -> str:
+    """What the clocks do to the latencies, where the operator should know; else nothing."""
+    unsure = [e for e in estimates if "clock_uncertain" in e.flags and e.clock_uncertainty_s is not None]
+    unknown = [e for e in estimates if "clock_unknown" in e.flags]
+    said = []
+    if unsure:
+        worst = max(e.clock_uncertainty_s or 0.0 for e in unsure)
+        text = say("The laser's clock is known to ±{worst} ms only in {runs}: above 1 ms it matters.")
+        said.append(text.format(worst=ms(worst, 2), runs=", ".join(e.id for e in unsure[-3:])))
+    if unknown:
+        text = say("The laser's clock was not compared with the computer's in {runs}.")
+        said.append(text.format(runs=", ".join(e.id for e in unknown[-3:])))
+    return " ".join(said)
+
+
+def size(n_bytes: float) -> str:
+    """Bytes as people read them."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if n_bytes < 1000:
+            return f"{n_bytes:.0f} {unit}" if unit in ("B", "kB") else f"{n_bytes:.1f} {unit}"
+        n_bytes /= 1000
+    return f"{n_bytes:.1f} TB"
+
+
+def duration(seconds: float) -> str:
+    """Minutes and seconds."""
+    whole = max(0, round(seconds))
+    if whole >= 3600:
+        return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+    return f"{whole // 60}:{whole % 60:02d}"
