@@ -88,8 +88,9 @@ def realise(effect: ModelEffect) -> Effect:
             next(iter(effect.parameters.values()), 0.0), effect.id, shape.theta, shape.sizes, shape.about
         )
     numbers = dict(effect.parameters)
+    known = {spec.name for spec in EFFECTS[effect.id].parameters}
     main = EFFECTS[effect.id].parameters[0].name
-    if main not in numbers and len(numbers) == 1:
+    if len(numbers) == 1 and not known & set(numbers):
         numbers = {main: next(iter(numbers.values()))}
     return made(effect.id, numbers)
 

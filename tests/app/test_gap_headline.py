@@ -95,7 +95,7 @@ def test_runs_that_the_fit_does_not_judge_by_are_told_with_the_reason():
     session, of_runs = SimpleNamespace(runs=runs), [SimpleNamespace(run=run) for run in runs]
     first, last = (SimpleNamespace(runs=of_runs, run_index=np.array(used)) for used in ([0, 0, 1, 1], [0, 0]))
     said = unjudged(session, replace(report("no_gap"), first=first, last=last))
-    assert said == "Not judged by: run-02 (circle, left out beside an effect), run-03 (step, no usable edge)."
+    assert said == "Not judged by: run-02 (circle, left out beside an effect), run-03 (step, too few edges or events)."
     last.run_index = np.array([0, 1, 2])
     assert unjudged(session, replace(report("no_gap"), first=first, last=last)) == ""
 

@@ -12,7 +12,9 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
+from draglag.gap.finding.scan import Candidate
 from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.parameters import where_of
 from draglag.gap.naming.doubts import without_idle
 from draglag.gap.replaying.realised import FittedShape
 from draglag.gap.results import Step
@@ -130,6 +132,12 @@ def test_a_switching_filters_times_are_looked_for_again_beside_what_hid_them() -
     assert report.gap_last_mm is not None
     assert sound.gap_last_mm is not None
     assert report.gap_last_mm < 1.15 * sound.gap_last_mm
+    # What is told of it is of the model at the end, whose times were settled anew.
+    assert report.last is not None
+    assert report.last.only is not None
+    told = next(step for step in report.steps if step.effect == "second_filter_mode")
+    assert told.where == where_of("second_filter_mode", report.last)
+    assert f" {np.count_nonzero(~report.last.only)} edges about its switches" in told.evidence
 
 
 def test_coarse_stamps_hide_neither_a_lagging_law_nor_an_offset() -> None:
@@ -150,15 +158,20 @@ def test_held_positions_hide_no_lagging_law_once_their_ages_are_undone() -> None
 def test_names_that_together_close_next_to_nothing_are_withdrawn_beside_something_nameless() -> None:
     first, last = (cast("Fit", SimpleNamespace()) for _ in range(2))
 
-    def step(effect: str, before_mm: float, after_mm: float, fit: Fit | None = last) -> Step:
-        return Step(effect, {}, "", "", 0.0, "", before_mm, after_mm, fit=fit)
+    nameless = Candidate(None, "speed", "latency", 300.0, 1, 1, 0.0)
+
+    def step(effect: str, before_mm: float, after_mm: float, fit: Fit | None = last, gain: float = 200.0) -> Step:
+        return Step(effect, {}, "", "", 0.0, "", before_mm, after_mm, gain=gain, fit=fit)
 
     seen, idle = step("frame_drop", 0.31, 0.3, None), step("laser_hysteresis", 0.3, 0.29)
-    left, fit = without_idle([seen, idle], last, first)
+    left, fit = without_idle([seen, idle], last, first, nameless)
     assert [s.effect for s in left] == ["frame_drop"]  # the streams show it
     assert fit is first
     # Beside a larger one, an effect may close little in RMS, or nothing: the three together close most.
     chain = [step("beam_width", 1.1, 1.12), step("direction_asymmetry", 1.12, 1.1), step("clock_drift", 1.1, 0.2)]
-    left, fit = without_idle(chain, last, first)
+    left, fit = without_idle(chain, last, first, nameless)
     assert left == chain
     assert fit is last
+    # What is surer than the rest is there, however little of the gap it makes.
+    sure = [step("laser_hysteresis", 0.3, 0.29, gain=400.0)]
+    assert without_idle(sure, last, first, nameless)[0] == sure

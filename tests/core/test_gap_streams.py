@@ -10,11 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from draglag.correction import realise
 from draglag.exchange import read_exchange
 from draglag.gap.finding.stalls import stalls
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import evened
 from draglag.gap.traces.unwarped import Shown, Unwarped
+from draglag.model_file import ModelEffect
 from draglag.protocols import load_protocol
 from draglag.recording import Session, TouchTrace
 from draglag.simulation import simulate_session
@@ -141,6 +143,20 @@ def test_chatter_is_told_by_the_time_it_may_last_and_by_its_share(sound: Session
         value, (low, high) = found.parameters[name]
         assert low <= value <= high
         assert low < truth < high, name
+
+
+def test_chatter_that_no_run_shows_whole_is_told_as_far_as_it_is_seen(sound: Session) -> None:
+    # A thin stylus and quick circles: passes are hardly longer than the chatter, which falls apart there.
+    thin = replace(sound, stylus=replace(sound.stylus, diameter_mm=3.0))
+    quick = replace(thin, runs=tuple(run for run in thin.runs if (run.nominal_speed_mm_s or 0.0) > 190.0))
+    (found,), _ = inspect(with_chatter(quick, 5e-3))
+    low, high = found.parameters["share"][1]
+    assert low < 0.5 <= high
+    told = {name: float(value) for name, (value, _) in found.parameters.items()}
+    made = realise(ModelEffect(id=found.effect, parameters=told))
+    assert made == LaserBounce(told["share"], told["span_s"])
+    # A model file without the share has a chatter of the usual share, not one of a share of so many seconds.
+    assert realise(ModelEffect(id=found.effect, parameters={"span_s": 0.004})) == LaserBounce(0.1, 0.004)
 
 
 def test_losses_of_contact_are_told_per_time_of_contact(sound: Session) -> None:

@@ -12,7 +12,7 @@ from draglag.gap.compose import STREAMS, Gap, Model, Shrinkage, shrinkage, theta
 from draglag.gap.finding.scan import Finding, find
 from draglag.gap.finding.separate import ALWAYS_TOGETHER, EXTRA_RUN
 from draglag.gap.fitting.heldout import floor_mm, gap_mm
-from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.fitting.signatures import SIGNATURES
@@ -20,6 +20,7 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.naming.doubts import covariate_of, left_out, still_there
 from draglag.gap.naming.refits import PLATEAU, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.naming.soundness import excess_between_runs, excess_scatter
+from draglag.gap.naming.tries import fit_judged
 from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
 from draglag.gap.streams.evidence import inspect
 from draglag.recording import Session
@@ -52,7 +53,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     plateau = before.law.plateau_mm_s > 0 or effect == PLATEAU
     terms = list(before.terms) if effect == PLATEAU else [*before.terms, Term(term, theta_of(before, term))]
     try:
-        fit = fit_session(repaired, before.runs, terms, plateau, before)
+        fit = fit_judged(repaired, before, terms, plateau)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"the model cannot be fitted with {effect}: {problem}", "Choose another effect") from None
     finding = find(fit, without=left_out(frozenset(EFFECTS)) | there | {term})

@@ -36,6 +36,7 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.naming.choice import name as names_of
 from draglag.gap.naming.doubts import left_out
 from draglag.gap.naming.refits import PLATEAU, gained
+from draglag.gap.naming.tries import fit_judged
 from draglag.gap.results import COVARIATE, TERM_OF, Step
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
@@ -189,7 +190,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
                 continue
             done = {*done, term}
             terms = list(fit.terms) if effect == PLATEAU else [*fit.terms, Term(term, theta_of(fit, term))]
-            fit = fit_session(ready, fit.runs, terms, plateau and PLATEAU in done, fit)
+            fit = fit_judged(ready, fit, terms, plateau and PLATEAU in done)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"{session.name}: the model cannot be fitted: {problem}", "Take an effect out") from None
     fitted = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit, of=_of(session))

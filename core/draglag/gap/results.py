@@ -135,7 +135,7 @@ def unjudged(session: Session, report: GapReport) -> str:
         return ""
     first, last = ({fit.runs[k].run.id for k in set(fit.run_index.tolist())} for fit in (report.first, report.last))
     left = [
-        f"{run.id} ({run.protocol}, {'left out beside an effect' if run.id in first else 'no usable edge'})"
+        f"{run.id} ({run.protocol}, {'left out beside an effect' if run.id in first else 'too few edges or events'})"
         for run in session.runs
         if run.id not in last
     ]

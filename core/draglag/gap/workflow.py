@@ -40,6 +40,7 @@ from draglag.gap.naming.doubts import (
 from draglag.gap.naming.refits import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.naming.soundness import excess_between_runs, excess_scatter, follows_another_speed, nameless_ripple
 from draglag.gap.naming.together import name_two
+from draglag.gap.naming.tries import judged_by
 from draglag.gap.results import COVARIATE, GapReport, Step
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
@@ -192,7 +193,7 @@ def close_gap(
     if unexplained is None and RIPPLE not in allowed:
         unexplained = nameless_ripple(fit)
     if unexplained is not None and stopped_at is None:
-        steps, fit = without_idle(steps, fit, first)
+        steps, fit = without_idle(steps, fit, first, unexplained)
     if unexplained is None and strange:
         # Seen in the streams, and there is no name for it to be given.
         unexplained = Candidate(None, COVARIATE[strange[0].effect], "latency", 0.0, 1, 1, 0.0)
@@ -231,8 +232,8 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
     if p_value > LEVEL:  # a change of the law has no column to be found by: it was named for its gain alone
         p_value = min(p_value, LEVEL * float(np.exp(-0.5 * max(best.gain - RARE, 0.0))))
     evidence = f"deviance falls by {best.gain:.0f} after its price"
-    if effect == MODE and best.fit.only is not None:
-        evidence += f"; {np.count_nonzero(~best.fit.only)} edges about its switches are of neither filter, and left out"
+    if effect == MODE:
+        evidence += _of_neither_in_words(best.fit)
     together = tuple(e for e in ALWAYS_TOGETHER.get(effect, ()) if e in allowed)
     if effect == "clock_drift":
         size = next(t.sizes[0] for t in best.fit.terms if t.effect == effect)
@@ -259,7 +260,20 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
 def _settled(step: Step, fit: Fit) -> Step:
     """The step with its numbers from the final fit, beside all other effects."""
     numbers = parameters_of(step.effect, fit)
-    return replace(step, parameters=numbers or step.parameters)
+    if not numbers or step.fit is None:
+        return step
+    evidence = step.evidence
+    if step.effect == MODE:  # its times may have been settled anew
+        evidence = evidence.replace(_of_neither_in_words(step.fit), _of_neither_in_words(fit))
+    return replace(step, parameters=numbers, where=where_of(step.effect, fit), evidence=evidence)
+
+
+def _of_neither_in_words(fit: Fit) -> str:
+    if fit.only is None:
+        return ""
+    others = [term for term in fit.terms if term.effect != MODE]
+    count = np.count_nonzero(~fit.only & judged_by(fit.placed, others))
+    return f"; {count} edges about its switches are of neither filter, and left out"
 
 
 def _stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fit) -> Iterable[Step]:

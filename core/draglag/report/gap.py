@@ -88,7 +88,7 @@ def write_gap_report(
     body.append(
         f"<p>Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
         f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms; {FLOOR_REACHES}); {report.last.residual_mm.size} edges of "
-        f"{len(report.last.runs)} runs{_left_out(report)}. {escape(unjudged(session, report))}</p>"
+        f"{np.unique(report.last.run_index).size} runs{_left_out(report)}. {escape(unjudged(session, report))}</p>"
     )
     body.append(_table(report))
     if provisional is not None:

@@ -165,10 +165,12 @@ def without_parts(
     return steps, fit
 
 
-def without_idle(steps: list[Step], fit: Fit, first: Fit) -> tuple[list[Step], Fit]:
-    """Steps and fit without names that together close next to nothing, where something without a name is left: they
-    took what lay nearest. What the streams show stays."""
+def without_idle(steps: list[Step], fit: Fit, first: Fit, left: Candidate) -> tuple[list[Step], Fit]:
+    """Steps and fit without names that together close next to nothing, where something larger without a name is left:
+    they took what lay nearest. What the streams show stays, and so does a name that is surer than what is left."""
     fitted = [k for k, step in enumerate(steps) if step.fit is not None]
+    if any(steps[k].gain > left.score for k in fitted):
+        return steps, fit
     if fitted and steps[fitted[-1]].gap_after_mm > BARELY * steps[fitted[0]].gap_before_mm:
         return _before(fitted[0], steps, first)
     return steps, fit

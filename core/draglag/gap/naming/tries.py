@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.finding.scan import Finding
-from draglag.gap.fitting.joint import RIPPLE, Fit, latency_of_terms, most_promising
+from draglag.gap.fitting.joint import RIPPLE, Fit, fit_session, latency_of_terms, most_promising
 from draglag.gap.fitting.plateau import promised_gain
 from draglag.gap.fitting.signatures import SIGNATURES
 from draglag.gap.fitting.state import LAGGING, Term
@@ -22,6 +22,7 @@ from draglag.gap.naming.switching import (
     LEAST_EDGES,
     Switching,
     away,
+    beyond_both,
     find_switching,
     later_of,
     law_beside,
@@ -42,6 +43,7 @@ LEFT_OVER = 0.03  # of a lateness undone: what is left is told to first order
 AGREE = 0.15  # of the lateness that skips show: five times what they know it by
 BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 END_S = 0.3  # of a trace; three times what an acceleration behind it remembers
+SURE_SIZE = 3.0  # standard deviations
 HINTED = 5.0  # gain of a lagging law's mean effect, below which it is not looked for: most sound sessions
 HINTS = 5.0  # times that gain is what the law itself may come to; 1 to 3 times is usual
 
@@ -125,6 +127,13 @@ def judged_by(placed: Placed, terms: Sequence[Term]) -> np.ndarray:
     return out
 
 
+def fit_judged(session: Session, before: Fit, terms: Sequence[Term], plateau: bool) -> Fit:
+    """The joint fit with terms that are not sized yet, by the edges that it can be judged by. Raises as fit_session."""
+    fit = fit_session(session, before.runs, terms, plateau, before)
+    only = judged_by(fit.placed, fit.terms)
+    return fit if only.all() else fit_session(session, before.runs, fit.terms, plateau, before, fit.law, only)
+
+
 def shown_ripple(fit: Fit) -> Lattice | None:
     """The lattice that the touch events show, if large enough for a name, however little of it the edges show."""
     lattice = lattice_in(as_shown(fit.runs))
@@ -141,7 +150,12 @@ def _above_a_speed(session: Session, before: Fit, plateau: bool, a: Try) -> Fit 
     size_s = a.found.size_s if isinstance(a.found, Step) else EFFECTS[MODE].parameters[0].typical
     options = [[*before.terms, Term(MODE, (float(v), 0.0), (size_s,))] for v in speeds]
     terms = most_promising(before, options, law)
-    return refit(session, before, terms, plateau, law, away(before.placed, terms[-1].theta, size_s))
+    fit = refit(session, before, terms, plateau, law, away(before.placed, terms[-1].theta, size_s))
+    if fit is None:
+        return None
+    size_s = fit.terms[-1].sizes[0]
+    by_chance = abs(size_s) < SURE_SIZE * float(np.sqrt(fit.covariance[-1, -1]))  # the edges left out made it likely
+    return None if by_chance or beyond_both(fit, fit.terms[-1].theta[0], size_s) else fit
 
 
 def _switched(session: Session, before: Fit, switching: Switching, plateau: bool) -> Fit | None:

@@ -60,7 +60,7 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
 def _bounce(session: Session) -> tuple[StreamEffect] | None:
     """Chatter: transitions closer together than any stylus allows, in groups around single edges."""
     groups: list[tuple[float, int, int]] = []  # of each run: how near, groups that chatter, groups
-    spans: list[float] = []
+    each: list[tuple[float, float]] = []  # of each chatter: how near is near in its run, how long it lasted
     for run in session.runs:
         t = np.sort(run.laser.t_s)
         if t.size < 6 or run.touch.t_s.size < 50:
@@ -74,19 +74,27 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
         begin = np.flatnonzero(starts)
         # A chattering edge ends in its new state, after three transitions or more; two are a pass that grazes the beam,
         # an even number two edges so close that their chatter meets.
-        spans += [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 2 and n % 2]
+        whole = [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 2 and n % 2]
+        each += [(closest, span) for span in whole]
         groups.append((closest, int(np.sum(size > 2)), int(size.size)))
-    extra, edges = (sum(group[k] for group in groups) for k in (1, 2))
-    if edges == 0 or extra < max(5, 0.02 * edges) or not spans:
+    extra, edges = (int(sum(group[k] for group in groups)) for k in (1, 2))
+    if edges == 0 or extra < max(5, 0.02 * edges) or not each:
         return None
     # Of the time in which it may chatter the longest tells: of n edges' last of two flips, one lies within its last
     # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
-    spans = [span for span in spans if span <= 2 * float(np.median(spans))]
-    span_s = max(spans)
-    longest_s = span_s * 0.05 ** (-1 / (2 * len(spans)))
-    share = extra / edges
-    # Chatter that outlasts what is near in a fast run falls apart there.
-    told, of = (int(sum(group[k] for group in groups if group[0] >= span_s)) for k in (1, 2))
+    longest = 2 * float(np.median([span for _, span in each]))
+    span_s = max(span for _, span in each if span <= longest)
+    # Chatter that outlasts what is near in a fast run falls apart there; where it does so in every run, the slowest
+    # tells at least.
+    whole_in = [group for group in groups if group[0] >= span_s]
+    near_least_s = span_s if whole_in else max(group[0] for group in groups)
+    told, of = (int(sum(group[k] for group in groups if group[0] >= near_least_s)) for k in (1, 2))
+    if not told:
+        told, of = extra, edges
+    seen = sum(near_s >= near_least_s and span <= longest for near_s, span in each)
+    longest_s = span_s * 0.05 ** (-1 / (2 * max(seen, 1)))
+    share = told / of
+    low, high = share_interval(told, of)
     return (
         StreamEffect(
             "laser_bounce",
@@ -95,8 +103,8 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
             (span_s - STAMP_S, longest_s),
             f"{100 * share:.0f} % of edges",
             f"{extra} of {edges} edges chatter for up to {1e3 * span_s:.2f} ms",
-            share,
-            also=(("share", told / of, share_interval(told, of)),) if of else (),
+            extra / edges,
+            also=(("share", share, (low, high if whole_in else 1.0)),),
         ),
     )
 

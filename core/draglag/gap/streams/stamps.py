@@ -212,6 +212,7 @@ def drops(touches: list[TouchTrace]) -> StreamEffect | None:
     total = int(of_length @ frames)
     together = float(of_length[2:] @ (frames[2:] - 1) ** 2)
     share = lost / max(total, 1)
+    mean_hole = lost / max(int(of_length[2:].sum()), 1)
     if share < 0.03:
         return None
     return StreamEffect(
@@ -219,7 +220,7 @@ def drops(touches: list[TouchTrace]) -> StreamEffect | None:
         "share",
         share,
         share_interval(lost, max(total, 1), together / lost),
-        "single frames, all through",
+        f"{mean_hole:.2g} frames at a time, all through" if mean_hole > 1.2 else "single frames, all through",
         f"{100 * share:.1f} % of frames are missing",
         share,
     )
