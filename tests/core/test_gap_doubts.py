@@ -12,10 +12,10 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.finding.scan import Candidate
+from draglag.gap.finding.scan import Candidate, Finding
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.parameters import where_of
-from draglag.gap.naming.doubts import without_idle
+from draglag.gap.naming.doubts import outweighed, without_idle
 from draglag.gap.replaying.realised import FittedShape
 from draglag.gap.results import Step
 from draglag.protocols import load_protocol
@@ -175,3 +175,18 @@ def test_names_that_together_close_next_to_nothing_are_withdrawn_beside_somethin
     # What is surer than the rest is there, however little of the gap it makes.
     sure = [step("laser_hysteresis", 0.3, 0.29, gain=400.0)]
     assert without_idle(sure, last, first, nameless)[0] == sure
+
+
+def test_a_surer_structure_without_a_name_outweighs_names_that_do_not_shrink_the_gap() -> None:
+    fit = cast("Fit", SimpleNamespace())
+    nameless = Candidate(None, "normal_acceleration", "latency", 300.0, 1, 1, 0.0)
+    named = Candidate("laser_hysteresis", "", "latency", 900.0, 1, 1, 0.0)
+    left = cast("Finding", SimpleNamespace(significant=(named, nameless)))
+
+    def step(after_mm: float, gain: float, of: Fit | None = fit) -> Step:
+        return Step("lagging_law", {}, "", "", 0.0, "", 0.3, after_mm, gain=gain, fit=of)
+
+    assert outweighed([step(0.299, 200.0)], left) is nameless
+    assert outweighed([step(0.28, 200.0)], left) is None  # the gap has shrunk
+    assert outweighed([step(0.299, 400.0)], left) is None  # the name is surer
+    assert outweighed([step(0.299, 200.0, None)], left) is None  # the streams show it

@@ -29,6 +29,7 @@ from draglag.gap.naming.doubts import (
     contradicted_by_taps,
     covariate_of,
     left_out,
+    outweighed,
     passed_over,
     path_closes,
     still_there,
@@ -192,6 +193,8 @@ def close_gap(
         unexplained = stalls(whole if coarse else session)  # two stamps alike on a coarse clock are no burst
     if unexplained is None and RIPPLE not in allowed:
         unexplained = nameless_ripple(fit)
+    if unexplained is None and stopped_at is None:
+        unexplained = outweighed(steps, finding)
     if unexplained is not None and stopped_at is None:
         steps, fit = without_idle(steps, fit, first, unexplained)
     if unexplained is None and strange:

@@ -8,7 +8,7 @@ import numpy as np
 
 from draglag.gap.finding.scan import Candidate, Finding, find
 from draglag.gap.finding.separate import clock_offset
-from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_with
+from draglag.gap.fitting.heldout import clearly_less, floor_mm, gap_mm, shrinks_with
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
 from draglag.gap.fitting.noise import EDGE_MM, UNEVEN
@@ -174,6 +174,15 @@ def without_idle(steps: list[Step], fit: Fit, first: Fit, left: Candidate) -> tu
     if fitted and steps[fitted[-1]].gap_after_mm > BARELY * steps[fitted[0]].gap_before_mm:
         return _before(fitted[0], steps, first)
     return steps, fit
+
+
+def outweighed(steps: list[Step], finding: Finding) -> Candidate | None:
+    """What is left without a name, where it is surer than every name and these together do not shrink the gap."""
+    fitted = [step for step in steps if step.fit is not None]
+    if not fitted or clearly_less(fitted[-1].gap_after_mm, fitted[0].gap_before_mm):
+        return None
+    most = max(step.gain for step in fitted)
+    return next((c for c in finding.significant if c.effect is None and c.score > most), None)
 
 
 def _before(k: int, steps: list[Step], first: Fit) -> tuple[list[Step], Fit]:
