@@ -16,6 +16,7 @@ from draglag.gap.fitting.joint import START, Fit, fit_session
 from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import scatter
+from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term, look
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.traces.run_data import gather
@@ -135,3 +136,19 @@ def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
     assert report.gap_first_mm is not None
     assert report.gap_last_mm is not None
     assert report.gap_last_mm < 0.9 * report.gap_first_mm
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_an_interval_holds_a_drift_although_runs_scatter_more_than_noise_may(seed: int) -> None:
+    """Four times what the fit grants runs: then only the runs themselves tell how sure a drift is."""
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("clock_drift=30")], seed=seed)
+    rng = np.random.default_rng(seed)
+
+    def late(run: Run) -> Run:
+        return replace(run, touch=replace(run.touch, t_s=run.touch.t_s + rng.normal(0, 0.004)))
+
+    scattered = replace(session, runs=tuple(map(late, session.runs)))
+    fit = fit_session(scattered, gather(scattered), [Term("clock_drift", ())])
+    low, high = parameters_of("clock_drift", fit)["drift_ppm"][1]
+    assert low < 30 < high
+    assert high - low < 15

@@ -145,6 +145,21 @@ def test_chatter_is_told_by_the_time_it_may_last_and_by_its_share(sound: Session
         assert low < truth < high, name
 
 
+def test_an_edge_beside_another_that_chatters_is_no_longer_chatter(sound: Session) -> None:
+    noisy = with_chatter(sound, 8e-4)
+    first, *others = noisy.runs
+    laser, at_s = first.laser, float(np.median(first.laser.t_s)) + 5e-3
+    t_s = np.append(laser.t_s, at_s + np.array([0.0, 2e-4, 1.1e-3]))  # a pass that grazes the beam, and chatters
+    order = np.argsort(t_s)
+    light = np.append(laser.light, [1 - laser.light[-1], laser.light[-1], 1 - laser.light[-1]]).astype(
+        laser.light.dtype
+    )
+    grazed = replace(first, laser=replace(laser, t_s=t_s[order], light=light[order]))
+    (found,), _ = inspect(replace(noisy, runs=(grazed, *others)))
+    low, high = found.parameters["span_s"][1]
+    assert low < 8e-4 < high
+
+
 def test_chatter_that_no_run_shows_whole_is_told_as_far_as_it_is_seen(sound: Session) -> None:
     # A thin stylus and quick circles: passes are hardly longer than the chatter, which falls apart there.
     thin = replace(sound, stylus=replace(sound.stylus, diameter_mm=3.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from draglag.gap.fitting.heldout import run_by_run_sd
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
 from draglag.gap.fitting.noise import SPEED_TIMING_S
@@ -65,7 +66,7 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
 
 def _named(effect: str, fit: Fit, sizes: np.ndarray, own: slice, theta: tuple[float, ...]) -> Parameters:
     """``own``: which of the fit's columns are the term's."""
-    se = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0))
+    se = np.maximum(np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0)), run_by_run_sd(fit)[own])
     if effect in LINEAR:
         name, factor = LINEAR[effect]
         # What no number of edges averages away: of which moment a speed is, and how smooth an acceleration.

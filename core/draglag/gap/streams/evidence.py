@@ -13,6 +13,7 @@ from draglag.gap.streams.unheld import unheld
 from draglag.recording import Run, Session
 
 STAMP_S = 1e-6  # to which edges are stamped
+STANDS_APART = 1e-4  # chance that the longest of a chatter lies so far beyond the next
 UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open which frame a stamp is of
 
 
@@ -83,7 +84,11 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
     # Of the time in which it may chatter the longest tells: of n edges' last of two flips, one lies within its last
     # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
     longest = 2 * float(np.median([span for _, span in each]))
-    span_s = max(span for _, span in each if span <= longest)
+    spans = sorted(span for _, span in each if span <= longest)
+    # Nor does the longest stand apart from the next: there two edges were close, and one of them chattered.
+    while len(spans) > 2 and spans[-1] > spans[-2] * STANDS_APART ** (-1 / (2 * len(spans) - 2)):
+        spans.pop()
+    span_s = spans[-1]
     # Chatter that outlasts what is near in a fast run falls apart there; where it does so in every run, the slowest
     # tells at least.
     whole_in = [group for group in groups if group[0] >= span_s]
@@ -91,7 +96,7 @@ def _bounce(session: Session) -> tuple[StreamEffect] | None:
     told, of = (int(sum(group[k] for group in groups if group[0] >= near_least_s)) for k in (1, 2))
     if not told:
         told, of = extra, edges
-    seen = sum(near_s >= near_least_s and span <= longest for near_s, span in each)
+    seen = sum(near_s >= near_least_s and span <= span_s for near_s, span in each)
     longest_s = span_s * 0.05 ** (-1 / (2 * max(seen, 1)))
     share = told / of
     low, high = share_interval(told, of)
