@@ -149,7 +149,8 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
     by_taps = "release taps lie +6.4 ms off the fitted asymptote: a law of the taps' own latency would leave 3.556 mm"
     fit = SimpleNamespace(law=SimpleNamespace(plateau_mm_s=118.0), terms=())
     places = {where_of(effect, fit) for effect in (*BY_HAND, "low_speed_plateau")}  # type: ignore[arg-type]
-    places.add("in 40 stretches of time, 265 s in all")
+    places |= {"in 40 stretches of time, 265 s in all", "27 % of edges", "every frame", "every stamp"}
+    places |= {"straight lines in the trace", "every tick of the host's loop", "1.6 frames at a time, all through"}
     report = {
         "steps": [
             {"effect": "clock_drift", "extra_run": EXTRA_RUN["clock_drift"], "evidence": {}},

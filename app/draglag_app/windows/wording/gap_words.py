@@ -68,6 +68,13 @@ GAP = (
     QT_TRANSLATE_NOOP("Library", "above a threshold of speed"),
     QT_TRANSLATE_NOOP("Library", "where the speed changes"),
     QT_TRANSLATE_NOOP("Library", "everywhere"),
+    QT_TRANSLATE_NOOP("Library", "{share} % of edges"),
+    QT_TRANSLATE_NOOP("Library", "straight lines in the trace"),
+    QT_TRANSLATE_NOOP("Library", "every tick of the host's loop"),
+    QT_TRANSLATE_NOOP("Library", "every frame"),
+    QT_TRANSLATE_NOOP("Library", "every stamp"),
+    QT_TRANSLATE_NOOP("Library", "single frames, all through"),
+    QT_TRANSLATE_NOOP("Library", "{count} frames at a time, all through"),
 )
 
 _FOLLOWS = {
