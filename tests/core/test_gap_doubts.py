@@ -175,6 +175,8 @@ def test_names_that_together_close_next_to_nothing_are_withdrawn_beside_somethin
     # What is surer than the rest is there, however little of the gap it makes.
     sure = [step("laser_hysteresis", 0.3, 0.29, gain=400.0)]
     assert without_idle(sure, last, first, nameless)[0] == sure
+    grown = [step("scan_skew", 0.3, 0.31, gain=400.0)]
+    assert without_idle(grown, last, first, nameless)[0] == []
 
 
 def test_a_surer_structure_without_a_name_outweighs_names_that_do_not_shrink_the_gap() -> None:

@@ -23,6 +23,7 @@ from draglag.recording import Session
 ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
 LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
 HARDLY, BARELY = 0.7, 0.9  # of the gap, that a step of the law, or all names, leave beside something without a name
+SURE = 300.0  # deviance: twice what something without a name lends to one that lies near
 DETAIL = 0.03
 STRETCHED = 2.0
 BEYOND_DOUBT = 1e-3
@@ -167,11 +168,14 @@ def without_parts(
 
 def without_idle(steps: list[Step], fit: Fit, first: Fit, left: Candidate) -> tuple[list[Step], Fit]:
     """Steps and fit without names that together close next to nothing, where something larger without a name is left:
-    they took what lay nearest. What the streams show stays, and so does a name that is surer than what is left."""
+    they took what lay nearest. What the streams show stays, and so do names surer than what is left, if they close
+    anything."""
     fitted = [k for k, step in enumerate(steps) if step.fit is not None]
-    if any(steps[k].gain > left.score for k in fitted):
+    if not fitted:
         return steps, fit
-    if fitted and steps[fitted[-1]].gap_after_mm > BARELY * steps[fitted[0]].gap_before_mm:
+    before_mm, after_mm = steps[fitted[0]].gap_before_mm, steps[fitted[-1]].gap_after_mm
+    sure = max(steps[k].gain for k in fitted) > max(left.score, SURE) and after_mm < before_mm
+    if after_mm > BARELY * before_mm and not sure:
         return _before(fitted[0], steps, first)
     return steps, fit
 
