@@ -13,11 +13,15 @@ import pytest
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.finding.scan import Candidate, Finding
-from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.parameters import where_of
-from draglag.gap.naming.doubts import outweighed, without_idle
+from draglag.gap.fitting.state import Term
+from draglag.gap.naming.doubts import outweighed, without_idle, without_term
+from draglag.gap.naming.refits import refit
+from draglag.gap.naming.tries import judged_by
 from draglag.gap.replaying.realised import FittedShape
 from draglag.gap.results import Step
+from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
@@ -192,3 +196,17 @@ def test_a_surer_structure_without_a_name_outweighs_names_that_do_not_shrink_the
     assert outweighed([step(0.28, 200.0)], left) is None  # the gap has shrunk
     assert outweighed([step(0.299, 400.0)], left) is None  # the name is surer
     assert outweighed([step(0.299, 200.0, None)], left) is None  # the streams show it
+
+
+def test_runs_left_out_beside_a_name_count_again_without_it() -> None:
+    """A bump at one speed may pass for a second filter; taken back, it must not leave out the run that shows it."""
+    session = simulated()
+    first = fit_session(session, gather(session))
+    filtered = Term("second_filter_mode", (180.0, 0.0), (0.006,))
+    beside = refit(session, first, [filtered], False, None, judged_by(first.placed, [filtered]))
+    assert beside is not None
+    assert set(beside.run_index) < set(first.run_index)
+    back = without_term(session, beside, "second_filter_mode", first)
+    assert back is not None
+    assert set(back.run_index) == set(first.run_index)
+    assert back.terms == ()

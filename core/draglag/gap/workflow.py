@@ -162,7 +162,7 @@ def close_gap(
             steps.append(step_of(session, found, finding, allowed))
             plateau = plateau or found[0].effect == PLATEAU
             fit = found[0].fit
-        fit, steps = without_proxies(repaired, fit, steps)
+        fit, steps = without_proxies(repaired, fit, steps, first)
         finding = find(fit, without=left_out(allowed) | beside((s.effect for s in steps), ages))
     searched = fit  # the model that the finding is of
     stopped_at = max_effects if finding.significant and len(steps) >= max_effects else None
@@ -172,7 +172,7 @@ def close_gap(
         steps, fit = list(grace.steps), grace.fit
     if unexplained is not None and stopped_at is None:
         steps, fit = without_parts(steps, fit, first, unexplained, finding)
-    without = contradicted_by_taps(session, fit) if unexplained is None else None
+    without = contradicted_by_taps(session, fit, first) if unexplained is None else None
     if without is not None:
         fit = searched = without
         steps = [s for s in steps if s.effect != MODE]

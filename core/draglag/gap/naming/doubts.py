@@ -17,6 +17,7 @@ from draglag.gap.fitting.signatures import SIGNATURES, unnamed_columns
 from draglag.gap.fitting.state import Term
 from draglag.gap.naming.choice import UNNAMED_MARGIN, Name, name
 from draglag.gap.naming.refits import MODE, PLATEAU, gained, possible, refit
+from draglag.gap.naming.tries import judged_by
 from draglag.gap.results import COVARIATE, TERM_OF, PassedOver, Step
 from draglag.recording import Session
 
@@ -67,14 +68,24 @@ def path_closes(session: Session, start: Name, allowed: frozenset[str], plateau:
     return still_there(fit, find(fit, without=left_out(allowed) | used)) is None
 
 
-def without_proxies(session: Session, fit: Fit, steps: list[Step]) -> tuple[Fit, list[Step]]:
+def without_term(session: Session, fit: Fit, effect: str, first: Fit) -> Fit | None:
+    """The fit without one of its terms, by all edges of ``first`` that the other terms can be judged by: those that
+    could only not be judged by beside it count again."""
+    others = [term for term in fit.terms if term.effect != effect]
+    plateau = fit.law.plateau_mm_s > 0
+    if first.use.size != fit.use.size:
+        return refit(session, fit, others, plateau, fit.law)
+    return refit(session, first, others, plateau, fit.law, judged_by(first.placed, others))
+
+
+def without_proxies(session: Session, fit: Fit, steps: list[Step], first: Fit) -> tuple[Fit, list[Step]]:
     """Look at earlier names again beside the newest: one that only stood in for it is dropped."""
     newest = TERM_OF.get(steps[-1].effect, steps[-1].effect) if steps else ""
     for term in [t for t in fit.terms if t.effect != newest]:
         at = [t.effect for t in fit.terms]
         others = [t for t in fit.terms if t.effect != term.effect]
-        first = base_prior(fit.law).size + sum(len(t.sizes) for t in fit.terms[: at.index(term.effect)])
-        own = slice(first, first + len(term.sizes))
+        begin = base_prior(fit.law).size + sum(len(t.sizes) for t in fit.terms[: at.index(term.effect)])
+        own = slice(begin, begin + len(term.sizes))
         sizes = np.array(term.sizes)
         wald = float(sizes @ np.linalg.pinv(fit.covariance[own, own]) @ sizes)
         too_small = not possible(term.effect, fit)
@@ -84,12 +95,12 @@ def without_proxies(session: Session, fit: Fit, steps: list[Step]) -> tuple[Fit,
         if without is None:
             continue
         if too_small or -gained(fit, without) < 8 * sizes.size:
-            fit = without
+            fit = without if fit.only is None else without_term(session, fit, term.effect, first) or without
             steps = [s for s in steps if TERM_OF.get(s.effect, s.effect) != term.effect]
     return fit, steps
 
 
-def contradicted_by_taps(session: Session, fit: Fit) -> Fit | None:
+def contradicted_by_taps(session: Session, fit: Fit, first: Fit) -> Fit | None:
     """The fit without its step of the law, if taps agree with the asymptote then and not beside it; else None.
 
     A step at some speed takes runs on its far side to another asymptote. Where taps deny that, a law bent otherwise
@@ -98,7 +109,9 @@ def contradicted_by_taps(session: Session, fit: Fit) -> Fit | None:
     if all(t.effect != MODE for t in fit.terms) or clock_offset(session, fit) is None:
         return None
     without = refit(session, fit, [t for t in fit.terms if t.effect != MODE], fit.law.plateau_mm_s > 0)
-    return without if without is not None and clock_offset(session, without) is None else None
+    if without is None or clock_offset(session, without) is not None:
+        return None
+    return without_term(session, fit, MODE, first) or without
 
 
 def still_there(fit: Fit, finding: Finding) -> Candidate | None:
