@@ -12,16 +12,18 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.finding.scan import Candidate, Finding
+from draglag.gap.finding.scan import Candidate, Finding, find
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.parameters import where_of
 from draglag.gap.fitting.state import Term
+from draglag.gap.naming.choice import Name
 from draglag.gap.naming.doubts import outweighed, without_idle, without_term
 from draglag.gap.naming.refits import refit
 from draglag.gap.naming.tries import judged_by
 from draglag.gap.replaying.realised import FittedShape
 from draglag.gap.results import Step
 from draglag.gap.traces.run_data import gather
+from draglag.gap.workflow import settled, step_of
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
@@ -206,7 +208,30 @@ def test_runs_left_out_beside_a_name_count_again_without_it() -> None:
     beside = refit(session, first, [filtered], False, None, judged_by(first.placed, [filtered]))
     assert beside is not None
     assert set(beside.run_index) < set(first.run_index)
-    back = without_term(session, beside, "second_filter_mode", first)
-    assert back is not None
-    assert set(back.run_index) == set(first.run_index)
-    assert back.terms == ()
+    # What is added after it is judged by the same edges, and says so.
+    later = refit(session, beside, [*beside.terms, Term("clock_drift", ())], False)
+    assert later is not None
+    assert beside.only is not None
+    assert later.only is not None
+    np.testing.assert_array_equal(later.only, beside.only)
+    for fit, left in ((beside, []), (later, ["clock_drift"])):
+        back = without_term(session, fit, "second_filter_mode", first)
+        assert back is not None
+        assert set(back.run_index) == set(first.run_index)
+        assert [term.effect for term in back.terms] == left
+
+
+def test_a_step_tells_the_edges_that_the_last_fit_leaves_out() -> None:
+    session = simulated()
+    first = fit_session(session, gather(session))
+    filtered = Term("second_filter_mode", (180.0, 0.0), (0.006,))
+    whole = refit(session, first, [filtered], False)
+    beside = refit(session, first, [filtered], False, None, judged_by(first.placed, [filtered]))
+    assert whole is not None
+    assert beside is not None
+    assert beside.only is not None
+    words = f"; {np.count_nonzero(~beside.only)} edges about its switches are of neither filter, and left out"
+    for before in (whole, beside):
+        named = Name("second_filter_mode", before, 50.0, 0.3, 0.2, True)
+        step = step_of(session, [named], find(first), frozenset(EFFECTS))
+        assert settled(step, beside).evidence == "deviance falls by 50 after its price" + words

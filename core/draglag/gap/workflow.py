@@ -180,7 +180,7 @@ def close_gap(
         unexplained = next((c for c in finding.significant if c.effect is None and c.covariate == "speed"), None)
     if unexplained is not None and a_detail(unexplained, steps):
         unexplained = None
-    steps = [_settled(step, fit) for step in steps]
+    steps = [settled(step, fit) for step in steps]
     if unexplained is None and not ages:
         unexplained = excess_scatter(fit) or excess_between_runs(fit) or (None if steps else strained(fit, finding))
         most = max((s.gain for s in steps), default=0.0)
@@ -260,14 +260,14 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
     )
 
 
-def _settled(step: Step, fit: Fit) -> Step:
+def settled(step: Step, fit: Fit) -> Step:
     """The step with its numbers from the final fit, beside all other effects."""
     numbers = parameters_of(step.effect, fit)
     if not numbers or step.fit is None:
         return step
     evidence = step.evidence
     if step.effect == MODE:  # its times may have been settled anew
-        evidence = evidence.replace(_of_neither_in_words(step.fit), _of_neither_in_words(fit))
+        evidence = evidence.removesuffix(_of_neither_in_words(step.fit)) + _of_neither_in_words(fit)
     return replace(step, parameters=numbers, where=where_of(step.effect, fit), evidence=evidence)
 
 

@@ -17,7 +17,6 @@ LEAST_WHITE_GAIN = 12.0  # in −2 ln L of held-out residuals
 NO_WORSE = 0.02
 # Of −2 ln L an edge: beyond doubt, though a law fitted without one speed may miss that speed by a little more.
 DECISIVE, A_LITTLE_WORSE = 0.5, 0.1
-ALONE, LEAST_RUNS = 10.0, 5  # times the variance, without a run that alone knows a number; runs that tell
 WORTH_A_NAME = 0.02  # of the gap: by less it has not shrunk
 
 
@@ -73,27 +72,6 @@ def _white(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 def _spread(fit: Fit, design: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(design.T @ design + np.diag(fit.prior), hermitian=True))
-
-
-def run_by_run_sd(fit: Fit) -> FloatArray:
-    """Standard deviation of every number of the linear model as the runs themselves show it, (p,): the jackknife that
-    leaves out one run at a time (Efron & Stein 1981). A run without which a number is not known tells nothing of it.
-
-    The fit's covariance knows of runs what its components can say; a latency that follows the place or the hour from
-    run to run, or noise that lasts for a whole pass, is in here too. Zero where too few runs tell.
-    """
-    a, b = _white(fit)
-    information, moment = a.T @ a + np.diag(fit.prior), a.T @ b
-    spread = np.linalg.pinv(information, hermitian=True)
-    off, known = [], []
-    for k in np.unique(fit.run_index):
-        own = fit.run_index == k
-        without = np.linalg.pinv(information - a[own].T @ a[own], hermitian=True)
-        off.append((without @ (moment - a[own].T @ b[own])) - spread @ moment)
-        known.append(np.diag(without) < ALONE * np.diag(spread))
-    telling = np.sum(known, axis=0)
-    square = np.sum(np.where(known, off, 0.0) ** 2, axis=0) * (telling - 1) / np.maximum(telling, 1)
-    return np.asarray(np.where(telling >= LEAST_RUNS, np.sqrt(np.maximum(square, 0.0)), 0.0))
 
 
 def gap_mm(fit: Fit) -> float:

@@ -107,6 +107,8 @@ def fit_session(
             state = look(runs, begin, geometry, state.terms, width, state)
         states.append(state)
     use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
+    if start is not None and start.only is not None:  # what the smaller model could not judge by, this one cannot
+        only = start.only if only is None else only & start.only
     use = use if only is None else use & only
     state = states[0]
     if not use.any():

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from draglag.gap.fitting.heldout import run_by_run_sd
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
 from draglag.gap.fitting.noise import SPEED_TIMING_S
 from draglag.gap.fitting.plateau import plateau_ci95_mm_s
+from draglag.gap.fitting.run_by_run import run_by_run_sd
 from draglag.gap.fitting.state import ACCEL_UNKNOWN, SHOWN, Term, shown_in_trace, term_signature
 from draglag.gap.traces.skips import change_behind
 from draglag.simulation.effects.spatial_warp import CYCLES

@@ -24,7 +24,7 @@ from draglag.recording import Session
 ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
 LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
 HARDLY, BARELY = 0.7, 0.9  # of the gap, that a step of the law, or all names, leave beside something without a name
-SURE = 300.0  # deviance: twice what something without a name lends to one that lies near
+SURE = 300.0  # deviance: twice what a ripple without a name lent to a beam width in a generated session (149)
 DETAIL = 0.03
 STRETCHED = 2.0
 BEYOND_DOUBT = 1e-3

@@ -39,6 +39,7 @@ UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no lo
 EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
 LEAST_STAY_S = 3.0  # on average: shorter are stalls, or something that follows the path
 SURELY = 4.0  # standard deviations
+MEDIAN_SD = 1.4826 * 1.2533  # of a normal sample, from its median absolute deviation, times √n
 LEAST_RUNS = 0.5  # of those of steady speed have to have a switch: otherwise it follows the speed
 
 
@@ -196,7 +197,7 @@ def beyond_both(fit: Fit, threshold_mm_s: float, size_s: float) -> bool:
         if own.size < LEAST_EDGES:
             continue
         level_s = float(np.median(own))
-        sd_s = np.hypot(1.86 * np.median(np.abs(own - level_s)) / np.sqrt(own.size), RUN_SD_S)
+        sd_s = np.hypot(MEDIAN_SD * np.median(np.abs(own - level_s)) / np.sqrt(own.size), RUN_SD_S)
         if not min(0.0, size_s) - SURELY * sd_s < level_s < max(0.0, size_s) + SURELY * sd_s:
             return True
     return False

@@ -1,0 +1,33 @@
+"""How sure the numbers of a fit are as its runs differ, whatever the noise is said to be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from draglag.gap.fitting.joint import Fit
+from draglag.recording import FloatArray
+
+ALONE = 10.0  # times the variance without a run: it alone knows the number
+LEAST_RUNS = 5  # that tell
+
+
+def run_by_run_sd(fit: Fit) -> FloatArray:
+    """Standard deviation of every number of the linear model as the runs themselves show it, (p,): the jackknife that
+    leaves out one run at a time (Efron & Stein 1981). A run without which a number is not known tells nothing of it.
+
+    The fit's covariance knows of runs what its components can say; a latency that follows the place or the hour from
+    run to run, or noise that lasts for a whole pass, is in here too. Zero where too few runs tell.
+    """
+    white = fit.whiteners[fit.best]
+    a, b = white.apply(fit.design), white.apply(fit.residual_mm)
+    information, moment = a.T @ a + np.diag(fit.prior), a.T @ b
+    spread = np.linalg.pinv(information, hermitian=True)
+    off, known = [], []
+    for k in np.unique(fit.run_index):
+        own = fit.run_index == k
+        without = np.linalg.pinv(information - a[own].T @ a[own], hermitian=True)
+        off.append((without @ (moment - a[own].T @ b[own])) - spread @ moment)
+        known.append(np.diag(without) < ALONE * np.diag(spread))
+    telling = np.sum(known, axis=0)
+    square = np.sum(np.where(known, off, 0.0) ** 2, axis=0) * (telling - 1) / np.maximum(telling, 1)
+    return np.asarray(np.where(telling >= LEAST_RUNS, np.sqrt(np.maximum(square, 0.0)), 0.0))
