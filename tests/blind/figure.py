@@ -33,6 +33,8 @@ def _power(ax: Any, power: list[dict[str, Any]]) -> None:
 
 
 def _gaps(ax: Any, outcomes: list[Outcome]) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     ax.set(title="Held-out gap against the floor", xlabel="gap of the twin without the effect, mm", ylabel="gap, mm")
     found = False
     for what, marker in (("gap_first_mm", "x"), ("gap_last_mm", "o")):
@@ -45,6 +47,10 @@ def _gaps(ax: Any, outcomes: list[Outcome]) -> None:
         ax.legend()
     floors = [o.floor_mm for o in outcomes if o.floor_mm]
     if floors:
+        for axis in (ax.xaxis, ax.yaxis):  # 0.05, 0.1, 0.2 …: words for each tick would meet
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
         ends = np.array([min(floors), max(floors)])
         ax.plot(ends, ends, color="0.4", lw=0.8)
         ax.plot(ends, 1.1 * ends, color="0.4", lw=0.8, ls="--")
@@ -62,7 +68,7 @@ def _recall(ax: Any, rows: list[dict[str, Any]]) -> None:
     ax.set_xticks(range(len(names)), names, rotation=75, fontsize=8)
     ax.axhline(0.95, color="0.4", lw=0.8, ls="--")
     if singles:
-        ax.legend(fontsize=8)
+        ax.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=len(scales))
 
 
 def _confusion(ax: Any, confusion: dict[str, dict[str, int]]) -> None:
@@ -71,8 +77,10 @@ def _confusion(ax: Any, confusion: dict[str, dict[str, int]]) -> None:
     counts = np.array([[confusion[row].get(name, 0) for name in said] for row in rows], dtype=float)
     ax.set(title="Hidden (rows) against first name given (columns)")
     if counts.size:
-        ax.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", aspect="auto", vmin=0, vmax=1)
+        share = counts / counts.sum(axis=1, keepdims=True)
+        ax.imshow(share, cmap="Blues", aspect="auto", vmin=0, vmax=1)
         for i, j in np.argwhere(counts > 0):
-            ax.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=6)
+            color = "white" if share[i, j] > 0.5 else "black"
+            ax.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=7, color=color)
     ax.set_xticks(range(len(said)), said, rotation=75, fontsize=7)
     ax.set_yticks(range(len(rows)), rows, fontsize=7)
