@@ -274,3 +274,23 @@ def test_runs_of_one_turn_that_are_later_are_owned_up_to() -> None:
     assert found.covariate == "turn"
     assert excess_between_runs(fit_session(session, gather(session))) is None
     assert "way round" in unexplained_in_words("turn")
+
+
+@pytest.mark.parametrize(
+    ("effect", "with_taps", "alike"),
+    [
+        ("clock_drift=30", True, ()),
+        ("thermal_drift=0.04", True, ()),
+        ("clock_drift=30", False, ("thermal_drift",)),
+        ("beam_width=-0.8", True, ("scale_error",)),
+    ],
+)
+def test_what_the_session_cannot_tell_apart_is_named_with_the_run_that_would(
+    effect: str, with_taps: bool, alike: tuple[str, ...]
+) -> None:
+    """Taps move with a latency that creeps and not with a clock that drifts; without them only both can be named."""
+    session = simulated(effect)
+    (step,) = close_gap(session if with_taps else replace(session, taps=None)).steps
+    assert step.effect == effect.partition("=")[0]
+    assert step.indistinguishable_from == alike
+    assert bool(step.extra_run) == bool(alike)
