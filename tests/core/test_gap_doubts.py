@@ -17,7 +17,7 @@ from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.parameters import where_of
 from draglag.gap.fitting.state import Term
 from draglag.gap.naming.choice import Name
-from draglag.gap.naming.doubts import outweighed, without_idle, without_term
+from draglag.gap.naming.doubts import outweighed, without_idle, without_proxies, without_term
 from draglag.gap.naming.refits import refit
 from draglag.gap.naming.tries import judged_by
 from draglag.gap.replaying.realised import FittedShape
@@ -235,3 +235,15 @@ def test_a_step_tells_the_edges_that_the_last_fit_leaves_out() -> None:
         named = Name("second_filter_mode", before, 50.0, 0.3, 0.2, True)
         step = step_of(session, [named], find(first), frozenset(EFFECTS))
         assert settled(step, beside).evidence == "deviance falls by 50 after its price" + words
+
+
+@pytest.mark.parametrize(("truth", "kept"), [((), ["beam_width"]), (("laser_hysteresis=0.0018",), None)])
+def test_an_earlier_name_is_looked_at_again_beside_the_newest(truth: tuple[str, ...], kept: list[str] | None) -> None:
+    session = simulated("beam_width=-0.8", *truth)
+    first = fit_session(session, gather(session))
+    both = refit(session, first, [Term("laser_hysteresis", ()), Term("beam_width", ())], False)
+    assert both is not None
+    steps = [Step(term.effect, {}, "", "", 0.0, "", 0.3, 0.2, fit=both) for term in both.terms]
+    fit, left = without_proxies(session, both, steps, first)
+    named = kept or ["laser_hysteresis", "beam_width"]
+    assert [step.effect for step in left] == [term.effect for term in fit.terms] == named
