@@ -11,9 +11,10 @@ from draglag.blas import one_blas_thread
 from draglag.clocks import remapped
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
-from draglag.latency import RunEstimate, estimate_on_clock, with_sensor
+from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
+from draglag.latency.budget import common_delay_u_s
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
-from draglag.latency.on_clock import SENSOR_RESPONSE_S, nearby, tap_uncertainty_s, warnings_of
+from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
@@ -103,7 +104,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     for k, run in enumerate(steady):
         tell(k / max(len(session.runs), 1), run.id)
         estimates.append(
-            with_sensor(
+            with_systematics(
                 estimate_on_clock(
                     run,
                     session.clocks,
@@ -111,7 +112,8 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
                     options.estimator,
                     options.update_rate_hz,
                     options.window_s,
-                )
+                ),
+                correct=options.estimator != "paper",
             )
         )
     problems = [f"{e.id}: no latency ({', '.join(e.flags)})" for e in estimates if e.latency_s is None]
@@ -193,9 +195,9 @@ def _curve(
 
 
 def _with_common_shift(curve: CurveFit) -> CurveFit:
-    """A curve whose asymptote, the last of its values, may be off by what the sensor's response shifts all runs by."""
+    """A curve whose asymptote, the last of its values, includes the delay uncertainty that all runs share."""
     covariance = curve.covariance.copy()
-    covariance[-1, -1] += (1e3 * SENSOR_RESPONSE_S) ** 2 / 3
+    covariance[-1, -1] += (1e3 * common_delay_u_s()) ** 2
     return replace(curve, covariance=covariance)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from draglag.blas import one_blas_thread
 from draglag.curve.forms import FORMS
-from draglag.latency import estimate_on_clock, with_sensor
+from draglag.latency import estimate_on_clock, with_systematics
 from draglag.latency.bound import HandSpectrum, TouchNoise, latency_bound_s
 from draglag.protocols import PlannedRun, Protocol, expand, load_protocol
 from draglag.recording import FloatArray
@@ -173,7 +173,7 @@ def _rehearsed_half_s(run: PlannedRun, rig: Rig, human: Human) -> float | None:
     for _ in range(REHEARSALS):
         motion = follow(run.target, human, rng)
         recorded = simulate_run(rig, motion, run_id=run.id, planned=run, start_s=0.0, rng=rng)
-        ends_s = with_sensor(estimate_on_clock(recorded, (), rig.stylus.diameter_mm)).latency_ci95_s
+        ends_s = with_systematics(estimate_on_clock(recorded, (), rig.stylus.diameter_mm)).latency_ci95_s
         if ends_s is not None:
             halves_s.append(0.5 * (ends_s[1] - ends_s[0]))
     return float(np.mean(halves_s)) if 2 * len(halves_s) > REHEARSALS else None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bench.rigs import bound_of, circle_run, rig_with_latency
 from draglag.exchange import read_exchange
-from draglag.latency import RunEstimate, estimate_run, with_sensor
+from draglag.latency import RunEstimate, estimate_run, with_systematics
 from draglag.latency.flags import MEANING
 from draglag.recording import Beam, LaserTrace, Run, TouchTrace
 from draglag.simulation import Human, LatencyLaw, rig_for_screen
@@ -355,5 +355,5 @@ def test_intervals_hold_what_the_response_of_the_sensor_shifts() -> None:
     rig = rig_with_latency(0.03, sensor_response_s=55e-6, noise_mm=0.05)
     found = [measured(circle_run(1000.0, seed, rig)[0]) for seed in range(20)]
     assert max(one.latency_ci95_s[1] - one.latency_s for one in found) < 55e-6  # type: ignore[operator, index]
-    ends_s = [with_sensor(one).latency_ci95_s for one in found]
+    ends_s = [with_systematics(one).latency_ci95_s for one in found]
     assert sum(low <= 0.03 <= high for low, high in ends_s) >= 17  # type: ignore[misc]

@@ -67,15 +67,10 @@ def test_further_seeds_tell_how_often_the_intervals_of_table_2_hold() -> None:
     assert table_further(found)[1][-1][2] == f"{found.held} of {found.judged}"
 
 
-def test_intervals_that_miss_too_often_are_owned_up_to() -> None:
-    found = FurtherSeeds(
-        tuple(range(20)), (Tally("Screen 1", "a4_ms", 12, 20), Tally("Screen 2", "a7_ms", 16, 20, held_later=19))
-    )
-    _, slack, late = further_words(found)
+def test_intervals_that_miss_too_often_are_reported() -> None:
+    found = FurtherSeeds(tuple(range(20)), (Tally("Screen 1", "a4_ms", 12, 20), Tally("Screen 2", "a7_ms", 16, 20)))
+    _, slack, *_ = further_words(found)
     assert "Screen 1 a4_ms: 12 of 20 hold, fewer than chance leaves." in slack
-    assert "16 of 20" in late
-    assert "55 µs" in late
-    assert "19 of 20 hold" in late
     # 28 of 40, exact binomial limits.
     assert found.share_ci95 == pytest.approx((0.5347, 0.8344), abs=1e-3)
 

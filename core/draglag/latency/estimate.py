@@ -62,7 +62,8 @@ class RunEstimate:
     ``speed_se_mm_s`` is the standard error of the mean speed, ``speed_sd_mm_s`` how much the speed varied from edge to
     edge. ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words.
     ``clock_uncertainty_s`` is what the laser's clock may shift the latency by (the interval holds it); None where that
-    is not known.
+    is not known. ``correction_s`` of systematic errors is in the latency already; ``systematic_s`` is the half width
+    (95 %) of what is left of them, clock included (``draglag.latency.budget``); the rest of the interval is random.
     """
 
     id: str
@@ -87,11 +88,21 @@ class RunEstimate:
     flags: tuple[str, ...] = ()
     alignment: Alignment | None = None
     clock_uncertainty_s: float | None = 0.0
+    correction_s: float = 0.0
+    systematic_s: float = 0.0
 
     @property
     def curve_se_s(self) -> float | None:
         """Standard error by which the run weighs in a curve."""
         return self.latency_se_s if self.se_at_speed_s is None else self.se_at_speed_s
+
+    @property
+    def random_s(self) -> float | None:
+        """Half width (95 %) of the random part of the interval."""
+        if self.latency_ci95_s is None:
+            return None
+        half_s = 0.5 * (self.latency_ci95_s[1] - self.latency_ci95_s[0])
+        return float(np.sqrt(max(half_s**2 - self.systematic_s**2, 0.0)))
 
     @property
     def latency_ms(self) -> float | None:
@@ -111,6 +122,9 @@ class RunEstimate:
             "speed_filtered_mm_s": self.speed_filtered_mm_s,
             "latency_ms": self.latency_ms,
             "latency_ci95_ms": None if self.latency_ci95_ms is None else list(self.latency_ci95_ms),
+            "latency_random_ms": None if self.random_s is None else 1e3 * self.random_s,
+            "latency_systematic_ms": 1e3 * self.systematic_s,
+            "correction_ms": 1e3 * self.correction_s,
             "clock_uncertainty_ms": None if self.clock_uncertainty_s is None else 1e3 * self.clock_uncertainty_s,
             "stamps": self.stamps,
             "n_edges": self.n_edges,

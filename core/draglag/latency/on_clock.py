@@ -1,4 +1,4 @@
-"""The shares of clock and sensor in a latency: edges mapped with hindsight, intervals that hold what both leave."""
+"""The share of the clock in a latency: edges mapped with all comparisons, intervals that include what these leave."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from draglag.clocks import WARN_S, clock_warnings, fit_clocks, remapped_within
 from draglag.errors import DataError
+from draglag.latency.budget import widened
 from draglag.latency.estimate import WINDOW_S, RunEstimate, estimate_run
 from draglag.recording import ClockBounds, FloatArray, Run, Session, Taps
 
@@ -16,8 +17,6 @@ from draglag.recording import ClockBounds, FloatArray, Run, Session, Taps
 NEARBY_S = 120.0
 # A run whose own comparisons reach this close to its first and last edge needs no others.
 REACH_S = 2.0
-# The sensor's response (the paper, Section II.B): its edges come up to this late, and latencies read so much too short.
-SENSOR_RESPONSE_S = 55e-6
 
 
 def nearby(run: Run, clocks: Sequence[ClockBounds]) -> tuple[ClockBounds, ...]:
@@ -64,21 +63,6 @@ def estimate_on_clock(
     return with_clock(estimate_run(run, stylus_diameter_mm, estimator, update_rate_hz, window_s), bound_s)
 
 
-def with_sensor(estimate: RunEstimate) -> RunEstimate:
-    """An estimate whose interval holds what the sensor's response leaves open: its upper end is later by all of it.
-
-    The response is common to all edges, so that more edges do not average it away; a fast run of many edges is surer
-    of its latency than that. The standard error takes it as even between none and all.
-    """
-    if estimate.latency_ci95_s is None:
-        return estimate
-    low_s, high_s = estimate.latency_ci95_s
-    return replace(
-        _less_sure(estimate, SENSOR_RESPONSE_S / np.sqrt(12.0)),
-        latency_ci95_s=(low_s, high_s + SENSOR_RESPONSE_S),
-    )
-
-
 def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
     """An estimate whose interval holds what the clock leaves open.
 
@@ -95,19 +79,11 @@ def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
     latency_s = estimate.latency_s
     if latency_s is None or bound_s == 0.0:
         return estimate
-    estimate = _less_sure(estimate, bound_s / np.sqrt(3.0))
+    estimate = widened(estimate, bound_s / np.sqrt(3.0))
     if estimate.latency_ci95_s is not None:
         low, high = (float(np.hypot(end - latency_s, bound_s)) for end in estimate.latency_ci95_s)
         estimate = replace(estimate, latency_ci95_s=(latency_s - low, latency_s + high))
     return estimate
-
-
-def _less_sure(estimate: RunEstimate, se_s: float) -> RunEstimate:
-    """Both standard errors with another beside them, s."""
-    mean, at_speed = (
-        None if own is None else float(np.hypot(own, se_s)) for own in (estimate.latency_se_s, estimate.se_at_speed_s)
-    )
-    return replace(estimate, latency_se_s=mean, se_at_speed_s=at_speed)
 
 
 def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from scipy.stats import binomtest
 
-from draglag.latency.on_clock import SENSOR_RESPONSE_S
 from draglag.reproduction.curves import Coefficient, measured_row
 from draglag.reproduction.published import TABLE_2
 
@@ -16,16 +15,12 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Tally:
-    """Of the seeds whose data determine a coefficient (``judged``), how many intervals hold the paper's value.
-
-    ``held_later``: how many would, had the simulated laser sensor no response time; None where that does not matter.
-    """
+    """Of the seeds whose data determine a coefficient (``judged``), how many intervals hold the paper's value."""
 
     screen: str
     name: str
     held: int
     judged: int
-    held_later: int | None = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +59,6 @@ class FurtherSeeds:
                     "name": tally.name,
                     "held": tally.held,
                     "judged": tally.judged,
-                    "held_less_sensor_response": tally.held_later,
                 }
                 for tally in self.tallies
             ],
@@ -89,11 +83,7 @@ def further_seeds(seeds: Sequence[int], progress: Progress | None = None) -> Fur
 
 def _tally(screen: str, name: str, several: Sequence[Coefficient]) -> Tally:
     judged = [c for c in several if c.ci95 is not None]
-    later = None
-    if name == "a7_ms" and not screen.endswith("(corrected)"):  # that one is tied to the taps, not to the laser
-        shift = 1e3 * SENSOR_RESPONSE_S
-        later = sum(c.ci95[0] + shift <= c.paper <= c.ci95[1] + shift for c in judged if c.ci95 is not None)
-    return Tally(screen, name, sum(c.agrees is True for c in judged), len(judged), later)
+    return Tally(screen, name, sum(c.agrees is True for c in judged), len(judged))
 
 
 def table_further(found: FurtherSeeds) -> tuple[list[str], list[list[str]]]:
@@ -119,15 +109,5 @@ def further_words(found: FurtherSeeds) -> Iterator[str]:
     )
     for tally in found.tallies:
         rare = tally.judged > 0 and binomtest(tally.held, tally.judged, 0.95, "less").pvalue < 0.05
-        late = tally.held_later is not None and tally.held_later > tally.held
-        if not rare and not late:
-            continue
-        text = f"{tally.screen} {tally.name}: {tally.held} of {tally.judged} hold"
-        text += ", fewer than chance leaves" if rare else ""
-        if late:
-            text += (
-                f". The simulated laser sensor answers {1e6 * SENSOR_RESPONSE_S:.0f} µs late, which lowers every "
-                "latency, and so the asymptote, by as much, and the asymptote is hardly less sure than that; moved "
-                f"back by it, {tally.held_later} of {tally.judged} hold"
-            )
-        yield text + "."
+        if rare:
+            yield f"{tally.screen} {tally.name}: {tally.held} of {tally.judged} hold, fewer than chance leaves."

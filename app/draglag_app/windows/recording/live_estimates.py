@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Signal
 from draglag.analysis import AnalysisOptions, curve_points, has_constant_speed
 from draglag.curve import CurveFit, fit_best
 from draglag.errors import EstimateError
-from draglag.latency import RunEstimate, estimate_on_clock, with_sensor
+from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag_app.session import events
 from draglag_app.windows.parts.tasks import Progress
 
@@ -76,10 +76,11 @@ class LiveEstimates(QObject):
             self.preliminary.add(run.id)
 
         def work(progress: Progress) -> RunEstimate:
-            return with_sensor(
+            return with_systematics(
                 estimate_on_clock(
                     run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
-                )
+                ),
+                correct=options.estimator != "paper",
             )
 
         def done(estimate: RunEstimate) -> None:
