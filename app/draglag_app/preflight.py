@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from draglag.clocks import PAPER_DRIFT, WARN_S, fit_clock
+from draglag.clocks import PAPER_DRIFT, WARN_S, fit_clock, rate_words
 from draglag.errors import DraglagError
 from draglag.protocols import PlannedRun
 from draglag.recording import ClockBounds, Screen
@@ -219,12 +219,12 @@ def _clock(role: str, seen: _Seen) -> Iterator[Check]:
     well = worst <= WARN_S
     yield Check(name, "ok" if well else "warning", f"±{1e3 * worst:.2f} ms, {clock.n_bounds} comparisons", limit,
                 "" if well else "use another USB port (USB 2, no hub) and close other programs")  # fmt: skip
-    low, high = clock.drift_interval_ppm
+    low, high = clock.fast_interval_ppm
     limit_ppm = 1e6 * PAPER_DRIFT
     beyond = low > limit_ppm or high < -limit_ppm
     known = high - low < 2 * limit_ppm
-    words = f"{clock.drift_ppm:+.1f} ppm" if known else "not determined in so short a time"
+    words = f"runs {rate_words(clock.fast_ppm)}" if known else "not determined in so short a time"
     if known:
-        words += f" ({low:+.0f} to {high:+.0f}), {0.06 * clock.drift_ppm:+.2f} ms in 60 s"
+        words += f" ({low:+.0f} to {high:+.0f}), {0.06 * abs(clock.fast_ppm):.2f} ms in 60 s"
     remedy = "it is corrected; let the instrument warm up" if beyond else ""
     yield Check(f"{role} drift", "warning" if beyond else "ok", words, f"±{limit_ppm:.1f} ppm", remedy)

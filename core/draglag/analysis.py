@@ -13,6 +13,7 @@ from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
+from draglag.latency.conduct import excluded_because, with_conduct
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
@@ -33,6 +34,7 @@ class AnalysisOptions:
         estimator: "efficient" or "paper". update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
         window_s: latencies searched. form: a name of ``draglag.curve.FORMS`` or "best".
         tie_asymptote: hold a7 at the median release tap (the paper's "corrected"). exclude: run id → reason.
+        include: ids of runs that belong in the curve in spite of how they went ("all": every run).
     """
 
     estimator: str = "efficient"
@@ -41,11 +43,12 @@ class AnalysisOptions:
     form: str = "best"
     tie_asymptote: bool = False
     exclude: Mapping[str, str] = field(default_factory=dict)
+    include: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """All estimates of one session. ``curve`` is None when no run gave a latency.
+    """All estimates of one session. ``curve`` is None with too few speeds. ``excluded``: run id → why not in the curve.
 
     ``problems`` says what failed, ``warnings`` what the clocks do to the figures.
     """
@@ -61,6 +64,11 @@ class Analysis:
     width: WidthCheck | None = None
     clocks: tuple[ClockDrift, ...] = ()
     warnings: tuple[str, ...] = ()
+    excluded: Mapping[str, str] = field(default_factory=dict)
+
+    def in_curve(self, run: RunEstimate) -> bool:
+        """Whether a run is one of the curve's points."""
+        return self.curve is not None and run.id not in self.excluded and _usable(run)
 
     def to_dict(self) -> dict[str, object]:
         """The design's ``analyze --json`` (section 5)."""
@@ -68,7 +76,7 @@ class Analysis:
             "session": self.session,
             "estimator": self.options.estimator,
             "update_rate_hz": self.options.update_rate_hz,
-            "runs": [run.to_dict() for run in self.runs],
+            "runs": [run.to_dict() | {"in_curve": self.in_curve(run)} for run in self.runs],
             "curve": None if self.curve is None else self.curve.to_dict(),
             "taps": {name: summary.to_dict() for name, summary in self.taps.items()},
             "validation": [item.to_dict() for item in self.validation],
@@ -78,7 +86,7 @@ class Analysis:
                 "stylus_width": None if self.width is None else self.width.to_dict(),
                 "clocks": [drift.to_dict() for drift in self.clocks],
             },
-            "excluded": dict(self.options.exclude),
+            "excluded": dict(self.excluded),
             "problems": list(self.problems),
             "warnings": list(self.warnings),
         }
@@ -103,25 +111,22 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     estimates = []
     for k, run in enumerate(steady):
         tell(k / max(len(session.runs), 1), run.id)
-        estimates.append(
-            with_systematics(
-                estimate_on_clock(
-                    run,
-                    session.clocks,
-                    session.stylus.diameter_mm,
-                    options.estimator,
-                    options.update_rate_hz,
-                    options.window_s,
-                ),
-                correct=options.estimator != "paper",
-            )
+        found = estimate_on_clock(
+            run,
+            session.clocks,
+            session.stylus.diameter_mm,
+            options.estimator,
+            options.update_rate_hz,
+            options.window_s,
         )
+        estimates.append(with_conduct(with_systematics(found, correct=options.estimator != "paper"), run))
     problems = [f"{e.id}: no latency ({', '.join(e.flags)})" for e in estimates if e.latency_s is None]
     tap_bound_s = tap_uncertainty_s(session.taps, session.clocks)
     taps = summarise_taps(session.taps, tap_bound_s)
-    curve, trouble = _curve(estimates, taps, options)
+    excluded = _excluded(session, estimates, options)
+    curve, trouble = _curve([e for e in estimates if e.id not in excluded], taps, options)
     problems += trouble
-    validation, trouble = _validate(session, curve, options, tell)
+    validation, trouble = _validate(session, curve, options, excluded, tell)
     problems += trouble
     tell(1.0, "done")
     return Analysis(
@@ -135,7 +140,8 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         tuple(asymptote_check(curve, taps)) if curve is not None else (),
         width_check(estimates, session.stylus.diameter_mm),
         tuple(clock_drifts(session)),
-        (*warnings_of(session, estimates, {"WALT": tap_bound_s}), *_off_the_curve(curve)),
+        (*warnings_of(session, estimates, {"WALT": tap_bound_s}), *_off_the_curve(curve), *_file_warnings(session)),
+        excluded,
     )
 
 
@@ -156,16 +162,34 @@ def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]
     return out
 
 
-def curve_points(estimates: list[RunEstimate], options: AnalysisOptions) -> CurvePoints:
-    """The runs that may carry the curve: estimated, finite standard error, not excluded."""
+def _excluded(session: Session, estimates: Sequence[RunEstimate], options: AnalysisOptions) -> dict[str, str]:
+    """Run id → why it is not in the curve (or the validation): by hand, or for how it went unless included by hand."""
+    if "all" in options.include:
+        return dict(options.exclude)
+    by_flag = {e.id: excluded_because(e) for e in estimates}
+    for run in session.runs:
+        if run.outcome != "complete":
+            by_flag.setdefault(run.id, run.outcome.replace("_", " "))
+    automatic = {run_id: why for run_id, why in by_flag.items() if why and run_id not in options.include}
+    return {**automatic, **options.exclude}
+
+
+def _usable(estimate: RunEstimate) -> bool:
+    """Whether an estimate can be a point of a curve: finite standard error, inside the window."""
+    return bool(
+        estimate.latency_s is not None
+        and estimate.curve_se_s
+        and np.isfinite(estimate.curve_se_s)
+        and "at_window_end" not in estimate.flags
+    )
+
+
+def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:
+    """The runs that may carry the curve."""
     good = [
         (e.speed_mm_s, e.latency_s, e.curve_se_s, e.speed_se_mm_s or 0.0, e.speed_sd_mm_s or 0.0)
         for e in estimates
-        if e.latency_s is not None
-        and e.curve_se_s
-        and np.isfinite(e.curve_se_s)
-        and e.id not in options.exclude
-        and "at_window_end" not in e.flags
+        if _usable(e)
     ]
     table = np.array(good, float).reshape(-1, 5)
     return CurvePoints(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4])
@@ -181,7 +205,7 @@ def _curve(
             tied_s, tied_se_s = taps["release"].median_s, taps["release"].median_se_s
         else:
             problems.append("the asymptote could not be tied: the session has no release taps")
-    points = curve_points(estimates, options)
+    points = curve_points(estimates)
     try:
         if options.form == "best":
             curve = fit_best(points, tied_s, tied_se_s=tied_se_s)
@@ -199,6 +223,11 @@ def _with_common_shift(curve: CurveFit) -> CurveFit:
     covariance = curve.covariance.copy()
     covariance[-1, -1] += (1e3 * common_delay_u_s()) ** 2
     return replace(curve, covariance=covariance)
+
+
+def _file_warnings(session: Session) -> list[str]:
+    """What reading the session's file found to be wrong with it."""
+    return [note.text for note in session.notes if note.level == "warning" and note.source == "file"]
 
 
 def _off_the_curve(curve: CurveFit | None) -> list[str]:
@@ -220,9 +249,13 @@ def _with_hindsight(run: Run, session: Session) -> Run:
 
 
 def _validate(
-    session: Session, curve: CurveFit | None, options: AnalysisOptions, tell: Progress
+    session: Session,
+    curve: CurveFit | None,
+    options: AnalysisOptions,
+    excluded: Mapping[str, str],
+    tell: Progress,
 ) -> tuple[list[Validation], list[str]]:
-    varying = [run for run in session.runs if not has_constant_speed(run) and run.id not in options.exclude]
+    varying = [run for run in session.runs if not has_constant_speed(run) and run.id not in excluded]
     if curve is None:
         return [], [f"{run.id}: not validated, there is no curve" for run in varying]
     out, problems = [], []

@@ -55,13 +55,13 @@ class EpochClock:
     uneven_s: float = 0.0
 
     @property
-    def drift_ppm(self) -> float:
-        """By how much host time runs faster than the device's, parts per million."""
-        return 1e6 * self.drift
+    def fast_ppm(self) -> float:
+        """By how much the device's clock runs fast against the host's, parts per million; negative where slow."""
+        return -1e6 * self.drift
 
     @property
-    def drift_interval_ppm(self) -> tuple[float, float]:
-        return 1e6 * self.drift_interval[0], 1e6 * self.drift_interval[1]
+    def fast_interval_ppm(self) -> tuple[float, float]:
+        return -1e6 * self.drift_interval[1], -1e6 * self.drift_interval[0]
 
     def to_host(self, device_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Host times and their half-widths, (n,) → (n,), (n,) s: the truth is within if the clock is a line."""
@@ -133,6 +133,11 @@ def fit_clocks(bounds: Iterable[ClockBounds]) -> dict[str, ClockFit]:
     return {stream: fit_clock(parts) for stream, parts in streams.items()}
 
 
+def rate_words(fast_ppm: float, digits: int = 1) -> str:
+    """A clock's rate against the host's in words, the same everywhere: "24.4 ppm fast"."""
+    return f"{abs(fast_ppm):.{digits}f} ppm {'fast' if fast_ppm >= 0 else 'slow'}"
+
+
 def clock_warnings(fit: ClockFit) -> list[str]:
     """Plain sentences about what the operator should know of a clock; empty where all is well."""
     said = []
@@ -147,7 +152,7 @@ def clock_warnings(fit: ClockFit) -> list[str]:
                         f"{1e3 * clock.slack_s:.2f} ms.")  # fmt: skip
         low, high = clock.drift_interval
         if low > PAPER_DRIFT or high < -PAPER_DRIFT:
-            said.append(f"{where} drifts by {clock.drift_ppm:+.1f} ppm ({0.06 * clock.drift_ppm:+.2f} ms in 60 s); "
+            said.append(f"{where} runs {rate_words(clock.fast_ppm)} ({0.06 * abs(clock.fast_ppm):.2f} ms in 60 s); "
                         "it is corrected, but more than the paper's 1 ms in 60 s.")  # fmt: skip
     return said
 

@@ -9,6 +9,7 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
+from draglag.clocks import rate_words
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
@@ -57,6 +58,12 @@ from draglag_app.cli.common import (
     metavar="FROM TO",
     help="Latencies to search. Default: 0 400.",
 )
+@click.option(
+    "--include",
+    multiple=True,
+    metavar="RUN",
+    help="Take a run into the curve that is left out for how it went (aborted, …); may be repeated; all: every run.",
+)
 @click.option("--exclude", multiple=True, metavar="RUN[=WHY]", help="Leave a run out of the curve; may be repeated.")
 @click.option("--save-model", type=click.Path(path_type=Path), metavar="FILE.json", help="Write the curve as a model.")
 @click.option(
@@ -76,6 +83,7 @@ def analyze(
     form: str,
     tie_asymptote: bool,
     window_ms: tuple[float, float] | None,
+    include: tuple[str, ...],
     exclude: tuple[str, ...],
     save_model: Path | None,
     model_path: Path | None,
@@ -111,9 +119,9 @@ def analyze(
         data, correction = corrected(data, model)
         warn(other_screen(model, data.screen.name), left_unexplained(model))
     left_out = {name: why or "left out by hand" for name, _, why in (text.partition("=") for text in exclude)}
-    unknown = sorted(set(left_out) - {run.id for run in data.runs})
+    unknown = sorted({*left_out, *include} - {run.id for run in data.runs} - {"all"})
     if unknown:
-        raise DataError(f"{session}: there is no run {unknown[0]!r} to leave out", "See draglag analyze for the ids")
+        raise DataError(f"{session}: there is no run {unknown[0]!r}", "See draglag analyze for the ids")
     options = AnalysisOptions(
         estimator=estimator,
         update_rate_hz=update_rate_hz,
@@ -121,6 +129,7 @@ def analyze(
         form=form,
         tie_asymptote=tie_asymptote,
         exclude=left_out,
+        include=frozenset(include),
     )
     with progress("Analysing") as tell:
         analysis = analyze_session(data, options, tell)
@@ -137,6 +146,7 @@ def analyze(
             "tie_asymptote": tie_asymptote,
             "window_s": list(options.window_s),
             "exclude": left_out,
+            "include": sorted(include),
             "model": str(model_path or ""),
         }
         add_analysis(session, result, asked, now_utc())
@@ -201,6 +211,9 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
         blocks.append("Checks\n" + "\n".join(f"  {line}" for line in checks))
     if result["validation"]:
         blocks.append(_validation(result["validation"]))
+    if analysis.excluded:
+        lines = [f"  {run}: {why}" for run, why in analysis.excluded.items()]
+        blocks.append("Not in the curve (--include RUN takes a run in)\n" + "\n".join(lines))
     if analysis.warnings:
         blocks.append("Warnings\n" + "\n".join(f"  {warning}" for warning in analysis.warnings))
     if analysis.problems:
@@ -254,8 +267,9 @@ def _verification(found: dict[str, Any]) -> list[str]:
     for drift in found["clocks"]:
         se_ms = 60e-3 * drift["drift_se_ppm"]
         lines.append(
-            f"{drift['stream']} clock against host: {drift['drift_ppm']:.2f} ± {drift['drift_se_ppm']:.2f} ppm, "
-            f"{drift['ms_per_minute']:.3f} ± {se_ms:.3f} ms a minute (standard error; the paper's limit: 1)"
+            f"the {drift['stream']} clock runs {rate_words(drift['drift_ppm'], 2)} against the host's "
+            f"(± {drift['drift_se_ppm']:.2f} ppm), {abs(drift['ms_per_minute']):.3f} ± {se_ms:.3f} ms a minute "
+            "(standard error; the paper's limit: 1)"
         )
     return lines
 

@@ -130,21 +130,24 @@ class Workspace(QObject):
         self.analyse()
 
     def exclude(self, run_id: str, reason: str) -> None:
-        """Leave a run out of the curve, or with an empty reason take it in again. Can be undone."""
-        before = dict(self.options.exclude)
-        after = {key: why for key, why in before.items() if key != run_id}
-        if reason:
-            after[run_id] = reason
-        if after == before:
-            return
-        what = self.tr("leave out {run}") if reason else self.tr("take {run} in again")
-        self.undo.push(
-            Edit(
-                what.format(run=run_id),
-                lambda: self.set_options(replace(self.options, exclude=after)),
-                lambda: self.set_options(replace(self.options, exclude=before)),
-            )
-        )
+        """Leave a run out of the curve. Can be undone."""
+        before = self.options
+        after = replace(before, exclude={**before.exclude, run_id: reason}, include=before.include - {run_id})
+        self._change_runs(self.tr("leave out {run}").format(run=run_id), before, after)
+
+    def include(self, run_id: str) -> None:
+        """Take a run into the curve that was left out by hand, or for how it went. Can be undone."""
+        before = self.options
+        left_out = {key: why for key, why in before.exclude.items() if key != run_id}
+        after = replace(before, exclude=left_out, include=before.include | {run_id})
+        self._change_runs(self.tr("take {run} in again").format(run=run_id), before, after)
+
+    def _change_runs(self, what: str, before: AnalysisOptions, after: AnalysisOptions) -> None:
+        def to(runs: AnalysisOptions) -> None:
+            self.set_options(replace(self.options, exclude=runs.exclude, include=runs.include))
+
+        if after != before:
+            self.undo.push(Edit(what, lambda: to(after), lambda: to(before)))
 
     def keep_analysis(self) -> None:
         """Store the present analysis in the session's file."""

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.stats import t as student
 
 from draglag.curve.forms import FORMS, Form
-from draglag.curve.points import CurvePoints
+from draglag.curve.points import CurvePoints, distinct_speeds
 from draglag.curve.separable import evaluated_ms, jacobian_ms, shown_s, slope_s_per_mm_s, solved
 from draglag.errors import EstimateError
 from draglag.recording import FloatArray
 
+FEWEST_SPEEDS = 5  # as many as Eq. 5 has coefficients: fewer cannot tell a decay from anything else
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
 
 
@@ -139,8 +140,14 @@ def fit_best(
     """Fit every form the points can carry and choose: Eq. 5 unless a rival is clearly better on both counts.
 
     A rival replaces Eq. 5 when its AICc is lower by more than 6 and its held-out error is no larger.
-    Raises EstimateError where not even a constant can be fitted.
+    Raises EstimateError with fewer than ``FEWEST_SPEEDS`` different speeds.
     """
+    n_speeds = distinct_speeds(points.speed_mm_s)
+    if n_speeds < FEWEST_SPEEDS:
+        raise EstimateError(
+            f"{n_speeds} different speeds are too few for a curve: at least {FEWEST_SPEEDS} are needed",
+            "Record runs at more speeds",
+        )
     fits = []
     for name in forms:
         try:

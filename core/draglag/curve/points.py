@@ -43,3 +43,15 @@ class CurvePoints:
             return (self.speed_mm_s,)
         reach = np.minimum(self.speed_sd_mm_s, 0.5 * self.speed_mm_s)
         return self.speed_mm_s - reach, self.speed_mm_s + reach
+
+
+SAME_SPEED = 1.1  # runs whose speeds are closer than a tenth repeat one speed: hands repeat a target to a few percent
+
+
+def distinct_speeds(speed_mm_s: FloatArray) -> int:
+    """How many different speeds there are among (n,) mm/s."""
+    count, start = 0, 0.0
+    for speed in np.sort(speed_mm_s).tolist():
+        if count == 0 or speed > SAME_SPEED * start:
+            count, start = count + 1, speed
+    return count

@@ -115,7 +115,7 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
     environment.filters["moment"] = _moment
     result = analysis.to_dict()
     excluded = [
-        {"level": "warning", "text": f"{run}: left out ({why})"} for run, why in analysis.options.exclude.items()
+        {"level": "warning", "text": f"{run}: not in the curve ({why})"} for run, why in analysis.excluded.items()
     ]
     notes = [{"level": note.level, "text": note.text} for note in session.notes]
     return environment.get_template("report.html").render(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from draglag.recording import (
     TouchTrace,
 )
 from draglag.store import schema
+from draglag.store.checksum import raw_checksum
 from draglag.store.safely import (
     check_schema,
     float_attr,
@@ -36,15 +38,24 @@ from draglag.store.safely import (
     read_columns,
     text_attr,
 )
+from draglag.store.sense import check_times
+
+CHANGED = "The raw data were changed after recording: the checksum of the file does not match. Use an untouched copy."
 
 
 def read_session(path: Path | str) -> Session:
     """The raw data of a session file.
 
-    Raises DataError: no such file, not a session, damaged, links out of the file, a version from the future.
+    Raw data that were changed after recording (by their checksum) carry a warning in the notes.
+    Raises DataError: no such file, not a session, damaged, links out of the file, a version from the future, times that
+    go back or cannot be.
     """
     with open_session(path) as file:
-        return READERS[check_schema(file, Path(path))](file)
+        session = check_times(READERS[check_schema(file, Path(path))](file), str(path))
+        if text_attr(file, "raw_sha256", "") not in ("", raw_checksum(file)):
+            changed = LogEntry(session.started_s or 0.0, "warning", "file", CHANGED)
+            return replace(session, notes=(*session.notes, changed))
+        return session
 
 
 def read_v1(file: Any) -> Session:

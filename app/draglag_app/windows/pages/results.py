@@ -193,9 +193,7 @@ class ResultsPage(QWidget):
     def _draw_curve(self) -> None:
         analysis = self._space.analysis
         if analysis is not None:
-            self.curve.draw(
-                analysis.runs, analysis.curve, analysis.options.exclude, self._rivals, clicked=self.table.select
-            )
+            self.curve.draw(analysis.runs, analysis.curve, analysis.excluded, self._rivals, clicked=self.table.select)
 
     # --- choices --------------------------------------------------------------------------------------------
 
@@ -238,8 +236,8 @@ class ResultsPage(QWidget):
     def _toggle_chosen(self) -> None:
         if not self._chosen:
             return
-        if self._chosen in self._space.options.exclude:
-            self._space.exclude(self._chosen, "")
+        if self._is_out():
+            self._space.include(self._chosen)
             return
         asked = self.tr("Why is {run} left out of the curve?").format(run=self._chosen)
         dialog = QInputDialog(self)
@@ -259,8 +257,13 @@ class ResultsPage(QWidget):
         self._name_button()
         self._show_run()
 
+    def _is_out(self) -> bool:
+        """Whether the chosen run is kept out of the curve, by hand or for how it went."""
+        analysis = self._space.analysis
+        return analysis is not None and self._chosen in analysis.excluded
+
     def _name_button(self) -> None:
-        out = self._chosen in self._space.options.exclude
+        out = self._is_out()
         self.leave_out.setText(self.tr("Take in again") if out else self.tr("Leave out…"))
 
     def _show_run(self) -> None:

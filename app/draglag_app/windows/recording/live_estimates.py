@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal
 
-from draglag.analysis import AnalysisOptions, curve_points, has_constant_speed
+from draglag.analysis import curve_points, has_constant_speed
 from draglag.curve import CurveFit, fit_best
 from draglag.errors import EstimateError
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
+from draglag.latency.conduct import excluded_because, with_conduct
 from draglag_app.session import events
 from draglag_app.windows.parts.tasks import Progress
 
@@ -76,12 +77,10 @@ class LiveEstimates(QObject):
             self.preliminary.add(run.id)
 
         def work(progress: Progress) -> RunEstimate:
-            return with_systematics(
-                estimate_on_clock(
-                    run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
-                ),
-                correct=options.estimator != "paper",
+            found = estimate_on_clock(
+                run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
             )
+            return with_conduct(with_systematics(found, correct=options.estimator != "paper"), run)
 
         def done(estimate: RunEstimate) -> None:
             if not preliminary:
@@ -105,7 +104,6 @@ class LiveEstimates(QObject):
             self._fit_again = True
             return
         whole = [estimate for estimate in self.known if estimate.id not in self.preliminary]
-        options = self._space.options
         self._fitting, self._fit_again = True, False
 
         def done(curve: CurveFit | None) -> None:
@@ -118,14 +116,12 @@ class LiveEstimates(QObject):
         def failed(text: str) -> None:
             self._fitting = False
 
-        self._space.tasks.start(self.tr("Fitting"), lambda progress: curve_through(whole, options), done, failed)
+        self._space.tasks.start(self.tr("Fitting"), lambda progress: curve_through(whole), done, failed)
 
 
-def curve_through(known: list[RunEstimate], options: AnalysisOptions) -> CurveFit | None:
+def curve_through(known: list[RunEstimate]) -> CurveFit | None:
     """The best curve through runs; None while there are too few."""
-    points = curve_points(known, options)
-    if len(points.speed_mm_s) < 4:
-        return None
+    points = curve_points([estimate for estimate in known if not excluded_because(estimate)])
     try:
         return fit_best(points)
     except EstimateError:

@@ -41,7 +41,12 @@ SENTENCES = (
     ),
     QT_TRANSLATE_NOOP(
         "Library",
-        "The {name} clock drifts by {ppm} ppm ({ms} ms in 60 s); it is corrected, but more than the paper's 1 ms in "
+        "The {name} clock runs {ppm} ppm fast ({ms} ms in 60 s); it is corrected, but more than the paper's 1 ms in "
+        "60 s.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The {name} clock runs {ppm} ppm slow ({ms} ms in 60 s); it is corrected, but more than the paper's 1 ms in "
         "60 s.",
     ),
     QT_TRANSLATE_NOOP(
@@ -51,6 +56,14 @@ SENTENCES = (
     ),
     QT_TRANSLATE_NOOP("Library", "{run}: no latency ({flags})"),
     QT_TRANSLATE_NOOP("Library", "no run gave a latency, so there is no curve. Record runs at several speeds."),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "{n} different speeds are too few for a curve: at least {k} are needed. Record runs at more speeds.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The raw data were changed after recording: the checksum of the file does not match. Use an untouched copy.",
+    ),
     QT_TRANSLATE_NOOP(
         "Library",
         "{n} runs cannot determine the {k} parameters of {form}. Measure more speeds or choose a simpler form.",

@@ -8,6 +8,7 @@ from PySide6.QtCore import QCoreApplication
 
 from draglag.curve import FORMS
 from draglag.latency import RunEstimate
+from draglag.latency.conduct import excluded_because
 from draglag.latency.flags import MEANING
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -74,6 +75,8 @@ def verdict(estimate: RunEstimate) -> tuple[str, str]:
     """(level, words) of an estimate: "ok", "warning" or "bad"."""
     if estimate.latency_s is None:
         return "bad", ", ".join(flag_name(flag) for flag in estimate.flags) or say("no latency")
+    if excluded_because(estimate):
+        return "bad", ", ".join(flag_name(flag) for flag in estimate.flags)
     if estimate.flags:
         return "warning", ", ".join(flag_name(flag) for flag in estimate.flags)
     return "ok", say("good")

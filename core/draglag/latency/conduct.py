@@ -1,0 +1,73 @@
+"""How a run went: its outcome, whether the laser saw the passes, whether the speed was the one asked for.
+
+Adds flags to an estimate; those of ``EXCLUDED`` keep the run out of the curve unless it is included by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.latency.estimate import RunEstimate
+from draglag.recording import FloatArray, Run
+
+# Share of the passes the touch trace shows of which the laser reported both edges; less is "most of it is missing".
+FEWEST_PASSES = 0.5
+# Measured over nominal speed. People fall behind fast targets by a fifth; a run that is half or twice as fast as
+# asked was another movement.
+NOTICEABLY, FAR = 1.25, 2.0
+# Second half over first half of a run: a mean over two speeds is no point of a curve that bends.
+CHANGED = 1.5
+EXCLUDED = ("aborted", "device_lost", "failed", "laser_missing", "far_from_nominal", "speed_changed")
+
+
+def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
+    """The estimate with the flags of how its run went, before those it has."""
+    flags = [] if run.outcome == "complete" else [run.outcome]
+    share = _seen_passes(estimate, run)
+    if share is not None and share < FEWEST_PASSES:
+        flags.append("laser_missing")
+    if estimate.speed_mm_s and run.nominal_speed_mm_s:
+        off = _ratio(estimate.speed_mm_s, run.nominal_speed_mm_s)
+        flags += ["far_from_nominal"] if off > FAR else ["off_speed"] if off > NOTICEABLY else []
+    if _halves(estimate) > CHANGED:
+        flags.append("speed_changed")
+    return replace(estimate, flags=tuple(dict.fromkeys((*flags, *estimate.flags))))
+
+
+def excluded_because(estimate: RunEstimate) -> str:
+    """The flags that keep a run out of the curve, in words; empty where none does."""
+    return ", ".join(flag.replace("_", " ") for flag in estimate.flags if flag in EXCLUDED)
+
+
+def _ratio(one: float, other: float) -> float:
+    return max(one, other) / max(min(one, other), 1e-9)
+
+
+def _halves(estimate: RunEstimate) -> float:
+    """Ratio of the mean speeds at the edges of both halves of the run; 1.0 where there are too few."""
+    if estimate.alignment is None or estimate.alignment.edge_t_s.size < 8:
+        return 1.0
+    t_s, speed = estimate.alignment.edge_t_s, estimate.alignment.speed_mm_s
+    early = t_s < 0.5 * (t_s[0] + t_s[-1])
+    if not early.any() or early.all():
+        return 1.0
+    return _ratio(float(speed[early].mean()), float(speed[~early].mean()))
+
+
+def _seen_passes(estimate: RunEstimate, run: Run) -> float | None:
+    """Edges of the laser over twice the passes of the touch trace across the beam; None where nothing says."""
+    if estimate.alignment is None or not run.laser.t_s.size:
+        return None
+    lines = estimate.alignment.lines
+    middle = 0.5 * (lines.intercept_top_mm + lines.intercept_bottom_mm)
+    half_mm = 0.5 * abs(lines.intercept_bottom_mm - lines.intercept_top_mm)
+    passes = _crossings(run.touch.y_mm - lines.slope_top * run.touch.x_mm - middle, half_mm)
+    return run.laser.t_s.size / (2 * passes) if passes else None
+
+
+def _crossings(off_mm: FloatArray, half_mm: float) -> int:
+    """How often a trace goes from one side of a strip to the other; what stays inside or grazes it does not count."""
+    clear = off_mm[np.isfinite(off_mm) & (np.abs(off_mm) > half_mm)]
+    return int(np.count_nonzero(np.diff(np.sign(clear))))

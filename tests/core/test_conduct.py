@@ -1,0 +1,95 @@
+"""Runs that did not go as they should stay out of the curve, with the reason as their verdict."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.realistic.session import make_session
+
+from draglag.analysis import AnalysisOptions, analyze
+from draglag.curve import CurvePoints, fit_best
+from draglag.errors import EstimateError
+from draglag.recording import Run, Session
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return make_session(5, "double", 15.0)[0]
+
+
+def with_run(session: Session, changed: Run) -> Session:
+    return replace(session, runs=tuple(changed if run.id == changed.id else run for run in session.runs))
+
+
+def of(session: Session, speed_mm_s: float) -> Run:
+    return next(run for run in session.runs if run.nominal_speed_mm_s == speed_mm_s)
+
+
+@pytest.mark.parametrize("outcome", ["aborted", "device_lost", "failed"])
+def test_a_run_that_did_not_end_well_is_not_in_the_curve(session: Session, outcome: str) -> None:
+    run = of(session, 290.0)
+    broken = with_run(session, replace(run, outcome=outcome))
+    without = analyze(broken)
+    assert without.curve is not None
+    assert without.curve.n_points == len(session.runs) - 1
+    assert without.excluded == {run.id: outcome.replace("_", " ")}
+    said = next(row for row in without.to_dict()["runs"] if row["id"] == run.id)  # type: ignore[attr-defined, index]
+    assert outcome in said["flags"]
+    assert said["in_curve"] is False
+    included = analyze(broken, AnalysisOptions(include=frozenset({run.id})))
+    assert included.curve is not None
+    assert included.curve.n_points == len(session.runs)
+    assert included.excluded == {}
+
+
+def test_a_complete_run_with_most_of_its_laser_missing_is_not_in_the_curve(session: Session) -> None:
+    run = of(session, 290.0)
+    early = run.laser.t_s < run.start_s + 0.4 * run.duration_s
+    laser = replace(run.laser, t_s=run.laser.t_s[early], light=run.laser.light[early])
+    found = analyze(with_run(session, replace(run, laser=laser)))
+    assert found.excluded == {run.id: "laser missing"}
+
+
+def test_a_run_of_another_speed_is_not_in_the_curve(session: Session) -> None:
+    run = of(session, 290.0)
+    assert analyze(with_run(session, replace(run, nominal_speed_mm_s=800.0))).excluded == {run.id: "far from nominal"}
+    slightly = analyze(with_run(session, replace(run, nominal_speed_mm_s=420.0)))
+    assert slightly.excluded == {}
+    assert "off_speed" in next(e.flags for e in slightly.runs if e.id == run.id)
+
+
+def test_a_run_whose_speed_changes_midway_is_not_in_the_curve(session: Session) -> None:
+    """The second half of the run takes half of the time: twice the speed."""
+    run = of(session, 200.0)
+    middle_s = run.start_s + 0.5 * run.duration_s
+
+    def faster(t_s: np.ndarray) -> np.ndarray:
+        return np.where(t_s > middle_s, middle_s + 0.5 * (t_s - middle_s), t_s)
+
+    changed = replace(
+        run,
+        touch=replace(run.touch, t_s=faster(run.touch.t_s)),
+        laser=replace(run.laser, t_s=faster(run.laser.t_s)),
+    )
+    found = analyze(with_run(session, changed))
+    assert "speed changed" in found.excluded[run.id]
+
+
+def test_sound_runs_are_all_in_the_curve(session: Session) -> None:
+    found = analyze(session)
+    assert found.excluded == {}
+    assert found.curve is not None
+    assert found.curve.n_points == len(session.runs)
+
+
+def test_three_speeds_give_no_curve_but_say_how_many_are_needed(session: Session) -> None:
+    three = replace(session, runs=tuple(of(session, v) for v in (90.0, 200.0, 420.0)))
+    found = analyze(three)
+    assert found.curve is None
+    assert any("3 different speeds are too few for a curve: at least 5 are needed" in text for text in found.problems)
+
+
+def test_repeats_of_a_speed_count_once() -> None:
+    speed = np.repeat([50.0, 100.0, 400.0], 5) * np.tile([0.98, 0.99, 1.0, 1.01, 1.02], 3)
+    with pytest.raises(EstimateError, match="3 different speeds"):
+        fit_best(CurvePoints(speed, np.full(15, 0.05), np.full(15, 1e-4)))
