@@ -19,7 +19,15 @@ from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
-from draglag.verification import AsymptoteCheck, ClockDrift, WidthCheck, asymptote_check, clock_drifts, width_check
+from draglag.verification import (
+    AsymptoteCheck,
+    ClockDrift,
+    WidthCheck,
+    asymptote_check,
+    clock_drifts,
+    width_check,
+    width_findings,
+)
 
 FAR_OFF_S = 0.003  # more than runs of one screen differ for no known reason: the paper's RMS is 1.4 to 2.2 ms
 
@@ -128,6 +136,9 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     problems += trouble
     validation, trouble = _validate(session, curve, options, excluded, tell)
     problems += trouble
+    width = width_check(estimates, session.stylus.diameter_mm)
+    warnings = [*warnings_of(session, estimates, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
+    warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
     tell(1.0, "done")
     return Analysis(
         session.name,
@@ -138,9 +149,9 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         tuple(validation),
         tuple(problems),
         tuple(asymptote_check(curve, taps)) if curve is not None else (),
-        width_check(estimates, session.stylus.diameter_mm),
+        width,
         tuple(clock_drifts(session)),
-        (*warnings_of(session, estimates, {"WALT": tap_bound_s}), *_off_the_curve(curve), *_file_warnings(session)),
+        tuple(warnings),
         excluded,
     )
 

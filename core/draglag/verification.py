@@ -83,6 +83,40 @@ class WidthCheck:
         }
 
 
+# Systematic half width (95 %) of a stylus width. A comparator at 20 to 50 % of the light of a Gaussian beam (sigma
+# 0.15 to 0.4 mm) sees the disc narrower by 2 z sigma, 0.21 mm with a standard deviation of 0.17 mm: 1.96 * hypot of
+# both.
+WIDTH_SYSTEMATIC_MM = 0.53
+
+
+def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> list[str]:
+    """A sentence where session or single runs disagree with the ruler by more than noise and sensor explain."""
+    if check is None:
+        return []
+    low, high = check.ci95_mm
+    if abs(check.mean_mm - check.known_mm) > np.hypot(0.5 * (high - low), WIDTH_SYSTEMATIC_MM):
+        return [
+            f"The stylus measures {check.mean_mm:.2f} mm ({low:.2f} to {high:.2f}), by ruler {check.known_mm:g} mm: "
+            f"by ruler {check.known_mm:g} mm: more than noise and sensor explain. A wrong diameter, a wrong scale of "
+            "the touchscreen, a filter that shrinks circles or a slow sensor can do this. Measure the stylus, calibrate "
+            "the touchscreen, and see draglag gap."
+        ]
+    off = [
+        run.id
+        for run in runs
+        if run.stylus_diameter_mm is not None
+        and run.stylus_diameter_se_mm is not None
+        and abs(run.stylus_diameter_mm - check.known_mm)
+        > np.hypot(1.96 * run.stylus_diameter_se_mm, WIDTH_SYSTEMATIC_MM)
+    ]
+    if not off:
+        return []
+    return [
+        f"The stylus width of {', '.join(off)} disagrees with the ruler ({check.known_mm:g} mm) by more than noise and "
+        "sensor explain: a tilted stylus or wrong edges can do this. Look at the alignment, or record again."
+    ]
+
+
 def width_check(runs: Sequence[RunEstimate], known_mm: float) -> WidthCheck | None:
     """Mean width of the runs that have one, with the interval that their scatter gives; None with fewer than two."""
     widths = np.array([run.stylus_diameter_mm for run in runs if run.stylus_diameter_mm is not None], float)

@@ -54,6 +54,17 @@ SENTENCES = (
         "Runs lie {off} ms off the curve beyond their own errors: something other than speed moves their latency, or "
         "the curve is too simple for them. See what draglag gap finds before using the curve.",
     ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The stylus measures {mean} mm ({low} to {high}), by ruler {known} mm: more than noise and sensor explain. A "
+        "wrong diameter, a wrong scale of the touchscreen, a filter that shrinks circles or a slow sensor can do this. "
+        "Measure the stylus, calibrate the touchscreen, and see draglag gap.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "The stylus width of {runs} disagrees with the ruler ({known} mm) by more than noise and sensor explain: a "
+        "tilted stylus or wrong edges can do this. Look at the alignment, or record again.",
+    ),
     QT_TRANSLATE_NOOP("Library", "{run}: no latency ({flags})"),
     QT_TRANSLATE_NOOP("Library", "no run gave a latency, so there is no curve. Record runs at several speeds."),
     QT_TRANSLATE_NOOP(
