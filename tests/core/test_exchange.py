@@ -13,13 +13,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.io import loadmat
 
 from core.store_sessions import assert_same, bare_session, full_session
+from draglag.analysis import analyze
 from draglag.errors import DataError
 from draglag.exchange import read_exchange, write_csv, write_exchange, write_mat, write_netcdf
+from draglag.exchange.header import MAX_BYTES
 from draglag.exchange.tables import read_events
-from draglag.recording import Run, empty_laser, empty_touch
+from draglag.protocols import load_protocol
+from draglag.recording import LaserTrace, Run, TouchTrace, empty_laser, empty_touch
+from draglag.simulation import simulate_session
+from draglag.store import write_session
+from draglag_app.cli.files import export
 
 SAMPLES = Path(__file__).parent.parent / "data" / "exchange"
 
@@ -45,15 +52,129 @@ def test_what_is_written_comes_back(tmp_path: Path, compress: bool) -> None:
     assert_same(read_exchange(tmp_path / "out"), session)
 
 
-def test_a_session_from_the_rig_goes_out_with_what_the_format_holds(tmp_path: Path) -> None:
+@pytest.mark.parametrize("compress", [True, False])
+def test_a_session_from_the_rig_comes_back_whole(tmp_path: Path, compress: bool) -> None:
     session = full_session()
+    write_exchange(session, tmp_path / "out", compress)
+    assert_same(read_exchange(tmp_path / "out"), session)
+
+
+def test_rows_recorded_twice_and_lost_edges_come_back_as_they_were(tmp_path: Path) -> None:
+    run = full_session().runs[0]
+    twice = np.repeat(np.arange(3), 2)
+    touch = TouchTrace(10.0 + twice, 1.0 + twice, 2.0 + twice)
+    run = replace(run, touch=touch, laser=LaserTrace(np.array([10.0, 11.0]), np.array([1, 1]), missed=5), log=())
+    write_exchange(bare_session(run), tmp_path / "out")
+    assert_same(read_exchange(tmp_path / "out"), bare_session(run))
+
+
+def test_a_reader_of_the_mandatory_parts_still_reads_the_folder(tmp_path: Path) -> None:
+    session = full_session()
+    write_exchange(session, tmp_path / "out", compress=False)
+    header = json.loads((tmp_path / "out" / "session.json").read_text("utf-8"))
+    assert (header["format"], header["version"]) == ("draglag-exchange", 1)
+    assert (tmp_path / "out" / "run-01.touch.csv").read_text().startswith("t_s,x_mm,y_mm\n")
+    assert (tmp_path / "out" / "run-01.laser.csv").read_text().startswith("t_s,light\n")
+
+
+def test_latencies_intervals_flags_and_outcomes_survive_a_round_trip(tmp_path: Path) -> None:
+    sweep = load_protocol("latency-sweep")
+    circles = [run.model_copy(update={"duration_s": 25.0}) for run in sweep.runs][-1:]
+    step = next(run for run in load_protocol("validation-x3").runs if run.kind == "step").model_copy(
+        update={"repeats": 1}
+    )
+    session = simulate_session("screen-1", sweep.model_copy(update={"runs": (*circles, step)}), seed=1)
+    assert all(run.sync for run in session.runs)
+    session = replace(session, runs=(*session.runs[:2], replace(session.runs[2], outcome="aborted"), *session.runs[3:]))
     write_exchange(session, tmp_path / "out")
     back = read_exchange(tmp_path / "out")
-    for mine, theirs in zip(session.runs, back.runs, strict=True):
-        np.testing.assert_array_equal(mine.touch.x_mm, theirs.touch.x_mm)
-        np.testing.assert_array_equal(mine.laser.t_s, theirs.laser.t_s)
-        assert dict(mine.target) == dict(theirs.target)
-        assert (mine.start_s, mine.duration_s, mine.radius_mm) == (theirs.start_s, theirs.duration_s, theirs.radius_mm)
+    before, after = analyze(session), analyze(back)
+    assert before.to_dict() == after.to_dict()
+    assert [run.outcome for run in back.runs] == [run.outcome for run in session.runs]
+    # The clock comparisons are in the intervals: without them these would be narrower.
+    without = analyze(replace(session, clocks=(), runs=tuple(replace(run, sync=()) for run in session.runs)))
+    for run, narrow in zip(before.runs, without.runs, strict=True):
+        assert np.diff(run.latency_ci95_s or (0, 0)) > np.diff(narrow.latency_ci95_s or (0, 0))
+
+
+def test_a_folder_that_calls_itself_simulated_stays_recognisable(tmp_path: Path) -> None:
+    assert "simulated" in read_exchange(folder_of(tmp_path, simulated=True)).devices
+    assert "simulated" not in read_exchange(folder_of(tmp_path)).devices
+
+
+def test_a_note_of_one_text_is_kept(tmp_path: Path) -> None:
+    assert [note.text for note in read_exchange(folder_of(tmp_path, notes="cleaned")).notes] == ["cleaned"]
+
+
+RUN = {"id": "r1", "protocol": "circle", "duration_s": 1.0, "start_s": 10.0}
+CLOCK = [{"stream": "laser", "file": "c"}]
+TOUCHED = {"x_raw": [], "y_raw": [], "x_mm": [], "y_mm": [], "matrix": [[1, 0, 0], [0, 1, 0]]}
+BAD_OPTIONAL: list[tuple[dict[str, Any], dict[str, bytes], str]] = [
+    ({}, {"r1.touch-more.csv": b"t_s,x_raw\n10.0,1\n"}, r"touch-more\.csv: its rows are not those of r1\.touch\.csv"),
+    ({}, {"r1.touch-more.csv": b"t_s,x_raw\n10.0,1\n10.1,2\n10.3,3\n"}, r"its rows are not those"),
+    ({}, {"r1.touch-more.csv": b"t_s,contact_id\n10.0,1\n10.1,2.5\n10.2,3\n"}, "whole numbers for contact_id"),
+    ({}, {"r1.laser-more.csv": b"t_s,epoch\n10.05,nan\n10.15,1\n"}, "whole numbers for epoch"),
+    ({}, {"r1.laser-more.csv": b"t_s,epoch\n10.05,1e300\n10.15,1\n"}, "whole numbers for epoch"),
+    ({}, {"r1.display.csv": b"\xff\xfe"}, r"r1\.display\.csv, line 1: is not text"),
+    ({}, {"r1.touch-gaps.csv": b"start_s\n1\n"}, r"touch-gaps\.csv, line 1: expected the header start_s,end_s"),
+    ({}, {"r1.touch-gaps.csv.gz": b"none"}, "is not sound gzip"),
+    ({"clocks": [{"stream": "laser", "file": "c.csv"}]}, {}, r"c\.csv: cannot be read"),
+    ({"clocks": [{"stream": "laser", "file": "../c.csv"}]}, {}, "expected the name of a file in the same folder"),
+    ({"clocks": [{"stream": "laser", "file": ".."}]}, {}, "cannot be read"),
+    ({"clocks": CLOCK}, {"c": b"device_s,host_min_s,host_max_s\n1,3,2\n"}, "no later than"),
+    ({"clocks": CLOCK}, {"c": b"device_s,host_min_s,host_max_s\nnan,1,2\n"}, "finite device_s"),
+    ({"protocol_file": "p.toml"}, {}, r"p\.toml: cannot be read"),
+    ({"protocol_file": "p.toml"}, {"p.toml": b"\xff"}, "is not UTF-8 text"),
+    ({"calibration": {**TOUCHED, "x_raw": [1]}}, {}, "of one length"),
+    ({"calibration": {**TOUCHED, "matrix": [[1]]}}, {}, "calibration.matrix"),
+    ({"seed": "7"}, {}, "seed: expected"),
+    ({"simulated": "no"}, {}, "simulated: expected"),
+    ({"runs": [{**RUN, "touch_dropped": -1}]}, {}, "touch_dropped: expected"),
+    ({"runs": [{**RUN, "touch_axes": [{"name": "x"}]}]}, {}, "minimum: is missing"),
+    ({"runs": [{**RUN, "touch_axes": [{"name": "x", "minimum": 0, "maximum": 2**64}]}]}, {}, "maximum: expected"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("keys", "files", "message"), BAD_OPTIONAL)
+def test_a_malformed_optional_part_is_one_sentence(
+    tmp_path: Path, keys: dict[str, Any], files: dict[str, bytes], message: str
+) -> None:
+    folder = folder_of(tmp_path, **keys)
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    with pytest.raises(DataError, match=message) as caught:
+        read_exchange(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_protocol_longer_than_the_limit_is_refused(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path, protocol_file="p.toml")
+    with (folder / "p.toml").open("wb") as file:
+        file.truncate(MAX_BYTES + 1)
+    with pytest.raises(DataError, match="longer than 16 MiB"):
+        read_exchange(folder)
+
+
+@pytest.mark.parametrize(("kind", "dropped"), [("exchange", False), ("mat", False), ("csv", True)])
+def test_the_export_command_names_what_it_leaves_out(tmp_path: Path, kind: str, dropped: bool) -> None:
+    write_session(full_session(), tmp_path / "s.h5")
+    done = CliRunner().invoke(export, [str(tmp_path / "s.h5"), "--to", kind, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0
+    last = done.output.strip().splitlines()[-1]
+    assert "results of earlier analyses" in last
+    assert ("clock comparisons, device clock of the laser" in last) is dropped
+
+
+def test_names_that_read_the_same_in_matlab_keep_their_data(tmp_path: Path) -> None:
+    first, second = full_session().runs
+    streams = tuple(replace(first.sync[0], stream=name) for name in ("laser 1", "laser/1"))
+    write_mat(bare_session(replace(first, sync=streams)), tmp_path / "streams.mat")
+    session = replace(full_session(), runs=(first, replace(second, id="run_01")))
+    write_mat(session, tmp_path / "runs.mat")
+    found = loadmat(tmp_path / "runs.mat", squeeze_me=True, simplify_cells=True)["session"]["runs"]
+    assert {name: run["id"] for name, run in found.items()} == {"run_01": "run-01", "run_01_2": "run_01"}
+    sync = loadmat(tmp_path / "streams.mat", squeeze_me=True, simplify_cells=True)["session"]["runs"]["run_01"]["sync"]
+    assert sorted(one["stream"] for one in sync.values()) == ["laser 1", "laser/1"]
 
 
 TOUCH = "t_s,x_mm,y_mm\n10.0,1,2\n10.1,3,4\n10.2,5,6\n"

@@ -43,7 +43,7 @@ def import_(folder: Path, out: Path) -> None:
 )
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder or file to make.")
 def export(session: Path, kind: str, out: Path) -> None:
-    """Write SESSION for other programs. Nothing is overwritten.
+    """Write SESSION for other programs, and say what the format leaves out. Nothing is overwritten.
 
     \b
     Examples:
@@ -62,3 +62,4 @@ def export(session: Path, kind: str, out: Path) -> None:
     with progress("Writing"):
         writers[kind](data, out)
     click.echo(f"{out}: {len(data.runs)} runs")
+    click.echo(f"Left out, and only in {session}: {', '.join(exchange.left_out(data, kind))}.")

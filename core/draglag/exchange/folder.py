@@ -9,16 +9,27 @@ from __future__ import annotations
 import json
 import shutil
 import uuid
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.exchange.header import FORMAT, VERSION, HeaderPart, RunPart, read_header
+from draglag.exchange.extras import (
+    entries,
+    find_pair,
+    read_clocks,
+    run_extras,
+    run_keys,
+    session_extras,
+    write_run_extras,
+    write_session_extras,
+)
+from draglag.exchange.header import FORMAT, MAX_BYTES, VERSION, HeaderPart, RunPart, read_header
 from draglag.exchange.streams import read_laser, read_taps, read_touch
-from draglag.exchange.tables import find_table, write_table
-from draglag.recording import LaserTrace, LogEntry, Run, Screen, Session, Stylus, Taps, TouchTrace
+from draglag.exchange.tables import write_table
+from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
 from draglag.store.schema import check_run_id
 
 # A lab may start its recorder a little early or stop it late; beyond this, its times are on another clock.
@@ -36,37 +47,40 @@ def read_exchange(folder: Path | str) -> Session:
     """
     folder = Path(folder)
     header = read_header(folder / "session.json")
-    notes: list[LogEntry] = []
     runs: list[Run] = []
     for part in header.runs:
         check_run_id(part.id, f"{folder / 'session.json'}")
         if any(run.id == part.id for run in runs):
             raise DataError(f"{folder / 'session.json'}: there are two runs “{part.id}”", "Rename one of them")
         runs.append(_run(folder, part))
-    notes += [entry for run in runs for entry in run.log]
     if not any(len(run.touch.t_s) or len(run.laser.t_s) for run in runs):
         raise DataError(
             f"{folder}: holds no data of any run",
             "Expected <id>.touch.csv and <id>.laser.csv (or .csv.gz) for every run in session.json",
         )
     taps, said = _taps(folder, header)
-    notes += [LogEntry(0.0, "warning", "import", text) for text in said]
+    notes = list(entries(header.notes))
+    imported = [entry for run in runs for entry in run.log if entry.source == "import"]
+    imported += [LogEntry(0.0, "warning", "import", text) for text in said]
+    notes += [entry for entry in imported if entry not in notes]
     screen = header.screen
     return Session(
         name=header.name or folder.resolve().name,
         screen=Screen(screen.name, screen.width_mm, screen.height_mm, screen.width_px, screen.height_px),
-        stylus=Stylus(header.stylus_diameter_mm),
+        stylus=Stylus(header.stylus_diameter_mm, header.stylus_name),
         runs=tuple(runs),
         taps=taps,
         clock=header.clock,
         notes=tuple(notes),
+        **session_extras(folder, header),
     )
 
 
 def _run(folder: Path, part: RunPart) -> Run:
-    touch, said = read_touch(find_table(folder, f"{part.id}.touch"))
-    laser, more = read_laser(find_table(folder, f"{part.id}.laser"))
+    touch, said = read_touch(*find_pair(folder, part.id, "touch"), part.as_recorded)
+    laser, more = read_laser(*find_pair(folder, part.id, "laser"), part.as_recorded)
     said += more
+    touch, laser, display = run_extras(folder, part, touch, laser)
     times = np.concatenate([touch.t_s, laser.t_s])
     start_s, duration_s = part.start_s, part.duration_s
     if start_s is None:
@@ -90,18 +104,31 @@ def _run(folder: Path, part: RunPart) -> Run:
         radius_mm=part.radius_mm,
         target=part.target,
         outcome=part.outcome,
-        log=tuple(LogEntry(start_s, "warning", "import", f"{part.id}: {text}") for text in said),
+        display=display,
+        sync=read_clocks(folder, part.sync),
+        log=_log(part, start_s, said),
+        seed=part.seed,
     )
 
 
+def _log(part: RunPart, start_s: float, said: list[str]) -> tuple[LogEntry, ...]:
+    """The run's log, and what the import has to add: an earlier import may have said the same."""
+    log = entries(part.log)
+    new = [LogEntry(start_s, "warning", "import", f"{part.id}: {text}") for text in said]
+    return (*log, *(entry for entry in new if entry not in log))
+
+
 def _taps(folder: Path, header: HeaderPart) -> tuple[Taps | None, list[str]]:
-    return read_taps(folder / header.taps) if header.taps is not None else (None, [])
+    if header.taps is None:
+        return None, []
+    taps, said = read_taps(folder / header.taps)
+    return replace(taps, rejected=header.taps_rejected), said
 
 
 def write_exchange(session: Session, folder: Path | str, compress: bool = True) -> Path:
     """Write a session as an exchange folder; with ``compress``, its CSV files are gzipped.
 
-    What the format has no place for stays behind: raw device values, device clocks, contact ids, logs, display.
+    What the mandatory files have no place for goes into optional ones (docs/exchange.md).
     Raises DataError where the folder exists and is not empty, or cannot be written.
     """
     folder = Path(folder)
@@ -109,16 +136,31 @@ def write_exchange(session: Session, folder: Path | str, compress: bool = True) 
     with new_folder(folder) as place:
         for run in session.runs:
             check_run_id(run.id, session.name)
-            _write_touch(place / f"{run.id}.touch{end}", run.touch)
-            _write_laser(place / f"{run.id}.laser{end}", run.laser)
+            touch, laser = run.touch, run.laser
+            write_table(place / f"{run.id}.touch{end}", {"t_s": touch.t_s, "x_mm": touch.x_mm, "y_mm": touch.y_mm})
+            write_table(place / f"{run.id}.laser{end}", {"t_s": laser.t_s, "light": laser.light})
+            write_run_extras(place, run, end)
         if session.taps is not None:
             taps = session.taps
             columns = {"physical_s": taps.physical_s, "registered_s": taps.registered_s, "down": taps.down}
             write_table(place / f"taps{end}", columns)
         header = _header(session, f"taps{end}" if session.taps is not None else None)
-        text = json.dumps(header, indent=1, ensure_ascii=False, allow_nan=False)
-        (place / "session.json").write_text(text + "\n", "utf-8")
+        header |= write_session_extras(place, session, end)
+        header["runs"] = [_run_header(run, end) for run in session.runs]
+        (place / "session.json").write_bytes(_header_bytes(header, folder))
     return folder
+
+
+def _header_bytes(header: dict[str, Any], folder: Path) -> bytes:
+    try:
+        data = (json.dumps(header, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode("utf-8", "replace")
+    except ValueError as error:
+        raise DataError(f"{folder}: a value of the session is not a finite number", "Run draglag verify") from error
+    if len(data) > MAX_BYTES:
+        raise DataError(
+            f"{folder}: logs and notes need more than {MAX_BYTES // 2**20} MiB in session.json", "Export to netcdf"
+        )
+    return data
 
 
 class new_folder:
@@ -167,12 +209,11 @@ def _header(session: Session, taps: str | None) -> dict[str, Any]:
         },
         "stylus_diameter_mm": session.stylus.diameter_mm,
         "clock": session.clock,
-        "runs": [_run_header(run) for run in session.runs],
         "taps": taps,
     }
 
 
-def _run_header(run: Run) -> dict[str, Any]:
+def _run_header(run: Run, end: str) -> dict[str, Any]:
     header: dict[str, Any] = {
         "id": run.id,
         "protocol": run.protocol,
@@ -185,12 +226,4 @@ def _run_header(run: Run) -> dict[str, Any]:
         header["target"] = dict(run.target)
     if run.outcome != "complete":
         header["outcome"] = run.outcome
-    return header
-
-
-def _write_touch(path: Path, touch: TouchTrace) -> None:
-    write_table(path, {"t_s": touch.t_s, "x_mm": touch.x_mm, "y_mm": touch.y_mm})
-
-
-def _write_laser(path: Path, laser: LaserTrace) -> None:
-    write_table(path, {"t_s": laser.t_s, "light": laser.light})
+    return header | run_keys(run, end)

@@ -6,17 +6,21 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from draglag.errors import DataError
 
 FORMAT = "draglag-exchange"
 VERSION = 1
-_MAX_BYTES = 16 * 2**20
+MAX_BYTES = 16 * 2**20
 
 # Strict: "44" and true are no numbers, and what they were meant to be would be a guess.
 Positive = Annotated[float, Field(gt=0, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, strict=True)]
+Number = Annotated[float, Field(strict=True)]
+Whole = Annotated[int, Field(strict=True)]
+Whole64 = Annotated[int, Field(ge=-(2**63), lt=2**63, strict=True)]
+Count = Annotated[int, Field(ge=0, lt=2**63, strict=True)]
 FileName = Annotated[str, StringConstraints(pattern=r"^[^/\\\x00]+$", max_length=200)]
 
 
@@ -32,9 +36,66 @@ class ScreenPart(_Part):
     height_px: Annotated[int, Field(gt=0)]
 
 
+class EntryPart(_Part):
+    """One line of a log."""
+
+    t_s: Number
+    level: str
+    source: str
+    text: str
+
+
+def _lines(value: object) -> object:
+    """A text alone, as other labs may write it, is one note."""
+    return [{"t_s": 0.0, "level": "note", "source": "import", "text": value}] if isinstance(value, str) else value
+
+
+Entries = Annotated[list[EntryPart], BeforeValidator(_lines)]
+
+
+class ClockPart(_Part):
+    """Clock comparisons of one stream: ``file`` holds device_s, host_min_s, host_max_s and perhaps epoch."""
+
+    stream: str
+    file: FileName
+
+
+class AxisPart(_Part):
+    name: str
+    minimum: Whole64
+    maximum: Whole64
+    resolution: Whole64 = 0
+    fuzz: Whole64 = 0
+
+
+class BeamPart(_Part):
+    slope: Number
+    intercept_mm: Number
+
+
+class CalibrationPart(_Part):
+    """Touched targets and their affine map, as in ``TouchCalibration``: lists of one length, the matrix 2 × 3."""
+
+    x_raw: list[Number]
+    y_raw: list[Number]
+    x_mm: list[Number]
+    y_mm: list[Number]
+    matrix: Annotated[
+        list[Annotated[list[Number], Field(min_length=3, max_length=3)]], Field(min_length=2, max_length=2)
+    ]
+    device: str = ""
+    made_utc: str = ""
+
+    @model_validator(mode="after")
+    def _one_length(self) -> CalibrationPart:
+        if len({len(self.x_raw), len(self.y_raw), len(self.x_mm), len(self.y_mm)}) != 1:
+            raise ValueError("expected x_raw, y_raw, x_mm and y_mm of one length")
+        return self
+
+
 class RunPart(_Part):
-    """``start_s`` and ``duration_s`` may be null: then the run spans its samples. ``target`` and ``outcome`` are
-    draglag's own additions, which other readers may ignore."""
+    """``start_s`` and ``duration_s`` may be null: then the run spans its samples. Everything from ``target`` on is
+    optional, and other readers may ignore it (docs/exchange.md)."""
 
     id: str
     protocol: Literal["circle", "chirp", "multisine", "step", "free"]
@@ -44,6 +105,14 @@ class RunPart(_Part):
     start_s: Annotated[float, Field(strict=True)] | None = None
     target: dict[str, float | int | str] = Field(default_factory=dict)
     outcome: Literal["complete", "aborted", "device_lost", "failed"] = "complete"
+    seed: Whole | None = None
+    as_recorded: bool = False
+    touch_dropped: Count = 0
+    touch_axes: list[AxisPart] = Field(default_factory=list)
+    laser_missed: Count | None = None
+    display_missed: Count = 0
+    sync: list[ClockPart] = Field(default_factory=list)
+    log: Entries = Field(default_factory=list)
 
 
 class HeaderPart(_Part):
@@ -55,6 +124,19 @@ class HeaderPart(_Part):
     runs: list[RunPart]
     taps: FileName | None = None
     name: str | None = None
+    stylus_name: str = ""
+    started_utc: str = ""
+    started_s: Number | None = None
+    seed: Whole | None = None
+    software: str = ""
+    simulated: Annotated[bool, Field(strict=True)] = False
+    devices: dict[str, str] = Field(default_factory=dict)
+    beam: BeamPart | None = None
+    calibration: CalibrationPart | None = None
+    clocks: list[ClockPart] = Field(default_factory=list)
+    protocol_file: FileName | None = None
+    taps_rejected: dict[str, Count] = Field(default_factory=dict)
+    notes: Entries = Field(default_factory=list)
 
 
 def read_header(path: Path) -> HeaderPart:
@@ -81,7 +163,7 @@ def _json(path: Path) -> Any:
         raise DataError(f"{path.parent}: there is no such folder", "Name the folder that holds session.json")
     if not path.is_file():
         raise DataError(f"{path.parent}: holds no session.json", "Name the folder that holds session.json")
-    if path.stat().st_size > _MAX_BYTES:
+    if path.stat().st_size > MAX_BYTES:
         raise DataError(f"{path}: is too large for a header ({path.stat().st_size} bytes)")
     try:
         return json.loads(path.read_text("utf-8-sig"))
@@ -103,6 +185,7 @@ def _plain(error: Any) -> str:
     """Pydantic's message as an expectation."""
     text = str(error["msg"]).split(", unable to parse")[0].split(" or instance of ")[0]
     text = text.replace("a valid dictionary", "an object {…}").replace("a valid list", "a list […]")
+    text = text.removeprefix("Value error, ")
     if error["type"] == "missing":
         return "is missing"
     if error["type"] == "string_pattern_mismatch":

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 from draglag.errors import DataError
 from draglag.recording import Session
-from draglag.store.schema import session_nodes
+from draglag.store.schema import distinct, session_nodes
 from draglag.store.write import publish
 
 
@@ -25,10 +25,12 @@ def write_mat(session: Session, path: Path | str) -> Path:
     if path.exists():
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
     root: dict[str, Any] = {}
-    for node in session_nodes(session):
+    fields: dict[tuple[str, ...], str] = {}
+    for node in distinct(session_nodes(session)):
         place = root
-        for name in filter(None, node.path.split("/")):
-            place = place.setdefault(_name(name), {})
+        names = tuple(filter(None, node.path.split("/")))
+        for depth in range(1, len(names) + 1):
+            place = place.setdefault(_field(names[:depth], fields), {})
         if re.fullmatch(r"runs/[^/]+", node.path):
             place["id"] = node.path.split("/")[1]
         for key, value in {**node.attrs, **node.counts, **node.texts}.items():
@@ -47,6 +49,18 @@ def write_mat(session: Session, path: Path | str) -> Path:
     finally:
         growing.unlink(missing_ok=True)
     return path
+
+
+def _field(names: tuple[str, ...], fields: dict[tuple[str, ...], str]) -> str:
+    """The struct field of a group; two groups whose names read the same in MATLAB get a field each."""
+    if names not in fields:
+        taken = {field for other, field in fields.items() if other[:-1] == names[:-1]}
+        wanted = field = _name(names[-1])
+        number = 2
+        while field in taken:
+            field, number = f"{wanted}_{number}", number + 1
+        fields[names] = field
+    return fields[names]
 
 
 def _name(text: str) -> str:

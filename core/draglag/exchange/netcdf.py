@@ -12,7 +12,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.recording import Session
-from draglag.store.schema import Node, session_nodes
+from draglag.store.schema import Node, distinct, session_nodes
 from draglag.store.write import publish, reason, zero_utc
 
 
@@ -34,7 +34,7 @@ def write_netcdf(session: Session, path: Path | str) -> Path:
     start = zero_utc(session.started_utc, session.started_s)
     try:
         with h5netcdf.File(growing, "w") as file:
-            for node in session_nodes(session):
+            for node in distinct(session_nodes(session)):
                 _put(file, node, start)
         publish(growing, path)
     except OSError as error:

@@ -3,66 +3,79 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError
-from draglag.exchange.tables import line_of_row, read_table
+from draglag.exchange.tables import column_names, line_of_row, read_table
 from draglag.recording import LaserTrace, Taps, TouchTrace, empty_laser, empty_touch
 
 Floats = NDArray[np.float64]
 
 
-def read_touch(path: Path | None) -> tuple[TouchTrace, list[str]]:
+TOUCH_MORE = ("contact_id", "x_raw", "y_raw", "device_t_s")
+LASER_MORE = ("device_t_s", "epoch")
+
+
+def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[TouchTrace, list[str]]:
     """Touch events and what was mended: rows without a number left out, times put in order, repeated rows merged.
+
+    more: the optional file with further columns of the same rows. as_recorded: draglag wrote the rows, so repeated
+    ones were recorded twice and stay.
 
     Different reports with one stamp are kept: a host that delivers its frames in batches writes such, and that is
     something to be found, not mended. Estimates go by the last of them, as a program that reads them does.
     """
     if path is None:
         return empty_touch(), ["there is no touch file"]
-    rows, said = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
-    rows, more = _in_order(path, rows)
-    said += more
+    table, names = _with_more(path, read_table(path, ("t_s", "x_mm", "y_mm")), more, TOUCH_MORE)
+    rows, said = _finite(path, table, 3)
+    rows, told = _in_order(path, rows)
+    said += told
     doubled = np.append((np.diff(rows, axis=0) == 0).all(axis=1), False)[: len(rows)]
-    if doubled.any():
+    if doubled.any() and not as_recorded:
         said.append(f"{path.name}: {int(doubled.sum())} rows come twice and count once")
         rows = rows[~doubled]
     if not len(rows):
-        return empty_touch(), [*said, f"{path.name}: holds no touch events"]
-    t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T)
-    return TouchTrace(t_s, x_mm, y_mm), said
+        return empty_touch(), said if as_recorded else [*said, f"{path.name}: holds no touch events"]
+    t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T[:3])
+    return TouchTrace(t_s, x_mm, y_mm, **_further(more, names, rows[:, 3:])), said
 
 
-def read_laser(path: Path | None) -> tuple[LaserTrace, list[str]]:
+def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[LaserTrace, list[str]]:
     """Edges and what was mended. A level that comes twice running means a missing edge and is counted as such.
+
+    ``more`` and ``as_recorded`` as for ``read_touch``; with the latter, the count of missing edges is in session.json.
 
     Raises DataError for a level other than 0 and 1.
     """
     if path is None:
         return empty_laser(), ["there is no laser file"]
     table = read_table(path, ("t_s", "light"))
-    rows, said = _finite(path, table)
     odd = np.flatnonzero(~np.isin(table[:, 1], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
+    table, names = _with_more(path, table, more, LASER_MORE)
+    rows, said = _finite(path, table, 2)
     if len(odd):
         raise DataError(
             f"{path}, line {line_of_row(path, int(odd[0]))}: expected light 0 or 1, found {table[odd[0], 1]:g}",
             "Correct or remove that line",
         )
-    rows, more = _in_order(path, rows)
-    said += more
+    rows, told = _in_order(path, rows)
+    said += told
     same = np.append(False, (np.diff(rows[:, 0]) == 0) & (np.diff(rows[:, 1]) == 0))[: len(rows)]
-    if same.any():
+    if same.any() and not as_recorded:
         said.append(f"{path.name}: {int(same.sum())} edges come twice and count once")
         rows = rows[~same]
     if not len(rows):
-        return empty_laser(), [*said, f"{path.name}: holds no edges"]
-    missed = int((np.diff(rows[:, 1]) == 0).sum())
+        return empty_laser(), said if as_recorded else [*said, f"{path.name}: holds no edges"]
+    missed = 0 if as_recorded else int((np.diff(rows[:, 1]) == 0).sum())
     if missed:
         said.append(f"{path.name}: {missed} edges are missing (the same level twice running)")
     light = rows[:, 1].astype(np.int64)
-    return LaserTrace(np.ascontiguousarray(rows[:, 0]), light, missed=missed), said
+    further = _further(more, names, rows[:, 2:])
+    return LaserTrace(np.ascontiguousarray(rows[:, 0]), light, missed=missed, **further), said
 
 
 def read_taps(path: Path) -> tuple[Taps, list[str]]:
@@ -81,12 +94,47 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
     return Taps(physical_s, registered_s, down.astype(np.int64)), said
 
 
-def _finite(path: Path, rows: Floats) -> tuple[Floats, list[str]]:
-    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+def _with_more(
+    path: Path, table: Floats, more: Path | None, allowed: tuple[str, ...]
+) -> tuple[Floats, tuple[str, ...]]:
+    """The table with the further columns of the optional file appended, and their names.
+
+    Raises DataError where the two files are not about the same rows.
+    """
+    if more is None:
+        return table, ()
+    names = tuple(name for name in allowed if name in column_names(more))
+    extra = read_table(more, ("t_s", *names))
+    if len(extra) != len(table) or not np.array_equal(extra[:, 0], table[:, 0], equal_nan=True):
+        raise DataError(
+            f"{more}: its rows are not those of {path.name} ({len(extra)} against {len(table)}, with the same t_s)",
+            "Export both files again, or remove this optional one",
+        )
+    return np.column_stack([table, extra[:, 1:]]), names
+
+
+def _further(more: Path | None, names: tuple[str, ...], columns: Floats) -> dict[str, Any]:
+    return {
+        name: whole(more, name, column) if name in ("contact_id", "epoch") and more else np.ascontiguousarray(column)
+        for name, column in zip(names, columns.T, strict=True)
+    }
+
+
+def whole(path: Path, name: str, values: Floats) -> NDArray[np.int64]:
+    """A column of whole numbers. Raises DataError: fractions, NaN, beyond what a double holds exactly."""
+    if not ((np.abs(values) <= 2**53) & (np.mod(values, 1) == 0)).all():
+        raise DataError(f"{path}: expected whole numbers for {name}", "Correct or remove this optional file")
+    return values.astype(np.int64)
+
+
+def _finite(path: Path, rows: Floats, among: int = 3) -> tuple[Floats, list[str]]:
+    """Rows whose first ``among`` columns are numbers."""
+    numbers = rows[:, :among]
+    bad = np.flatnonzero(~np.isfinite(numbers).all(axis=1))
     if not len(bad):
         return rows, []
     first = line_of_row(path, int(bad[0]))
-    keep = np.isfinite(rows).all(axis=1)
+    keep = np.isfinite(numbers).all(axis=1)
     return rows[keep], [f"{path.name}: {len(bad)} rows hold no number and are left out, the first in line {first}"]
 
 

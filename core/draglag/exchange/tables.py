@@ -55,6 +55,11 @@ def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     return table
 
 
+def column_names(path: Path) -> tuple[str, ...]:
+    """The names in the first line. Raises DataError where the file cannot be read."""
+    return tuple(name.strip().strip('"') for name in _text(path).partition("\n")[0].split(","))
+
+
 def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     """The named columns of somebody else's CSV file, (n, len(columns)): further columns may hold anything, lines that
     begin with # are notes, and a cell that is no number is NaN.

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -380,6 +380,17 @@ def session_nodes(session: Session) -> Iterator[Node]:
     yield from header_nodes(session)
     for run in session.runs:
         yield from run_nodes(run, run.outcome)
+
+
+def distinct(nodes: Iterable[Node]) -> Iterator[Node]:
+    """The nodes of a whole session; two streams whose names read the same as group names get a group each."""
+    taken: set[str] = set()
+    for node in nodes:
+        path, number = node.path, 2
+        while "stream" in node.attrs and path in taken:
+            path, number = f"{node.path}-{number}", number + 1
+        taken.add(path)
+        yield replace(node, path=path)
 
 
 def _known(**values: Value | None) -> dict[str, Value]:
