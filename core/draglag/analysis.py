@@ -274,7 +274,7 @@ def _validate(
         tell(1 - len(varying) / max(len(session.runs), 1), run.id)
         try:
             ready = prepare(_with_hindsight(run, session), session.stylus.diameter_mm, options.update_rate_hz)
-            out.append(validate_run(ready, curve.predict_s, curve.speed_range_mm_s, options.estimator == "paper"))
+            out.append(validate_run(ready, curve.predict_s, curve.speed_range_mm_s))
         except EstimateError as error:
             problems.append(str(error))
     return out, problems

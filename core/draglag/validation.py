@@ -9,10 +9,11 @@ import numpy as np
 from draglag.beam import Lines, fit_lines, sides
 from draglag.errors import EstimateError
 from draglag.events import contact_losses, in_contact
-from draglag.inversion import Law, StylusPath, own_times_s, stylus_path
+from draglag.inversion import Law, StylusPath, stylus_path
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
+from draglag.motion import savitzky_golay
 from draglag.recording import FloatArray
 
 
@@ -49,41 +50,41 @@ class Validation:
         }
 
 
-HALVES_S = (0.03, 0.05, 0.07, 0.1, 0.15, 0.2)  # of the movement's smoothing: short windows for step movements
-
-
 def validate_run(
-    ready: Prepared, law: Law, speed_range_mm_s: tuple[float, float] = (0.0, np.inf), raw: bool = False
+    ready: Prepared, law: Law, speed_range_mm_s: tuple[float, float] = (0.0, np.inf), smoothed: bool = False
 ) -> Validation:
-    """Eq. 4 for one run and one latency law.
+    """Eq. 4 for one run and one latency law, as the paper has it.
 
-    The movement is reconstructed through the law (``stylus_path``) with each of a few smoothings, and the one that
-    places the edges best is used: the law stays as it is. ``raw`` takes the touch events at t + L as the paper does,
-    without smoothing. Raises EstimateError when too few edges can be placed or a side is empty.
+    J(0): straight curves of separate slopes through the uncorrected top and bottom edges. J(L): the same through the
+    touch events interpolated at t + L(v), with v the paper's Savitzky–Golay speed. ``smoothed`` places the edges on
+    the movement reconstructed through the law (``stylus_path``, its usual window) instead. No setting is chosen by
+    how well it does on this run: that would be part of a fit, not of a validation.
+
+    Raises EstimateError when too few edges can be placed or a side is empty.
     """
-    touch = ready.touch
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again")
-    losses_s = contact_losses(touch.t_s)
-    own_s = own_times_s(touch.t_s, ready.xy_mm, law)
-    paths = [stylus_path(touch.t_s, ready.xy_mm, law, half_s, own_s) for half_s in HALVES_S]
-    placed = [one for path in paths if (one := _placed(ready, path, losses_s)) is not None]
-    if not placed:
+    losses_s = contact_losses(ready.touch.t_s)
+    placed = _placed(ready, stylus_path(ready.touch.t_s, ready.xy_mm, law), losses_s) if smoothed else None
+    if placed is not None:
+        edges, latency_s, speed = placed.edges, placed.latency_s, placed.speed_mm_s
+    else:
+        edges, latency_s, speed = _shifted(ready, law, losses_s)
+    if edges.t_s.size < FEWEST_EDGES or (smoothed and placed is None):
         raise EstimateError(
             f"{ready.run.id}: too few edges on both sides of the beam lie within the touch trace", "Record it again"
         )
-    best = min(placed, key=lambda one: float(np.mean(one.residual_mm**2)))
-    edges, latency_s, speed, residual = best.edges, best.latency_s, best.speed_mm_s, best.residual_mm
     try:
         before = alignment_at(ready, edges, np.zeros_like(latency_s), shared_slope=False)
         after = alignment_at(ready, edges, latency_s, shared_slope=False)
     except ValueError as problem:
         raise EstimateError(f"{ready.run.id}: {problem}", "Record it again, crossing the beam both ways") from None
-    if raw:
-        residual = after.residual_mm
-    else:
-        x_mm, y_mm = best.xy_mm.T
-        after = replace(after, x_mm=x_mm, y_mm=y_mm, side=best.side, residual_mm=residual, lines=best.lines)
+    if placed is not None:
+        x_mm, y_mm = placed.xy_mm.T
+        after = replace(
+            after, x_mm=x_mm, y_mm=y_mm, side=placed.side, residual_mm=placed.residual_mm, lines=placed.lines
+        )
+    residual = after.residual_mm
     outside = (speed < speed_range_mm_s[0]) | (speed > speed_range_mm_s[1])
     n_outside = int(np.count_nonzero(outside))
     return Validation(
@@ -98,6 +99,25 @@ def validate_run(
         after,
         ("extrapolated",) if n_outside > 0.1 * edges.t_s.size else (),
     )
+
+
+def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, FloatArray, FloatArray]:
+    """The edges in contact at t and at t + L(v), with L, s, and v, mm/s.
+
+    An event at t shows where the stylus was at t − L(v(t)), v being the speed of the touch trace there.
+    """
+    touch = ready.touch
+    try:
+        grid_s, _, _, speed = savitzky_golay(touch)
+    except ValueError as problem:
+        raise EstimateError(f"{ready.run.id}: {problem}", "Record it again, for longer") from None
+    lag_s = np.asarray(law(speed), float)
+    own_s = np.maximum.accumulate(grid_s - lag_s)
+    t_s = ready.edges.t_s
+    latency_s, at_mm_s = np.interp(t_s, own_s, lag_s), np.interp(t_s, own_s, speed)
+    keep = (t_s >= own_s[0]) & (t_s <= own_s[-1]) & np.isfinite(latency_s)
+    keep &= in_contact(touch.t_s, t_s + latency_s, losses_s) & in_contact(touch.t_s, t_s, losses_s)
+    return ready.edges.take(keep), latency_s[keep], at_mm_s[keep]
 
 
 @dataclass(frozen=True)

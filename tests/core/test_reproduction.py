@@ -1,11 +1,17 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from draglag.protocols import load_protocol
+from draglag.report import style
+from draglag.reproduction import write
+from draglag.reproduction.curves import Row2
 from draglag.reproduction.further import FurtherSeeds, Tally, further_seeds, further_words, table_further
-from draglag.reproduction.measure import chirp_j0_mm2
+from draglag.reproduction.measure import Reproduction, chirp_j0_mm2
 from draglag.reproduction.own_gap import gap_figures, gap_words, own_gap
+from draglag.reproduction.published import PLATEAU_MM_S
 from draglag.simulation import rig_for_screen
 
 
@@ -39,6 +45,7 @@ def test_the_papers_own_gap_is_found_named_and_closed() -> None:
     assert report.gap_last_mm < 1.15 * report.noise_floor_mm
     before, after = found.replays
     assert after.rms_ms_ci95[1] < before.rms_ms_ci95[0]
+    assert found.truth_mm_s == PLATEAU_MM_S == 100.0
     text = " ".join(gap_words(found))
     assert f"low_speed_plateau at {value:.1f} mm/s (95 %: {low:.1f} to {high:.1f}" in text
     assert "nothing else was named" in text
@@ -73,6 +80,22 @@ def test_intervals_that_miss_too_often_are_reported() -> None:
     assert "Screen 1 a4_ms: 12 of 20 hold, fewer than chance leaves." in slack
     # 28 of 40, exact binomial limits.
     assert found.share_ci95 == pytest.approx((0.5347, 0.8344), abs=1e-3)
+
+
+def test_the_page_and_its_figures_say_that_nothing_was_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = style.new_figure()
+    monkeypatch.setattr(write, "_figures", lambda result: iter([("figure-5", "Figure 5", drawn)]))
+    row = Row2("Screen 1", (), 0.5, 1.43, None, None, None, held_rms_ms=0.81)  # type: ignore[arg-type]
+    text = write.write_reproduction(Reproduction((row,), (), {}, 3), tmp_path).read_text("utf-8")
+    assert "SIMULATED" in text.split("<table>")[0]
+    assert "not the paper" in text
+    assert "Figure 5 (SIMULATED)" in text
+    assert drawn.get_supxlabel() == "SIMULATED"
+    assert (tmp_path / "figures" / "figure-5.png").is_file()
+    assert "Screen 1 0.50 ms here, 0.81 ms held, 1.43 ms in the paper" in text
+    assert "The rest is not explained" in text
 
 
 def test_no_further_seeds_no_count() -> None:

@@ -31,7 +31,7 @@ def reproduce(out: Path | None, seed: int, n_further: int, as_json: bool) -> Non
     """
     from draglag.reproduction import reproduce as measure
     from draglag.reproduction.further import table_further
-    from draglag.reproduction.write import table_2, table_3, words, write_reproduction
+    from draglag.reproduction.write import SIMULATED_WORDS, table_2, table_3, words, write_reproduction
 
     if out is not None and (out / "reproduction.html").exists():
         raise DataError(f"{out / 'reproduction.html'}: exists already and is not overwritten", "Choose another folder")
@@ -48,6 +48,7 @@ def reproduce(out: Path | None, seed: int, n_further: int, as_json: bool) -> Non
             {**result.to_dict(), "words": list(words(result)), "page": None if written is None else str(written)}
         )
         return
+    click.echo(f"SIMULATED: {SIMULATED_WORDS}\n")
     click.echo("Table 2\n" + table(*table_2(result), left=2))
     if result.further is not None:
         click.echo("\nTable 2 with further seeds\n" + table(*table_further(result.further), left=2))

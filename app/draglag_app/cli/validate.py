@@ -28,9 +28,13 @@ BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
 @click.option("--model", "model_path", required=True, type=click.Path(path_type=Path), help="Made by --save-model.")
 @click.option("--all", "all_runs", is_flag=True, help="Circles too, not only runs whose speed varies.")
 @click.option("--hold-ends", is_flag=True, help="Hold the curve at its slowest and fastest speed, not extrapolate.")
-@click.option("--raw", is_flag=True, help="Interpolate the touch events as the paper does, without smoothing.")
+@click.option(
+    "--smoothed/--raw",
+    default=False,
+    help="Place the edges on the smoothed movement; --raw, the default, interpolates the events as the paper does.",
+)
 @json_option
-def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, raw: bool, as_json: bool) -> None:
+def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, smoothed: bool, as_json: bool) -> None:
     """Apply the latency model of one session to the runs of another and say how much of the misalignment of their
     edges it removes (the paper's Eq. 4), per run and averaged over repeats. What an extended model names besides its
     law (a drifting clock, a skewed scan …) is taken out of the session first.
@@ -63,7 +67,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, r
                 tell(k / len(runs), run.id)
             try:
                 ready = prepare(run, data.stylus.diameter_mm)
-                done.append(validate_run(ready, law, model.speed_range_mm_s, raw))
+                done.append(validate_run(ready, law, model.speed_range_mm_s, smoothed))
             except EstimateError as error:
                 problems.append(str(error))
     if not done:

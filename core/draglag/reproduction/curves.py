@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
@@ -42,6 +42,14 @@ class Row2:
     curve: CurveFit
     analysis: Analysis
     session: Session
+    held_rms_ms: float | None = None
+
+
+def held_rms_ms(row: Row2) -> float | None:
+    """RMS of the same row, ms, measured as the paper does: events held at 100 Hz, its estimator. None without a curve."""
+    options = replace(row.analysis.options, estimator="paper", update_rate_hz=100.0)
+    curve = analyze(row.session, options).curve
+    return None if curve is None else 1e3 * curve.rms_s
 
 
 def effects_of(screen: str) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from draglag.inversion import Law
 from draglag.latency.estimate import prepare
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
-from draglag.reproduction.curves import Row2, effects_of, measured_row
+from draglag.reproduction.curves import Row2, effects_of, held_rms_ms, measured_row
 from draglag.reproduction.further import FurtherSeeds, further_seeds
 from draglag.reproduction.own_gap import OwnGap, own_gap
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2, TABLE_3
@@ -54,11 +54,13 @@ class Reproduction:
     def to_dict(self) -> dict[str, object]:
         return {
             "seed": self.seed,
+            "simulated": True,
             "table_2": [
                 {
                     "screen": row.screen,
                     "rms_ms": row.rms_ms,
                     "paper_rms_ms": row.paper_rms_ms,
+                    "rms_held_at_100_hz_ms": row.held_rms_ms,
                     "rms_no_worse": row.rms_ms <= row.paper_rms_ms,
                     "coefficients": [
                         {
@@ -102,7 +104,8 @@ def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 
     rows = []
     for k, screen in enumerate(TABLE_2):
         tell(0.02 * k, f"{screen}: sweep")
-        rows.append(measured_row(screen, seed))
+        row = measured_row(screen, seed)
+        rows.append(replace(row, held_rms_ms=held_rms_ms(row)))
     further = further_seeds(
         range(seed + 1, seed + 1 + n_further), lambda fraction, text: tell(0.06 + 0.29 * fraction, text)
     )

@@ -14,10 +14,10 @@ from draglag.gap import GapReport, close_gap
 from draglag.gap.replaying.replay import Replay, replays
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session
+from draglag.reproduction.published import PLATEAU_MM_S
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effects
 
-PLATEAU_MM_S = 100.0  # Section III.A: a plateau "for input speeds below 100 mm/s"
 Progress = Callable[[float, str], None]
 
 

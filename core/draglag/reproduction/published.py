@@ -22,4 +22,4 @@ TABLE_3: dict[str, dict[str, tuple[float, float]]] = {
 
 RELEASE_TAP_MS = {"Screen 1": 28.75, "Screen 2": 28.14}
 PRESETS = {"Screen 1": "screen-1", "Screen 2": "screen-2-uncorrected", "Screen 2 (corrected)": "screen-2"}
-PLATEAU_MM_S = 50.0  # Screen 2's highest latency is 200 ms (Section I), which its curve reaches at 50 mm/s
+PLATEAU_MM_S = 100.0  # of Screen 2. Section III.A: a plateau "for input speeds below 100 mm/s"
