@@ -75,8 +75,9 @@ def validate_run(
             f"{ready.run.id}: too few edges on both sides of the beam lie within the touch trace", "Record it again"
         )
     try:
-        before = alignment_at(ready, edges, np.zeros_like(latency_s), shared_slope=False)
         after = alignment_at(ready, edges, latency_s, shared_slope=False)
+        # An edge is a top or a bottom one however late its touch event comes: the same sides for J(0).
+        _, uncorrected_mm = fit_lines(after.x_raw_mm, after.y_raw_mm, after.side, shared_slope=False)
     except ValueError as problem:
         raise EstimateError(f"{ready.run.id}: {problem}", "Record it again, crossing the beam both ways") from None
     if placed is not None:
@@ -91,7 +92,7 @@ def validate_run(
         ready.run.id,
         ready.run.protocol,
         int(edges.t_s.size),
-        float(np.mean(before.residual_mm**2)),
+        float(np.mean(uncorrected_mm**2)),
         float(np.mean(residual**2)),
         speed,
         latency_s,

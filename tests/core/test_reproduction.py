@@ -82,9 +82,7 @@ def test_intervals_that_miss_too_often_are_reported() -> None:
     assert found.share_ci95 == pytest.approx((0.5347, 0.8344), abs=1e-3)
 
 
-def test_the_page_and_its_figures_say_that_nothing_was_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_page_and_figures_say_that_they_are_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = style.new_figure()
     monkeypatch.setattr(write, "_figures", lambda result: iter([("figure-5", "Figure 5", drawn)]))
     row = Row2("Screen 1", (), 0.5, 1.43, None, None, None, held_rms_ms=0.81)  # type: ignore[arg-type]

@@ -101,7 +101,7 @@ def test_eq_4_is_the_papers_unless_asked(measured: tuple[object, ...]) -> None:
     ready = prepare(next(run for run in session.runs if run.protocol == "step"), 7.0)  # type: ignore[attr-defined]
     one = validate_run(ready, LAW.latency_s)
     a, touch = one.alignment, ready.touch
-    np.testing.assert_allclose(a.y_mm, np.interp(a.t_s + one.latency_s, touch.t_s, touch.y_mm))
+    np.testing.assert_allclose(a.y_mm, np.interp(a.edge_t_s + one.latency_s, touch.t_s, touch.y_mm))
     for x_mm, y_mm, published in (
         (a.x_raw_mm, a.y_raw_mm, one.j0_per_edge_mm2),
         (a.x_mm, a.y_mm, one.j_per_edge_mm2),
@@ -110,11 +110,11 @@ def test_eq_4_is_the_papers_unless_asked(measured: tuple[object, ...]) -> None:
         for side in (-1, 1):
             of = a.side == side
             left += float(np.polyfit(x_mm[of], y_mm[of], 1, full=True)[1][0])
-        assert published == pytest.approx(left / a.t_s.size, rel=0.02)
+        assert published == pytest.approx(left / a.edge_t_s.size, rel=0.02)
     # The speed is the paper's: Savitzky–Golay, at the event that shows the stylus where it was at the edge.
     t_s, _, _, speed = savitzky_golay(touch)
     np.testing.assert_allclose(one.latency_s, LAW.latency_s(one.speeds_mm_s), atol=0.005)
-    assert np.corrcoef(one.speeds_mm_s, np.interp(a.t_s + one.latency_s, t_s, speed))[0, 1] > 0.99
+    assert np.corrcoef(one.speeds_mm_s, np.interp(a.edge_t_s + one.latency_s, t_s, speed))[0, 1] > 0.99
 
 
 def test_excluded_runs_stay_out_of_the_curve(measured: tuple[object, ...]) -> None:

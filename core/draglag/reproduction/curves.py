@@ -46,7 +46,7 @@ class Row2:
 
 
 def held_rms_ms(row: Row2) -> float | None:
-    """RMS of the same row, ms, measured as the paper does: events held at 100 Hz, its estimator. None without a curve."""
+    """RMS of the same row, ms, as the paper measures: events held at 100 Hz, its estimator. None without a curve."""
     options = replace(row.analysis.options, estimator="paper", update_rate_hz=100.0)
     curve = analyze(row.session, options).curve
     return None if curve is None else 1e3 * curve.rms_s
