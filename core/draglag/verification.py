@@ -96,10 +96,10 @@ def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> lis
     low, high = check.ci95_mm
     if abs(check.mean_mm - check.known_mm) > np.hypot(0.5 * (high - low), WIDTH_SYSTEMATIC_MM):
         return [
-            f"The stylus measures {check.mean_mm:.2f} mm ({low:.2f} to {high:.2f}), by ruler {check.known_mm:g} mm: "
-            f"by ruler {check.known_mm:g} mm: more than noise and sensor explain. A wrong diameter, a wrong scale of "
-            "the touchscreen, a filter that shrinks circles or a slow sensor can do this. Measure the stylus, calibrate "
-            "the touchscreen, and see draglag gap."
+            f"The stylus measures {check.mean_mm:.2f} mm ({low:.2f} to {high:.2f}), "
+            f"by ruler {check.known_mm:g} mm: more than noise and sensor explain. A wrong diameter, a wrong scale "
+            "of the touchscreen, a filter that shrinks circles or a slow sensor can do this. Measure the stylus, "
+            "calibrate the touchscreen, and see draglag gap."
         ]
     off = [
         run.id

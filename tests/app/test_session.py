@@ -247,6 +247,18 @@ def test_the_operator_may_begin_each_run(tmp_path):
     assert began == ["run-01", "run-02"]
 
 
+def test_asking_to_go_on_during_a_run_does_not_skip_the_rest_after_it(tmp_path):
+    def on_event(control, event):
+        if isinstance(event, events.RunStarted):
+            control.proceed()
+
+    def rest_s(on_event, name):
+        first, second = read_session(Recording(protocol(300, 600), fast_rig(), tmp_path / name, on_event).path).runs
+        return second.start_s - first.start_s - first.duration_s
+
+    assert rest_s(on_event, "asked.h5") == pytest.approx(rest_s(None, "plain.h5"), abs=0.5)
+
+
 # --- devices that fail ---
 
 

@@ -170,6 +170,7 @@ class Conductor:
             end_s = min(max(self._time.now(), start_s), end_s)
             self._stage.stop()
             self._saver.call(lambda: self._saver.cut_run(end_s))
+        self._control.take_proceed()  # asked for while the run lasted: there was no rest to skip
         go(signal or Signal.TARGET_DONE)
         self._display.hide()
         if signal is None:
