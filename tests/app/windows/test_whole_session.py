@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QApplication, QMessageBox
 
 from draglag.analysis import analyze
 from draglag.exchange import read_exchange
-from draglag.latency import estimate_on_clock
+from draglag.latency import estimate_on_clock, with_systematics
 from draglag.store import partial_files, read_analyses, read_session
 from draglag_app.session import SessionOptions, events
 from draglag_app.session.digest import within
@@ -285,14 +285,15 @@ def test_a_run_is_estimated_at_once_and_again_when_its_last_events_are_there(
     until(lambda: len(space.live.known) == 1)
     assert column(opened, "record", 0) == [run.id]
     assert column(opened, "record", 5) == ["preliminary"]
-    assert space.live.known[0].latency_s == estimate_on_clock(early, space.session.clocks, 7.0).latency_s
+    expected = with_systematics(estimate_on_clock(early, space.session.clocks, 7.0))
+    assert space.live.known[0].latency_s == expected.latency_s
 
     space.bridge.listener(events.RunFinished(run, "complete", space.session.clocks))
     until(lambda: not space.live.preliminary)
     assert column(opened, "record", 0) == [run.id]
     assert column(opened, "record", 5) == ["✓ good"]
     assert [known.latency_s for known in space.live.known] == [
-        estimate_on_clock(run, space.session.clocks, 7.0).latency_s
+        with_systematics(estimate_on_clock(run, space.session.clocks, 7.0)).latency_s
     ]
 
     # A run that is lost in its last moments keeps no estimate.
