@@ -63,14 +63,21 @@ def _child(there: Connection, function: Callable[..., Any], arguments: tuple[Any
 
 
 def close_gap_of(
-    session: Any, without: frozenset[str], added: tuple[str, ...], kept: Any, path: Any, progress: Progress
+    session: Any,
+    without: frozenset[str],
+    added: tuple[str, ...],
+    kept: Any,
+    path: Any,
+    include: frozenset[str],
+    progress: Progress,
 ) -> dict[str, object]:
-    """The gap report of a session as the design's JSON, and what a page shows beside it.
+    """The gap report of a session as the design's JSON, and what a page shows with it.
 
     Args:
         without: effects that may not be named. added: effects to add by hand, in order.
         kept: a report (``report`` of an earlier result) to go on from, with some of ``added`` in it, or None.
         path: the session's file, for the model's provenance, or None.
+        include: runs to take in although they went wrong.
 
     Further keys: ``overlay`` (``overlay_numbers``, or None and ``overlay_why``),
     ``model`` (the extended model's JSON or None) and ``report`` (to go on from).
@@ -82,6 +89,7 @@ def close_gap_of(
     from draglag.gap.by_hand import add_by_hand
     from draglag.gap.replaying.extended import extended_model
     from draglag.gap.replaying.replay import replays
+    from draglag.gap.wording import drift_in_analysis
     from draglag.report.replayed import overlay_numbers
     from draglag.simulation.effects import EFFECTS
 
@@ -90,7 +98,11 @@ def close_gap_of(
     def part(low: float, high: float) -> Progress:
         return lambda fraction, text: progress(low + (high - low) * fraction, text)
 
-    report = kept if kept is not None else close_gap(session, candidates=candidates, progress=part(0.0, 0.5))
+    report = (
+        kept
+        if kept is not None
+        else close_gap(session, candidates=candidates, progress=part(0.0, 0.5), include=include)
+    )
     if report.last is None:
         return {**report.to_dict(), "overlay": None, "model": None, "report": None}
     there = {step.effect for step in report.steps}
@@ -107,6 +119,7 @@ def close_gap_of(
     model = extended_model(session, report, datetime.now(UTC).isoformat(timespec="seconds"), checksum)
     return {
         **report.to_dict(),
+        "drift_in_analysis": drift_in_analysis(session, report),
         "overlay": overlay,
         "overlay_why": why,
         "model": model.model_dump(mode="json"),

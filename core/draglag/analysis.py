@@ -13,9 +13,10 @@ from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
-from draglag.latency.conduct import excluded_because, with_conduct
+from draglag.latency.conduct import why_excluded, with_conduct
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
+from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
@@ -73,6 +74,7 @@ class Analysis:
     clocks: tuple[ClockDrift, ...] = ()
     warnings: tuple[str, ...] = ()
     excluded: Mapping[str, str] = field(default_factory=dict)
+    source: Source | None = None
 
     def in_curve(self, run: RunEstimate) -> bool:
         """Whether a run is one of the curve's points."""
@@ -82,6 +84,7 @@ class Analysis:
         """The design's ``analyze --json`` (section 5)."""
         return {
             "session": self.session,
+            "simulated": self.source is not None and self.source.simulated,
             "estimator": self.options.estimator,
             "update_rate_hz": self.options.update_rate_hz,
             "runs": [run.to_dict() | {"in_curve": self.in_curve(run)} for run in self.runs],
@@ -153,6 +156,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         tuple(clock_drifts(session)),
         tuple(warnings),
         excluded,
+        source_of(session),
     )
 
 
@@ -175,14 +179,7 @@ def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]
 
 def _excluded(session: Session, estimates: Sequence[RunEstimate], options: AnalysisOptions) -> dict[str, str]:
     """Run id → why it is not in the curve (or the validation): by hand, or for how it went unless included by hand."""
-    if "all" in options.include:
-        return dict(options.exclude)
-    by_flag = {e.id: excluded_because(e) for e in estimates}
-    for run in session.runs:
-        if run.outcome != "complete":
-            by_flag.setdefault(run.id, run.outcome.replace("_", " "))
-    automatic = {run_id: why for run_id, why in by_flag.items() if why and run_id not in options.include}
-    return {**automatic, **options.exclude}
+    return {**why_excluded(session.runs, estimates, options.include), **options.exclude}
 
 
 def _usable(estimate: RunEstimate) -> bool:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 import draglag
 from draglag.curve import FORMS, CurveFit
 from draglag.errors import DataError
+from draglag.provenance import Source
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
 
@@ -67,6 +68,7 @@ class Provenance(_Table):
     gap_mm: tuple[Finite, Finite] | None = None
     noise_floor_mm: Finite | None = None
     verdict: str = ""
+    simulated: bool = False
 
 
 class LatencyModel(_Table):
@@ -105,6 +107,12 @@ class LatencyModel(_Table):
         if unknown:
             raise ValueError(f"unknown effect '{unknown[0]}'; known: {', '.join(EFFECTS)}")
         return self
+
+    @property
+    def source(self) -> Source:
+        """What the model was made from; its date is the model's own."""
+        of = self.provenance
+        return Source(of.session or "a model without a session", of.created_utc, of.simulated)
 
     @property
     def curve(self) -> CurveFit:

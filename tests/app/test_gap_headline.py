@@ -11,9 +11,11 @@ from click.testing import CliRunner
 from draglag.gap.finding.separate import not_seen
 from draglag.gap.fitting.state import Term
 from draglag.gap.results import GapReport, PassedOver, Step, unjudged
-from draglag.report.gap import _table, headline
+from draglag.gap.wording import drift_in_analysis, headline
+from draglag.recording import ClockBounds
+from draglag.report.gap import _table
 from draglag_app.cli import cli
-from draglag_app.cli.gap import _tell
+from draglag_app.cli.gap import _say
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
 
@@ -28,7 +30,8 @@ def report(verdict, *left):
 @pytest.mark.parametrize("verdict", ["no_gap", "explained"])
 def test_only_noise_is_called_noise(verdict, capsys):
     for made in (report(verdict), report(verdict, RIPPLE)):
-        _tell(made, None)
+        made = replace(made, steps=(DRIFT,) if verdict == "explained" else ())
+        _say(made, None)
         for said in (capsys.readouterr().out, headline(made)):
             if made.passed_over:
                 assert "beyond chance" in said
@@ -43,20 +46,20 @@ def test_what_stays_unexplained_stays_so():
 
 def test_what_a_gap_follows_is_told_in_words(capsys):
     made = replace(report("unexplained"), unexplained_by="normal_acceleration")
-    _tell(made, None)
+    _say(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: a gap remains that follows the normal acceleration;")
 
 
 def test_scatter_is_not_told_as_something_that_a_gap_follows(capsys):
     made = replace(report("unexplained"), unexplained_by="scatter")
-    _tell(made, None)
+    _say(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: single edges scatter more than those of a sound rig")
 
 
 def test_what_is_left_of_a_covariate_is_told_in_words(capsys):
-    _tell(report("no_gap", PassedOver("time_in_run", 1e-5, "too little")), None)
+    _say(report("no_gap", PassedOver("time_in_run", 1e-5, "too little")), None)
     assert "but left: the time in the run, too little." in capsys.readouterr().out
 
 
@@ -72,22 +75,47 @@ def test_a_wider_shadow_is_not_told_twice():
 @pytest.mark.parametrize("follows", ["speed", "scatter"])
 def test_a_limit_of_effects_is_told_instead_of_that_none_is_known(follows, capsys):
     made = replace(report("unexplained"), unexplained_by=follows, stopped_at=0)
-    _tell(made, None)
+    _say(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert "effects were limited to 0" in said
         assert "no known effect" not in said
         assert "follows scatter" not in said
 
 
-def test_an_offset_told_by_taps_says_which_gap_it_closes(capsys):
-    """Its gap is not the one before it: it is what a law would leave that the taps' own latency is part of."""
-    evidence = "taps lie 6.1 ms off the asymptote: a law through them would leave 3.556 mm"
-    size = {"offset_s": (0.006, (0.005, 0.007))}
-    offset = Step("clock_offset", size, "every edge", "taps", 1e-9, evidence, 3.556, 0.145)
-    made = replace(report("explained"), steps=(offset,))
-    _tell(made, None)
+DRIFT = Step("clock_drift", {"drift_ppm": (24.9, (23.7, 26.2))}, "", "session_time", 1e-9, "", 2.7, 0.22)
+OFFSET = Step(
+    "clock_offset", {"offset_s": (0.006, (0.005, 0.007))}, "", "taps", 1e-9, "taps lie +6.0 ms off", 0.18, 0.18
+)
+
+
+def test_the_headline_names_cause_size_and_what_the_gap_becomes(capsys):
+    numbers = {"steps": (DRIFT,), "gap_first_mm": 2.7, "gap_last_mm": 0.22, "noise_floor_mm": 0.19}
+    _say(replace(report("explained"), **numbers), None)
+    assert capsys.readouterr().out.split("\n")[0] == (
+        "Clock drift 24.9 ppm (23.7 to 26.2) explains the gap: 2.70 → 0.22 mm, noise 0.19."
+    )
+    part = headline(replace(report("unexplained"), **numbers))
+    assert part.startswith("Clock drift 24.9 ppm (23.7 to 26.2) is part of the gap: 2.70 → 0.22 mm, noise 0.19. Unexpl")
+
+
+def test_an_offset_shown_by_taps_has_no_gap_of_its_own(capsys):
+    """No held-out run shows it: no gap figure is made up for it, and what the taps say is in the words."""
+    made = replace(report("explained"), steps=(OFFSET,))
+    assert headline(made).startswith("Clock offset 6 ms (5 to 7), by the taps. Edges do not show it")
+    _say(made, None)
     for said in (capsys.readouterr().out, _table(made)):
-        assert evidence in said
+        assert OFFSET.evidence in said
+
+
+def test_a_drift_refers_to_what_analyze_says_of_it():
+    late_s = 24.4e-6 * np.arange(0.0, 600.0, 10.0)
+    device_s = np.arange(0.0, 600.0, 10.0) + late_s
+    bound = ClockBounds("laser", device_s, device_s - late_s - 1e-5, device_s - late_s + 1e-5)
+    with_it = SimpleNamespace(clocks=(bound,), runs=())
+    found = replace(report("explained"), steps=(DRIFT,))
+    assert "the laser's clock run 24.4 ppm fast" in drift_in_analysis(with_it, found)
+    assert "no comparison" in drift_in_analysis(SimpleNamespace(clocks=(), runs=()), found)
+    assert drift_in_analysis(with_it, report("no_gap")) == ""
 
 
 def test_runs_that_the_fit_does_not_judge_by_are_told_with_the_reason():
@@ -103,7 +131,7 @@ def test_runs_that_the_fit_does_not_judge_by_are_told_with_the_reason():
 def test_what_was_left_out_of_the_library_may_be_what_is_unexplained():
     ran = CliRunner().invoke(cli, ["gap", str(SAMPLE), "--without", "low_speed_plateau"])
     assert ran.exit_code == 0, ran.output
-    assert ran.output.startswith("Unexplained")  # and nothing else of the speed is named for it
+    assert "Unexplained" in ran.output.split("\n")[0]  # and nothing else of the speed is named for it
     assert "It may be what was left out of the library: low_speed_plateau." in ran.output
     limited = CliRunner().invoke(cli, ["gap", str(SAMPLE), "--without", "scan_skew", "--max-effects", "0"])
     assert "left out of the library" not in limited.output

@@ -9,6 +9,8 @@ from tests.realistic.session import make_session
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import CurvePoints, fit_best
 from draglag.errors import EstimateError
+from draglag.gap import close_gap
+from draglag.gap.results import unjudged
 from draglag.recording import Run, Session
 
 
@@ -40,6 +42,21 @@ def test_a_run_that_did_not_end_well_is_not_in_the_curve(session: Session, outco
     assert included.curve is not None
     assert included.curve.n_points == len(session.runs)
     assert included.excluded == {}
+
+
+def test_the_gap_leaves_out_the_same_runs_as_the_curve(session: Session) -> None:
+    """A run at another latency would be a gap: as an aborted one it is none, and it is listed."""
+    run = of(session, 290.0)
+    late = replace(run.touch, t_s=run.touch.t_s + 0.02)
+    broken = with_run(session, replace(run, touch=late, outcome="aborted"))
+    report = close_gap(broken)
+    assert report.excluded == {run.id: "aborted"} == analyze(broken).excluded
+    assert report.last is not None
+    assert run.id not in {data.run.id for data in report.last.runs}
+    assert f"{run.id} (aborted)" in unjudged(broken, report)
+    included = close_gap(broken, max_effects=0, include=(run.id,))
+    assert included.excluded == {}
+    assert included.verdict == "unexplained"
 
 
 def test_a_complete_run_with_most_of_its_laser_missing_is_not_in_the_curve(session: Session) -> None:

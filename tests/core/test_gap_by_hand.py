@@ -69,7 +69,7 @@ def test_what_cannot_be_added_by_hand_is_refused(session: Session, unnamed: GapR
 def test_the_page_gets_report_overlay_and_model(session: Session, unnamed: GapReport) -> None:
     told: list[float] = []
     got = close_gap_of(
-        session, frozenset(), ("scan_skew",), unnamed, None, lambda fraction, text: told.append(fraction)
+        session, frozenset(), ("scan_skew",), unnamed, None, frozenset(), lambda fraction, text: told.append(fraction)
     )
     assert told == sorted(told)
     assert got["report"].steps[-1].effect == "scan_skew"  # type: ignore[attr-defined]

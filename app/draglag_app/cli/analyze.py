@@ -13,6 +13,7 @@ from draglag.clocks import rate_words
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
+from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag_app.cli.common import (
     FiniteRange,
@@ -179,6 +180,7 @@ def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> 
     rate = analysis.options.update_rate_hz
     provenance = Provenance(
         session=data.name,
+        simulated=is_simulated(data.devices),
         screen=data.screen.name,
         estimator=analysis.options.estimator,
         stamps="kernel" if rate is None else f"last event held at {rate:g} Hz",

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
+from draglag.curve import CurveFit
 from draglag.errors import DataError, EstimateError
+from draglag.provenance import Source, source_of
 from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, table
 
 
@@ -30,30 +32,40 @@ def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> N
         raise click.UsageError("Give at least two sessions.")
     if report is not None:
         refuse_existing(report)
-    curves = []
+    curves: list[tuple[str, CurveFit]] = []
+    sources: list[Source] = []
     with progress("Comparing") as tell:
         for k, path in enumerate(sessions):
             if tell:
                 tell(k / len(sessions), path.name)
             if path.suffix == ".json" and path.name != "session.json":
-                curves.append((str(path), load_model(path).curve))
+                model = load_model(path)
+                curves.append((str(path), model.curve))
+                sources.append(model.source)
                 continue
-            curve = analyze(load_session(path)).curve
+            data = load_session(path)
+            curve = analyze(data).curve
             if curve is None:
                 raise EstimateError(f"{path}: no curve", "See draglag analyze for the verdict on its runs")
             curves.append((str(path), curve))
+            sources.append(source_of(data))
     first = curves[0][1]
     apart = [(name, curve_difference(first, curve)) for name, curve in curves[1:]]
     result = {
         "first": curves[0][0],
-        "curves": [{"session": name, **curve.to_dict()} for name, curve in curves],
+        "curves": [
+            {"session": name, "simulated": source.simulated, **curve.to_dict()}
+            for (name, curve), source in zip(curves, sources, strict=True)
+        ],
         "differences": [{"session": name, **(d.to_dict() if d else {"at": []})} for name, d in apart],
     }
     if report is not None:
         from draglag.reproduction.drawings import comparison_page
 
         try:
-            report.write_text(comparison_page(curves), "utf-8")
+            report.write_text(
+                comparison_page([(*curve, source) for curve, source in zip(curves, sources, strict=True)]), "utf-8"
+            )
         except OSError as error:
             raise DataError(f"{report}: cannot be written ({error.strerror})", "Check the folder") from error
     if as_json:

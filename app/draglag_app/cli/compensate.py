@@ -99,7 +99,7 @@ def compensate(
         if figure is not None:
             from draglag.reproduction.drawings import save_tracking
 
-            save_tracking({model.provenance.screen or "model": response}, figure)
+            save_tracking({model.provenance.screen or "model": response}, figure, model.source)
             result["figure"] = str(figure)
     if as_json:
         print_json(result)

@@ -9,7 +9,8 @@ import click
 from draglag.errors import DataError, EstimateError
 from draglag.gap.naming.provisional import provisional_term
 from draglag.gap.replaying.extended import extended_model
-from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words, unjudged
+from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unjudged
+from draglag.gap.wording import drift_in_analysis, headline
 from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model
 from draglag.simulation.effects import EFFECTS
@@ -38,6 +39,12 @@ from draglag_app.cli.common import (
 @click.option("--without", multiple=True, metavar="ID", help="Leave an effect out of the library; may be repeated.")
 @click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Also write a page with figures.")
 @click.option(
+    "--include",
+    multiple=True,
+    metavar="RUN",
+    help="Take in a run that went wrong and is left out; may be repeated, or `all`.",
+)
+@click.option(
     "--provisional",
     is_flag=True,
     help="Close what stays unexplained by a smooth term without a name.",
@@ -55,6 +62,7 @@ def gap(
     session: Path,
     max_effects: int,
     without: tuple[str, ...],
+    include: tuple[str, ...],
     report: Path | None,
     model_path: Path | None,
     provisional: bool,
@@ -78,8 +86,11 @@ def gap(
     if model_path is not None:
         refuse_existing(model_path)
     data = load_session(session)
+    strange = sorted(set(include) - {run.id for run in data.runs} - {"all"})
+    if strange:
+        raise DataError(f"{session}: there is no run {strange[0]!r}", "See draglag analyze for the ids")
     with progress("Closing the gap") as tell:
-        result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], tell)
+        result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], tell, include)
     unnamed = provisional_term(result) if provisional else None
     if report is not None and result.verdict is not None:
         from draglag.report.gap import write_gap_report
@@ -96,7 +107,9 @@ def gap(
         remedy = "" if told else "Record what is missing"
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     if not as_json:
-        _tell(result, report)
+        _say(result, report)
+        if drift := drift_in_analysis(data, result):
+            click.echo(drift)
         if without and result.verdict == "unexplained" and result.stopped_at is None:
             click.echo(f"It may be what was left out of the library: {', '.join(without)}.")
         if left := unjudged(data, result):
@@ -111,7 +124,8 @@ def gap(
             click.echo(f"Model: {model_path}{without_it}")
 
 
-def _tell(result: GapReport, report: Path | None) -> None:
+def _say(result: GapReport, report: Path | None) -> None:
+    click.echo(headline(result))
     rows = []
     for step in result.steps:
         sizes = ", ".join(f"{k} {v:.4g} ({low:.4g} to {high:.4g})" for k, (v, (low, high)) in step.parameters.items())
@@ -119,15 +133,6 @@ def _tell(result: GapReport, report: Path | None) -> None:
         rows.append([step.effect + also, step.where, sizes, f"{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}"])
     if rows:
         click.echo(table(["effect", "where", "size (95 %)", "gap, mm"], rows, 4))
-    words = {
-        "no_gap": "No gap: what is left is noise.",
-        "explained": "Explained: with these effects only noise is left.",
-        "unexplained": unexplained_in_words(result.unexplained_by, result.stopped_at),
-    }
-    if result.passed_over:  # told below
-        words["no_gap"] = "No gap worth a name: what is left beyond chance is too little for one."
-        words["explained"] = "Explained by these effects; what is left beyond chance is too little for a name."
-    click.echo(words[result.verdict or "no_gap"])
     click.echo(
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
         f"noise floor {result.noise_floor_mm:.3f} mm ({FLOOR_REACHES})."

@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 from draglag.errors import EstimateError
+from draglag.provenance import is_simulated
 from draglag.recording import FloatArray
 from draglag_app.cli.common import (
     json_option,
@@ -75,6 +76,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
     counts = {item.run: np.histogram(item.speeds_mm_s, [*BINS_MM_S, np.inf])[0] for item in done}
     result = {
         "session": data.name,
+        "simulated": is_simulated(data.devices),
         "model": {"file": str(model_path), "form": model.form, "session": model.provenance.session},
         "validation": [
             {**item.to_dict(), "speed_histogram": {"from_mm_s": BINS_MM_S, "count": counts[item.run].tolist()}}

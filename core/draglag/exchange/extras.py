@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from draglag.errors import DataError
 from draglag.exchange.header import MAX_BYTES, CalibrationPart, ClockPart, EntryPart, HeaderPart, RunPart
 from draglag.exchange.streams import LASER_MORE, TOUCH_MORE, whole
 from draglag.exchange.tables import column_names, find_table, read_table, write_table
+from draglag.provenance import SIMULATED, is_simulated
 from draglag.recording import (
     AxisInfo,
     Beam,
@@ -28,7 +29,6 @@ from draglag.recording import (
 )
 
 PROTOCOL_FILE = "protocol.toml"
-SIMULATED = "simulated"  # the key of session.json and the role in Session.devices
 _CLOCK = ("device_s", "host_min_s", "host_max_s")
 
 
@@ -96,11 +96,6 @@ def write_session_extras(place: Path, session: Session, end: str) -> dict[str, A
     return {key: value for key, value in keys.items() if value} | {
         key: value for key, value in given.items() if value is not None
     }
-
-
-def is_simulated(devices: Mapping[str, str]) -> bool:
-    """Whether any device of a session is the simulator, or the session says that it is simulated."""
-    return SIMULATED in devices or any(address.startswith("sim:") for address in devices.values())
 
 
 def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:

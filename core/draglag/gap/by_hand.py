@@ -43,6 +43,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     before = report.last
     if before is None or report.finding is None:
         raise EstimateError(f"{report.session}: there is no model to add to", "; ".join(report.missing) or "Try again")
+    session = report.judged(session)
     term = TERM_OF.get(effect, effect)
     there = {TERM_OF.get(step.effect, step.effect) for step in report.steps}
     if effect not in BY_HAND:

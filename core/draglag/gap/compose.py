@@ -42,6 +42,7 @@ from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
 from draglag.gap.workflow import step_of
+from draglag.latency.conduct import kept_runs
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS, known_effects
 
@@ -166,11 +167,13 @@ def find(session: Session, model: Model | None = None) -> Gap:
     """Fit a model to a session and look where they disagree.
 
     A model that another ``find`` returned is fitted from where that stood, on the same edges, so that the two gaps can
-    be compared; to another session it is fitted anew.
+    be compared; to another session it is fitted again. Runs that went wrong are left out, as ``analyze``
+    leaves them out.
 
     Raises EstimateError when the session cannot carry the model.
     """
     model = model or Model()
+    session, _ = kept_runs(session)
     start = model.fit if model.of == _of(session) else None
     disorder = times_out_of_order(session)
     if disorder:

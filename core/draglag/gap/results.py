@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 from draglag.gap.finding.scan import Finding
 from draglag.gap.fitting.joint import Fit
@@ -94,7 +94,7 @@ class PassedOver:
 @dataclass(frozen=True)
 class GapReport:
     """The workflow's result. verdict: explained | no_gap | unexplained, or None with ``missing`` for a poor session.
-    stopped_at: how many effects were allowed, where that ended the search."""
+    stopped_at: how many effects were allowed, where that ended the search. excluded: run id → why it was left out."""
 
     session: str
     verdict: str | None
@@ -111,11 +111,20 @@ class GapReport:
     last: Fit | None = field(default=None, repr=False)
     finding: Finding | None = field(default=None, repr=False)
     stopped_at: int | None = None
+    excluded: dict[str, str] = field(default_factory=dict)
+    simulated: bool = False
+
+    def judged(self, session: Session) -> Session:
+        """The session without the runs that the workflow left out."""
+        if not self.excluded:
+            return session
+        return replace(session, runs=tuple(run for run in session.runs if run.id not in self.excluded))
 
     def to_dict(self) -> dict[str, object]:
         """The design's ``gap --json`` (section 5)."""
         return {
             "session": self.session,
+            "simulated": self.simulated,
             "verdict": self.verdict,
             "noise_floor_mm": self.noise_floor_mm,
             "steps": [step.to_dict() for step in self.steps],
@@ -126,6 +135,7 @@ class GapReport:
             "missing": list(self.missing),
             "not_seen": dict(self.not_seen),
             "passed_over": [asdict(item) for item in self.passed_over],
+            "excluded": dict(self.excluded),
         }
 
 
@@ -133,10 +143,12 @@ def unjudged(session: Session, report: GapReport) -> str:
     """The session's runs that the fit does not judge by, in a sentence; or nothing."""
     if report.last is None or report.first is None:
         return ""
+    session = report.judged(session)
     first, last = ({fit.runs[k].run.id for k in set(fit.run_index.tolist())} for fit in (report.first, report.last))
     left = [
         f"{run.id} ({run.protocol}, {'left out beside an effect' if run.id in first else 'too few edges or events'})"
         for run in session.runs
         if run.id not in last
     ]
+    left = [f"{run} ({why})" for run, why in report.excluded.items()] + left
     return f"Not judged by: {', '.join(left)}." if left else ""

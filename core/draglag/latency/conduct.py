@@ -5,12 +5,13 @@ Adds flags to an estimate; those of ``EXCLUDED`` keep the run out of the curve u
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from draglag.latency.estimate import RunEstimate
-from draglag.recording import FloatArray, Run
+from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate, estimate_run
+from draglag.recording import FloatArray, Run, Session
 
 # Share of the passes the touch trace shows of which the laser reported both edges; less is "most of it is missing".
 FEWEST_PASSES = 0.5
@@ -39,6 +40,33 @@ def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
 def excluded_because(estimate: RunEstimate) -> str:
     """The flags that keep a run out of the curve, in words; empty where none does."""
     return ", ".join(flag.replace("_", " ") for flag in estimate.flags if flag in EXCLUDED)
+
+
+def why_excluded(
+    runs: Iterable[Run], estimates: Iterable[RunEstimate], include: Collection[str] = ()
+) -> dict[str, str]:
+    """Run id → why it stays out of curve, validation and gap, for the runs that do.
+
+    Args:
+        estimates: with the flags of ``with_conduct``. include: ids of runs to take in all the same, or ``all``.
+    """
+    if "all" in include:
+        return {}
+    found = {estimate.id: excluded_because(estimate) for estimate in estimates}
+    for run in runs:
+        if run.outcome != "complete":
+            found.setdefault(run.id, run.outcome.replace("_", " "))
+    return {run_id: why for run_id, why in found.items() if why and run_id not in include}
+
+
+def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session, dict[str, str]]:
+    """The session without the runs that went wrong, and run id → why for those."""
+    steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
+    estimates = [with_conduct(estimate_run(run, session.stylus.diameter_mm), run) for run in steady]
+    excluded = why_excluded(session.runs, estimates, include)
+    if not excluded:
+        return session, {}
+    return replace(session, runs=tuple(run for run in session.runs if run.id not in excluded)), excluded
 
 
 def _ratio(one: float, other: float) -> float:

@@ -13,11 +13,13 @@ import numpy as np
 from draglag.errors import DataError, DraglagError
 from draglag.gap.naming.provisional import Provisional
 from draglag.gap.replaying.replay import Replay, replays
-from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unexplained_in_words, unjudged
+from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unjudged
+from draglag.gap.wording import drift_in_analysis, headline
+from draglag.provenance import Source, source_of
 from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
-from draglag.report.style import FIGURE_CSS, house_style, themed
+from draglag.report.style import FIGURE_CSS, house_style, sign, themed
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
 :root{{color-scheme:light dark}}
@@ -25,24 +27,6 @@ body{{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;paddin
 table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35rem .6rem;border-bottom:1px solid #8886}}
 .verdict{{font-size:1.3rem;font-weight:600}}
 {css}</style></head><body>{body}</body></html>"""
-
-_WORDS = {
-    "no_gap": "No gap: what is left is noise.",
-    "explained": "Explained: with the effects below only noise is left.",
-}
-# Where something is beyond chance and yet too little for a name.
-_WORDS_PASSED_OVER = {
-    "no_gap": "No gap worth a name: what is left beyond chance is too little for one.",
-    "explained": "Explained by the effects below; what is left beyond chance is too little for a name.",
-}
-
-
-def headline(report: GapReport) -> str:
-    """The verdict in a sentence; nothing that is beyond chance is called noise."""
-    if report.verdict == "unexplained":
-        return unexplained_in_words(report.unexplained_by, report.stopped_at)
-    words = _WORDS | (_WORDS_PASSED_OVER if report.passed_over else {})
-    return words[report.verdict or "no_gap"]
 
 
 def write_gap_report(
@@ -80,8 +64,11 @@ def write_gap_report(
                 "that lies beyond.",
             ),
         ]
+    source = source_of(session)
+    mark = "SIMULATED – " if source.simulated else ""
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
-    body.append(f'<p class="verdict">{headline(report)}</p>')
+    body.append(f"<p>{escape(source.line())}</p>")
+    body.append(f'<p class="verdict">{escape(headline(report))}</p>')
     ms = ms_per_mm(report.last)
     first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
     floor_mm = report.noise_floor_mm or 0.0
@@ -90,6 +77,8 @@ def write_gap_report(
         f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms; {FLOOR_REACHES}); {report.last.residual_mm.size} edges of "
         f"{np.unique(report.last.run_index).size} runs{_left_out(report)}. {escape(unjudged(session, report))}</p>"
     )
+    if drift := drift_in_analysis(session, report):
+        body.append(f"<p>{escape(drift)}</p>")
     body.append(_table(report))
     if provisional is not None:
         body.append(f"<p>{escape(provisional.words())}</p>")
@@ -98,13 +87,15 @@ def write_gap_report(
         body.append(f"<p>Beyond chance (p {_p(left.p_value)}) but left: {told}.</p>")
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
     for figure, caption in figures:
-        body.append(f"<figure>{_svg(figure)}<figcaption>{escape(caption)}</figcaption></figure>")
+        body.append(f"<figure>{_svg(figure, source)}<figcaption>{escape(caption)}</figcaption></figure>")
     if report.not_seen:
         items = "".join(f"<li><b>{escape(k)}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
         body.append(f"<h2>What this session could not have shown</h2><ul>{items}</ul>")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(_PAGE.format(title="draglag gap report", css=FIGURE_CSS, body="".join(body)), encoding="utf-8")
+        path.write_text(
+            _PAGE.format(title=f"{mark}draglag gap report", css=FIGURE_CSS, body="".join(body)), encoding="utf-8"
+        )
     except OSError as problem:
         raise DataError(
             f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
@@ -148,7 +139,8 @@ def _p(value: float) -> str:
     return "&lt; 0.0001" if value < 1e-4 else f"{value:.1g}"
 
 
-def _svg(figure: Any) -> str:
+def _svg(figure: Any, source: Source) -> str:
+    sign(figure, source)
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg")
     text = buffer.getvalue()

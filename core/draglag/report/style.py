@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from draglag.provenance import Source
+
 BLACK = "#222222"
 GREY = "#767676"
 ORANGE = "#E69F00"
@@ -102,10 +104,18 @@ def themed(svg: str) -> str:
     return svg[:start] + drawing[:inside] + look + drawing[inside:]
 
 
-def save(figure: Any, folder: Any, name: str) -> str:
-    """Write ``name``.svg and ``name``.png; returns the SVG's text for embedding."""
+def sign(figure: Any, source: Source) -> None:
+    """Write at a figure's foot what it was drawn from, and SIMULATED across it where that is so."""
+    figure.supxlabel(source.line(), x=0.995, ha="right", fontsize=6.5, color=GREY)
+    if source.simulated:  # its margins hold legends and titles
+        figure.text(0.5, 0.55, "SIMULATED", fontsize=38, color="#808080", alpha=0.25, rotation=20, ha="center")
+
+
+def save(figure: Any, folder: Any, name: str, source: Source) -> str:
+    """Write ``name``.svg and ``name``.png, signed with their source; returns the SVG's text for embedding."""
     import io
 
+    sign(figure, source)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "draglag"})
     svg = buffer.getvalue().decode()

@@ -13,6 +13,7 @@ from typing import Any
 import draglag
 from draglag.analysis import Analysis
 from draglag.errors import DataError
+from draglag.provenance import source_of
 from draglag.recording import Session
 from draglag.report import figures, style
 from draglag.store.schema import slug
@@ -57,6 +58,7 @@ def _figures(session: Session, analysis: Analysis, folder: Path) -> dict[str, It
 
 def _main_figures(session: Session, analysis: Analysis, folder: Path) -> Iterator[Figure]:
     yield _keep(
+        session,
         figures.latency_figure(analysis),
         folder,
         "latency",
@@ -65,6 +67,7 @@ def _main_figures(session: Session, analysis: Analysis, folder: Path) -> Iterato
     )
     if any(run.stylus_diameter_mm is not None for run in analysis.runs):
         yield _keep(
+            session,
             figures.width_figure(analysis, session),
             folder,
             "stylus-width",
@@ -72,7 +75,11 @@ def _main_figures(session: Session, analysis: Analysis, folder: Path) -> Iterato
         )
     if analysis.taps:
         yield _keep(
-            figures.taps_figure(analysis), folder, "taps", "Tap latency: box from quartile to quartile, line = median."
+            session,
+            figures.taps_figure(analysis),
+            folder,
+            "taps",
+            "Tap latency: box from quartile to quartile, line = median.",
         )
 
 
@@ -82,22 +89,22 @@ def _run_figures(session: Session, analysis: Analysis, folder: Path) -> Iterator
             continue
         title = f"{estimate.id}: {estimate.speed_mm_s:.0f} mm/s, latency {estimate.latency_ms:.1f} ms"
         drawn = figures.alignment_figure(session.run(estimate.id), estimate.alignment, title, session)
-        yield _keep(drawn, folder, f"alignment-{slug(estimate.id)}", title, png=True)
+        yield _keep(session, drawn, folder, f"alignment-{slug(estimate.id)}", title, png=True)
 
 
 def _validation_figures(session: Session, analysis: Analysis, folder: Path) -> Iterator[Figure]:
     if analysis.validation and analysis.curve is not None:
         caption = "Speeds at which the validation runs cross the beam, on the curve that corrects them."
-        yield _keep(figures.speeds_figure(analysis), folder, "validation-speeds", caption)
+        yield _keep(session, figures.speeds_figure(analysis), folder, "validation-speeds", caption)
     for item in analysis.validation:
         title = f"{item.run}, {item.protocol}: {item.delta_j_percent:.2f} % of the misalignment removed"
         drawn = figures.alignment_figure(session.run(item.run), item.alignment, title, session)
-        yield _keep(drawn, folder, f"alignment-{slug(item.run)}", title, png=True)
+        yield _keep(session, drawn, folder, f"alignment-{slug(item.run)}", title, png=True)
 
 
-def _keep(drawn: Any, folder: Path, name: str, caption: str, png: bool = False) -> Figure:
+def _keep(session: Session, drawn: Any, folder: Path, name: str, caption: str, png: bool = False) -> Figure:
     """Save a figure and embed it: as SVG, or as PNG where thousands of points would make the page slow."""
-    svg = style.save(drawn, folder, name)
+    svg = style.save(drawn, folder, name, source_of(session))
     if png:
         image = "data:image/png;base64," + base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
     else:
@@ -126,6 +133,7 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
         pictures=pictures,
         notes=excluded + notes,
         version=draglag.__version__,
+        source=source_of(session),
         verdict=_verdict(analysis),
     )
 

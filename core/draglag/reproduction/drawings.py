@@ -12,6 +12,7 @@ import numpy as np
 
 from draglag.curve import CurveFit
 from draglag.errors import DataError
+from draglag.provenance import Source
 from draglag.report import style
 from draglag.reproduction.measure import Reproduction
 from draglag.reproduction.published import RELEASE_TAP_MS
@@ -87,7 +88,7 @@ def tracking_figure(responses: Mapping[str, TrackingResponse]) -> Any:
     return figure
 
 
-def save_tracking(responses: Mapping[str, TrackingResponse], path: Path) -> None:
+def save_tracking(responses: Mapping[str, TrackingResponse], path: Path, source: Source) -> None:
     """Write gain and phase as .svg or .png. Raises DataError for other endings or where it cannot be written."""
     if path.suffix not in (".svg", ".png"):
         raise DataError(f"{path}: the ending says neither SVG nor PNG", "Name it .svg or .png")
@@ -95,7 +96,9 @@ def save_tracking(responses: Mapping[str, TrackingResponse], path: Path) -> None
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
     try:
         with style.house_style():
-            tracking_figure(responses).savefig(path)
+            figure = tracking_figure(responses)
+            style.sign(figure, source)
+            figure.savefig(path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder") from error
 
@@ -109,18 +112,18 @@ def embed(figure: Any) -> str:
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-def comparison_page(curves: Sequence[tuple[str, CurveFit]]) -> str:
-    """A page with all curves and their differences from the first."""
+def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]]) -> str:
+    """A page with all curves, where each is from, and their differences from the first."""
     from draglag.curve.compare import curve_difference
 
     with style.house_style():
         both = style.new_figure(7.2, 6.4)
         upper, lower = both.subplots(2, 1, sharex=True)
-        for (name, curve), (colour, _) in zip(curves, LOOKS * 4, strict=False):
+        for (name, curve, source), (colour, _) in zip(curves, LOOKS * 4, strict=False):
             speed = np.geomspace(*curve.speed_range_mm_s, 300)
-            upper.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=name)
+            upper.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=name + mark(source))
             upper.fill_between(speed, *(1e3 * v for v in curve.band_s(speed)), color=colour, alpha=0.2, linewidth=0)
-        for (name, curve), (colour, _) in zip(curves[1:], (LOOKS * 4)[1:], strict=False):
+        for (name, curve, _), (colour, _) in zip(curves[1:], (LOOKS * 4)[1:], strict=False):
             apart = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
             if apart is not None:
                 band = (1e3 * apart.low_s, 1e3 * apart.high_s)
@@ -130,17 +133,29 @@ def comparison_page(curves: Sequence[tuple[str, CurveFit]]) -> str:
         upper.set(ylabel="latency, ms")
         lower.set(xlabel="drag speed, mm/s", ylabel=f"minus {curves[0][0]}, ms")
         upper.legend()
+        style.sign(both, joint_source([source for _, _, source in curves]))
         picture = embed(both)
     rows = []
-    for name, curve in curves[1:]:
+    for name, curve, _ in curves[1:]:
         apart = curve_difference(curves[0][1], curve)
         for k in range(0 if apart is None else apart.speed_mm_s.size):
             assert apart is not None
             values = (apart.speed_mm_s[k], *(1e3 * v[k] for v in (apart.difference_s, apart.low_s, apart.high_s)))
             rows.append([name, "{:.0f}".format(*values), f"{values[1]:.2f}", f"{values[2]:.2f} to {values[3]:.2f}"])
-    body = f'<figure><img src="{picture}" alt="Curves and their differences"></figure>'
+    lines = [html.escape(f"{name}: {source.line()}") for name, _, source in curves]
+    body = "<ul>" + "".join(f"<li>{line}</li>" for line in lines) + "</ul>"
+    body += f'<figure><img src="{picture}" alt="Curves and their differences"></figure>'
     body += table_html(["session", "mm/s", "difference, ms", "95 % band, ms"], rows)
     return page("Comparison of latency curves", body)
+
+
+def mark(source: Source) -> str:
+    return " (simulated)" if source.simulated else ""
+
+
+def joint_source(sources: Sequence[Source]) -> Source:
+    """Several sessions as the source of one figure."""
+    return Source(", ".join(s.session for s in sources), "", any(s.simulated for s in sources))
 
 
 def table_html(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.provenance import Source
 from draglag.report import figures, style
 from draglag.reproduction.curves import Coefficient
 from draglag.reproduction.drawings import (
@@ -48,11 +49,10 @@ def write_reproduction(result: Reproduction, out: Path) -> Path:
             body += "<h2>Table 2 with further seeds</h2>" + table_html(*table_further(result.further))
         body += "<h2>Table 3: validation</h2>" + table_html(*table_3(result))
         body += "<h2>Differences, in words</h2><ul>" + "".join(f"<li>{w}</li>" for w in words(result)) + "</ul>"
+        source = Source(f"Screens 1 and 2 of the paper, seed {result.seed}", "", simulated=True)
         with style.house_style():
             for name, caption, figure in _figures(result):
-                # Across the drawing: its margins hold legends and titles.
-                figure.text(0.5, 0.55, "SIMULATED", fontsize=38, color="#808080", alpha=0.25, rotation=20, ha="center")
-                style.save(figure, out / "figures", name)
+                style.save(figure, out / "figures", name, source)
                 body += f'<h2>{caption} (SIMULATED)</h2><figure><img src="{embed(figure)}" alt="{caption}"></figure>'
         path.write_text(page("Reproduction of the drag-latency paper (SIMULATED)", body), "utf-8")
     except OSError as error:

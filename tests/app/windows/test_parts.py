@@ -336,7 +336,9 @@ class TestGap:
 
     def test_report_is_shown_step_by_step(self, page: QWidget) -> None:
         page.show_report(self.REPORT)
-        assert "Explained" in page.verdict.text()
+        assert page.verdict.text() == (
+            "Low-speed plateau or sample and hold 118 mm/s (112 … 124) explains the gap: 0.62 → 0.16 mm, noise 0.15."
+        )
         row = [page.table.item(0, column).text() for column in range(5)]
         assert row[0] == "low-speed plateau (or sample and hold)"
         assert row[2] == "speed 118 mm/s (112 … 124)"
@@ -352,18 +354,18 @@ class TestGap:
         left = {"what": "pitch_ripple", "p_value": 6e-6, "text": "amplitude_mm 0.0228 (0.0112 to 0.0345); too little"}
         none: dict[str, object] = {**self.REPORT, "verdict": "no_gap", "steps": []}
         page.show_report(none)
-        assert page.verdict.text() == "No gap: what is left is noise."
+        assert page.verdict.text() == "No gap: 0.16 mm, noise 0.15. What is left is noise."
         page.show_report({**none, "passed_over": [left]})
-        assert page.verdict.text().startswith("No gap worth a name: what is left beyond chance")
+        assert page.verdict.text().startswith("No gap worth a name: 0.16 mm, noise 0.15; what is left beyond chance")
         assert "electrode ripple, amplitude 0.0228 mm (0.0112 … 0.0345)" in page.more.text()
         page.show_report({**self.REPORT, "passed_over": [left]})
-        assert "what is left beyond chance is too little for a name" in page.verdict.text()
+        assert "What is left beyond chance is too little for a name" in page.verdict.text()
 
     def test_an_undo_while_the_gap_is_computed_shows_what_was_before(
         self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         def fake(function: object, arguments: tuple, progress: Progress) -> dict[str, object]:
-            _, without, added, _, _ = arguments
+            _, without, added, *_ = arguments
             while added:  # until it is cancelled
                 progress(0.0, "")
             return {**self.REPORT, "report": ("report", without)}
@@ -377,7 +379,7 @@ class TestGap:
         opened.ask("undo")
         until(lambda: not opened.space.tasks.running)
         assert page.table.rowCount() == 1
-        assert "Explained" in page.verdict.text()
+        assert "explains the gap" in page.verdict.text()
         assert page.add_button.isEnabled()
 
     def test_a_poor_session_says_what_is_missing(self, page: QWidget) -> None:
@@ -453,7 +455,7 @@ class TestGapByHand:
         self.asked: list[tuple] = []
 
         def fake(function: object, arguments: tuple, progress: Progress) -> dict[str, object]:
-            _, without, added, kept, _ = arguments
+            _, without, added, kept, *_ = arguments
             self.asked.append((without, added, kept))
             step = TestGap.REPORT["steps"][0]  # type: ignore[index]
             extra = [{**step, "effect": effect, "evidence": {"p_value": 1.0, "text": "by hand"}} for effect in added]

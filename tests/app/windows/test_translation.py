@@ -146,7 +146,7 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
     }
     too_small = "amplitude_mm 0.0228 (0.0112 to 0.0345); gap on held-out runs 0.180 → 0.179 mm: too little for a name"
     assert in_words(too_small) == too_small
-    by_taps = "release taps lie +6.4 ms off the fitted asymptote: a law of the taps' own latency would leave 3.556 mm"
+    by_taps = "release taps lie +6.4 ms off the fitted asymptote; edges do not show it"
     fit = SimpleNamespace(law=SimpleNamespace(plateau_mm_s=118.0), terms=())
     places = {where_of(effect, fit) for effect in (*BY_HAND, "low_speed_plateau")}  # type: ignore[arg-type]
     places |= {"in 40 stretches of time, 265 s in all", "27 % of edges", "every frame", "every stamp"}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.tasks import Progress, Task
 from draglag_app.windows.parts.widgets import Resting, Shallow, button, label, restyle
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
-from draglag_app.windows.wording.gap_words import followed
+from draglag_app.windows.wording.gap_words import headline
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
 
@@ -60,6 +61,7 @@ class GapPage(QWidget):
         self._added: tuple[str, ...] = ()
         self._shown: State = (frozenset(), ())
         self._known: dict[State, dict[str, Any]] = {}
+        self._runs_chosen: tuple[Any, ...] = ()
         self._task: Task | None = None
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
@@ -116,6 +118,9 @@ class GapPage(QWidget):
         session, without, added = self._space.session, self._without, self._added
         if session is None or self._task is not None:
             return
+        chosen = self._space.options.exclude, self._space.options.include
+        if chosen != self._runs_chosen:
+            self._runs_chosen, self._known = chosen, {}
         known = self._known.get((without, added))
         if known is not None:
             self.show_report(known)
@@ -123,10 +128,12 @@ class GapPage(QWidget):
             return
         self._busy()
         kept, path = self._start_from(), self._space.path
+        exclude, include = chosen
+        judged = replace(session, runs=tuple(run for run in session.runs if run.id not in exclude))
         self._say("", self.tr("Fitting the model, looking at what is left …"))
 
         def work(progress: Progress) -> dict[str, Any]:
-            found: dict[str, Any] = run_apart(close_gap_of, (session, without, added, kept, path), progress)
+            found: dict[str, Any] = run_apart(close_gap_of, (judged, without, added, kept, path, include), progress)
             return found
 
         def done(report: dict[str, Any]) -> None:
@@ -257,29 +264,8 @@ class GapPage(QWidget):
     def show_report(self, report: dict[str, Any]) -> None:
         """Show what was found: the design's JSON of a gap report."""
         self._report, self._shown = report, (self._without, self._added)
-        more = bool(report.get("passed_over"))  # beyond chance, without a name
-        level, text = {
-            "no_gap": (
-                "ok",
-                self.tr("No gap worth a name: what is left beyond chance is too little for one.")
-                if more
-                else self.tr("No gap: what is left is noise."),
-            ),
-            "explained": (
-                "ok",
-                self.tr("Explained by the effects below; what is left beyond chance is too little for a name.")
-                if more
-                else self.tr("Explained: the effects below account for the gap."),
-            ),
-            "unexplained": (
-                "warning",
-                self.tr("Single edges scatter more than those of a sound rig; no known effect makes them.")
-                if report.get("unexplained_by") == "scatter"
-                else self.tr("A gap remains that no known effect explains; it follows {covariate}.").format(
-                    covariate=followed(str(report.get("unexplained_by")))
-                ),
-            ),
-        }.get(str(report["verdict"]), ("warning", "; ".join(map(in_words, report.get("missing", ())))))
+        level = {"no_gap": "ok", "explained": "ok"}.get(str(report["verdict"]), "warning")
+        text = headline(report) if report["verdict"] else "; ".join(map(in_words, report.get("missing", ())))
         self._say(level, text)
         self.table.show_steps(report["steps"])
         self.table.setVisible(bool(report["steps"]))

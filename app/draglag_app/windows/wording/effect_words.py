@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
@@ -88,6 +90,15 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
     if interval is None:
         return text
     return text + f" ({factor * interval[0]:.4g} … {factor * interval[1]:.4g})"
+
+
+def main_size(parameters: Mapping[str, Any]) -> str:
+    """The first of a step's parameters, without its name: "24.9 ppm (23.7 … 26.2)"; empty without one."""
+    for parameter, given in parameters.items():
+        _, unit, factor = PARAMETERS.get(parameter, (parameter, "", 1.0))
+        low, high = given["ci95"]
+        return f"{factor * given['value']:.3g}{unit} ({factor * low:.3g} … {factor * high:.3g})"
+    return ""
 
 
 def sizes_in_words(sentence: str) -> str:

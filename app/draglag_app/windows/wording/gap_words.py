@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from PySide6.QtCore import QCoreApplication
 
-from draglag_app.windows.wording.effect_words import effect_name
+from draglag_app.windows.wording.effect_words import effect_name, main_size
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
 # Sentences of the library, with numbers in them (``library_words``).
@@ -45,9 +47,22 @@ GAP = (
         "Library", "it is worth less than the terms it takes or does not shrink the gap on held-out runs"
     ),
     # of an offset that taps show
+    QT_TRANSLATE_NOOP("Library", "release taps lie {ms} ms off the fitted asymptote; edges do not show it"),
+    # of a drift of the laser's clock, that analyze speaks of too
     QT_TRANSLATE_NOOP(
         "Library",
-        "release taps lie {ms} ms off the fitted asymptote: a law of the taps' own latency would leave {mm} mm",
+        "draglag analyze says nothing of this drift: the session holds no comparison of the laser's clock with the "
+        "host's.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "draglag analyze has the laser's clock run {ppm} ppm fast (± {se}) by its comparison with the host's, which is "
+        "in the stamps already: this drift is what remains.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "draglag analyze has the laser's clock run {ppm} ppm slow (± {se}) by its comparison with the host's, which is "
+        "in the stamps already: this drift is what remains.",
     ),
     # of an effect added by hand
     QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): shrinks"),
@@ -98,3 +113,70 @@ _FOLLOWS = {
 def followed(covariate: str) -> str:
     """What a gap follows, in the operator's words: a covariate or an effect."""
     return QCoreApplication.translate("Gap", _FOLLOWS[covariate]) if covariate in _FOLLOWS else effect_name(covariate)
+
+
+def headline(report: dict[str, Any]) -> str:
+    """The verdict of a gap report (the design's JSON): the causes with their sizes, what they do to the gap."""
+    sizes = {"last": f"{report['gap_last_mm']:.2f}", "floor": f"{report['noise_floor_mm']:.2f}"}
+    verdict = str(report["verdict"])
+    more = bool(report.get("passed_over"))  # beyond chance, without a name
+    out = _causes(report, sizes)
+    if verdict == "no_gap":
+        out.append(_say(_NO_GAP_BUT if more else _NO_GAP).format(**sizes))
+    elif verdict == "explained" and more:
+        out.append(_say(_TOO_LITTLE))
+    elif verdict == "unexplained" and report.get("unexplained_by") == "scatter":
+        out.append(_say(_SCATTER))
+    elif verdict == "unexplained":
+        out.append(_say(_REMAINS).format(covariate=followed(str(report.get("unexplained_by")))))
+    return " ".join(out)
+
+
+_NO_GAP = QT_TRANSLATE_NOOP("Gap", "No gap: {last} mm, noise {floor}. What is left is noise.")
+_NO_GAP_BUT = QT_TRANSLATE_NOOP(
+    "Gap", "No gap worth a name: {last} mm, noise {floor}; what is left beyond chance is too little for one."
+)
+_TOO_LITTLE = QT_TRANSLATE_NOOP("Gap", "What is left beyond chance is too little for a name.")
+_SCATTER = QT_TRANSLATE_NOOP(
+    "Gap", "Unexplained: single edges scatter more than those of a sound rig, and no known effect makes them."
+)
+_REMAINS = QT_TRANSLATE_NOOP("Gap", "Unexplained: a gap remains that follows {covariate}; no known effect makes it.")
+_WHOLE = (
+    QT_TRANSLATE_NOOP("Gap", "{causes} explains the gap: {first} → {last} mm, noise {floor}."),
+    QT_TRANSLATE_NOOP("Gap", "{causes} explain the gap: {first} → {last} mm, noise {floor}."),
+)
+_PART = (
+    QT_TRANSLATE_NOOP("Gap", "{causes} is part of the gap: {first} → {last} mm, noise {floor}."),
+    QT_TRANSLATE_NOOP("Gap", "{causes} are part of the gap: {first} → {last} mm, noise {floor}."),
+)
+_OR = QT_TRANSLATE_NOOP("Gap", "{one} or {other}")
+_BY_TAPS = QT_TRANSLATE_NOOP("Gap", "{cause}, by the taps.")
+_NOT_BY_EDGES = QT_TRANSLATE_NOOP("Gap", "Edges do not show it: the gap on held-out runs is {last} mm, noise {floor}.")
+
+
+def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
+    by_edges = [_cause(step) for step in report["steps"] if step.get("covariate") != "taps"]
+    by_taps = [_cause(step) for step in report["steps"] if step.get("covariate") == "taps"]
+    out = []
+    if by_edges:
+        words = (_WHOLE if report["verdict"] == "explained" else _PART)[len(by_edges) > 1]
+        first = f"{report['gap_first_mm']:.2f}"
+        out.append(_say(words).format(causes=_capital(", ".join(by_edges)), first=first, **sizes))
+    out += [_say(_BY_TAPS).format(cause=_capital(cause)) for cause in by_taps]
+    if by_taps and not by_edges:
+        out.append(_say(_NOT_BY_EDGES).format(**sizes))
+    return out
+
+
+def _cause(step: dict[str, Any]) -> str:
+    twins = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
+    name = _say(_OR).format(one=twins[0], other=", ".join(twins[1:])) if twins[1:] else twins[0]
+    return f"{name} {main_size(step['parameters'])}".rstrip()
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _say(text: str) -> str:
+    return QCoreApplication.translate("Gap", text)

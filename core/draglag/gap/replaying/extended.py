@@ -97,6 +97,7 @@ def extended_model(session: Session, report: GapReport, created_utc: str = "", i
     first, last = report.gap_first_mm, report.gap_last_mm
     provenance = Provenance(
         session=session.name,
+        simulated=report.simulated,
         screen=session.screen.name,
         estimator="joint fit of the gap workflow",
         runs=tuple(data.run.id for data in report.last.runs),

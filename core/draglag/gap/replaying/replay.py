@@ -238,6 +238,7 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
     if report.first is None or report.last is None:
         raise EstimateError(f"{report.session}: there is no model to simulate with", "; ".join(report.missing))
     tell = progress or (lambda fraction, text: None)
+    session = report.judged(session)
     raw = gather(session) if HELD in {step.effect for step in report.steps} else None
     fits = [report.first]
     for step in report.steps:

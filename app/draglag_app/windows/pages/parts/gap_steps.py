@@ -16,6 +16,7 @@ from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words, sizes_in_words
 from draglag_app.windows.wording.gap_words import followed
 from draglag_app.windows.wording.library_words import in_words
+from draglag_app.windows.wording.words import flag_name
 
 
 def say(text: str) -> str:
@@ -95,6 +96,11 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
     for step in steps:
         if step["effect"] in added or step.get("covariate") == "taps":  # whose gap is not the one before it
             lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
+    if report.get("drift_in_analysis"):
+        lines.append(in_words(report["drift_in_analysis"]))
+    gone = [f"{run} ({', '.join(map(flag_name, why.split(', ')))})" for run, why in report.get("excluded", {}).items()]
+    if gone:
+        lines.append(say("Not judged by: {runs}").format(runs=", ".join(gone)))
     for left in report.get("passed_over", ()):
         words = say("Beyond chance (p {p}) but left: {what}, {why}")
         why = sizes_in_words(in_words(left["text"]))

@@ -1,0 +1,41 @@
+"""Where numbers and figures come from: which session, of what date, measured or simulated, by which version."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import draglag
+from draglag.recording import Session
+
+SIMULATED = "simulated"  # role in ``Session.devices`` of a session that says so without naming a simulated device
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a figure was drawn from. ``started_utc``: ISO 8601, or empty where the session does not say."""
+
+    session: str
+    started_utc: str
+    simulated: bool
+
+    def line(self) -> str:
+        """One line for the foot of a figure: "SIMULATED · demo · 2026-11-24 10:31 UTC · draglag 1.0"."""
+        date = f"{self.started_utc[:16].replace('T', ' ')} UTC" if self.started_utc else "date unknown"
+        mark = ["SIMULATED"] if self.simulated else []
+        when = [] if self.simulated and not self.started_utc else [date]
+        return " · ".join([*mark, self.session, *when, f"draglag {draglag.__version__}"])
+
+
+def source_of(session: Session) -> Source:
+    """The session as the source of a figure."""
+    return Source(session.name, session.started_utc, is_simulated(session.devices))
+
+
+def is_simulated(devices: Mapping[str, str]) -> bool:
+    """Whether any device of a session is the simulator, or the session says that it is simulated.
+
+    Args:
+        devices: role → address and description, as in ``Session.devices``.
+    """
+    return SIMULATED in devices or any(address.startswith("sim:") for address in devices.values())
