@@ -10,6 +10,7 @@ from PySide6.QtCore import QCoreApplication
 from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
+from draglag.recording import Session
 from draglag.store import partial_files, salvage
 from draglag_app.windows.parts.ask_files import ask_folder, ask_new_folder, ask_open
 from draglag_app.windows.parts.tasks import Progress
@@ -34,8 +35,7 @@ def open_session(window: OperatorWindow) -> None:
     """Ask for a session file and put it at hand."""
 
     def read(path: Path) -> None:
-        window.space.open(path)
-        window.go("results")
+        window.space.open(path, lambda: window.go("results"))
 
     ask_open(window, tr("Open session"), window.space.settings.folder, tr("Sessions (*.h5)"), read)
 
@@ -49,11 +49,13 @@ def import_folder(window: OperatorWindow) -> None:
     read = exchange.read_exchange
 
     def begin(path: Path) -> None:
+        def take(session: Session) -> None:
+            window.space.take(session, None)
+            window.go("results")
+
         window.space.tasks.start(
-            tr("Importing"), lambda progress: read(path), lambda session: window.space.take(session, None),
-            lambda text: window.tell("error", text),
-        )  # fmt: skip
-        window.go("results")
+            tr("Importing"), lambda progress: read(path), take, lambda text: window.tell("error", text)
+        )
 
     ask_folder(window, tr("Import exchange folder"), window.space.settings.folder, begin)
 

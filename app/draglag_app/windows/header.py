@@ -6,7 +6,7 @@ import shutil
 from datetime import datetime
 from pathlib import Path
 
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import QTimer, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from draglag_app.session import events
@@ -23,6 +23,8 @@ _LOW_BYTES = 1_000_000_000
 class Header(QFrame):
     """The bar on top of the window."""
 
+    lights_changed = Signal()
+
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("header")
@@ -33,6 +35,10 @@ class Header(QFrame):
         row.setSpacing(8)
         self.session = ElidedLabel("sessionName")
         row.addWidget(self.session, 1)
+        self.simulated = label(self.tr("SIMULATED"), "simulated")
+        self.simulated.setToolTip(self.tr("No touchscreen was measured: instruments or session are simulated."))
+        row.addWidget(self.simulated)
+        row.addSpacing(10)
         self.lights: dict[str, Light] = {}
         names = {"touch": self.tr("touch"), "laser": self.tr("laser"), "walt": self.tr("WALT")}
         for role in ROLES:
@@ -51,7 +57,7 @@ class Header(QFrame):
         bridge.device_fault.connect(self._fault)
         bridge.disk_status.connect(lambda event: self._show_disk(event.free_bytes))
         workspace.recording.began.connect(lambda order: self._show_name())
-        workspace.recording.ended.connect(lambda path, problem: self.show_rig())
+        workspace.recording.ended.connect(lambda path, problem: self._ended())
         workspace.session_changed.connect(self._show_name)
         workspace.settings_changed.connect(self.show_rig)
         self._timer = QTimer(self)
@@ -68,6 +74,7 @@ class Header(QFrame):
         self.lights[role].set_state(state)
         self.lights[role].setToolTip(tip)
         self.lights[role].setAccessibleName(f"{source_name(role)}: {state}")
+        self.lights_changed.emit()
 
     def faults(self) -> list[str]:
         """What a check or a session found wrong with instruments that are chosen."""
@@ -93,7 +100,12 @@ class Header(QFrame):
     def _fault(self, event: events.DeviceFault) -> None:
         self.set_light(event.role, "fault", fault_words(event.problem, event.remedy))
 
+    def _ended(self) -> None:
+        self.show_rig()
+        self._show_name()
+
     def _show_name(self) -> None:
+        self.simulated.setVisible(self._space.simulated)
         recording = self._space.recording
         if recording.active and recording.order is not None:
             self.session.setText("● " + recording.order.out.name)

@@ -37,7 +37,7 @@ def open_operator_window(session: Path | None = None) -> int:
         window.tell("warning", problem)
     show_whole(window)
     if session is not None:
-        window.space.open(session)
+        window.space.open(session, lambda: window.go("results"))
     else:
         window.offer_salvage()
     signal.signal(signal.SIGINT, lambda number, frame: window.close())

@@ -78,6 +78,10 @@ class OperatorWindow(QMainWindow):
         bridge.device_fault.connect(lambda fault: self.tell("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.tell)
         record.noted.connect(self.keyboard.give_back)
+        self.header.lights_changed.connect(self._show_readiness)
+        for changed in (self.space.settings_changed, self.space.protocol_changed):
+            changed.connect(self._show_readiness)
+        self.space.session_changed.connect(self._show_title)
         self._recording_changed(False)
         self.go("bench" if settings.first_start else "record")
 
@@ -218,8 +222,24 @@ class OperatorWindow(QMainWindow):
         self.keyboard.serve()
         self.geometry_page.calibration.refresh()
         self.record.set_recording(recording)
+        self._show_title()
+        self._show_readiness()
+
+    def _show_readiness(self) -> None:
+        """Whether F5 would begin, as the lights and the choices are now."""
+        problems, _ = obstacles(self.space)
+        self.record.show_readiness([*problems, *self.header.faults()])
+
+    def _show_title(self) -> None:
+        space = self.space
+        name = "" if space.session is None else space.session.name
+        if space.recording.active and space.recording.order is not None:
+            name = space.recording.order.out.name
+        mark = self.tr("SIMULATED") if space.simulated else ""
+        self.setWindowTitle(" – ".join(part for part in ("draglag", name, mark) if part))
 
     def _ended(self, path: Path | None, problem: str) -> None:
+        self.record.show_outcome(path, problem)
         self._recording_changed(False)
         if path is not None and not problem:
             self.go("results")

@@ -14,6 +14,7 @@ from PySide6.QtGui import QUndoCommand, QUndoStack
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.errors import DraglagError
 from draglag.protocols import Protocol, load_protocol
+from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
 from draglag.store.write import PARTIAL
@@ -99,14 +100,27 @@ class Workspace(QObject):
 
     # --- the session at hand --------------------------------------------------------------------------------
 
-    def open(self, path: Path) -> None:
-        """Read a session file in a worker, then analyse it."""
+    @property
+    def simulated(self) -> bool:
+        """Whether what is being recorded, or else the session at hand, comes from simulated instruments."""
+        order = self.recording.order if self.recording.active else None
+        if order is not None:
+            return any(source.address.startswith("sim:") for source in order.rig.sources)
+        return self.session is not None and is_simulated(self.session.devices)
+
+    def open(self, path: Path, done: Callable[[], object] | None = None) -> None:
+        """Read a session file in a worker, then analyse it; ``done`` is called once it could be read."""
+
+        def take(got: tuple[Session, Path]) -> None:
+            self.take(*got)
+            if done is not None:
+                done()
 
         def work(progress: Progress) -> tuple[Session, Path]:
             progress(0.1, path.name)
             return read_session(path), path
 
-        self.tasks.start(self.tr("Reading"), work, lambda got: self.take(*got), self.fault)
+        self.tasks.start(self.tr("Reading"), work, take, self.fault)
 
     def take(self, session: Session, path: Path | None) -> None:
         """Put a session at hand and analyse it."""

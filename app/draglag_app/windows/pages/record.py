@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from datetime import datetime
+from pathlib import Path
 
+import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QGridLayout,
@@ -30,6 +32,8 @@ from draglag_app.windows.workspace import Workspace
 
 # Room for what is told in the largest letters; buttons give way to it.
 _BIG_PX = 260
+# A touch rate says nothing of now where the last touch is older.
+_OLD_S = 1.0
 # The heading and four rows of the table.
 _LOWER_PX = 214
 
@@ -47,6 +51,9 @@ class RecordPage(QWidget):
         self._due_s = 0.0
         self._span_s = 0.0
         self._phase: Phase | None = None
+        self._outcome: tuple[str, str] | None = None
+        self._missing: list[str] = []
+        self._touched_s = -np.inf
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
@@ -141,11 +148,13 @@ class RecordPage(QWidget):
             made.setVisible(seen[made])
         self.note.setEnabled(recording)
         self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
+        for fact in self.facts.values():  # numbers of now, or none
+            fact.show_text(words.DASH)
         if recording:
+            self._outcome = None
+            self._touched_s = -np.inf
             self.table.clear_runs()
             self._losses: dict[str, int] = {}
-            for fact in self.facts.values():
-                fact.show_text(words.DASH)
             self._enable(resting=False, running=False)
             self._say(self.tr("Opening the instruments"), "")
             self.live.begin_session()
@@ -153,7 +162,28 @@ class RecordPage(QWidget):
             self.live.end_session()
             self._phase = None
             self.progress.setValue(0)
-            self._say(self.tr("Ready"), self.tr("F5 starts: {name}").format(name=self._space.protocol.name))
+            self._show_idle()
+
+    def show_outcome(self, path: Path | None, problem: str) -> None:
+        """How a session ended that did not record all that was planned; until the next one begins."""
+        if problem:
+            title = self.tr("Nothing was recorded") if path is None else self.tr("Ended early")
+            self._outcome = (title, in_words(problem))
+
+    def show_readiness(self, problems: list[str]) -> None:
+        """What stands in the way of a measurement, a sentence each."""
+        self._missing = problems
+        if not self._space.recording.active:
+            self._show_idle()
+
+    def _show_idle(self) -> None:
+        start = self.tr("F5 starts: {name}").format(name=self._space.protocol.name)
+        if self._outcome is not None:
+            self._say(self._outcome[0], f"{self._outcome[1]} {start}", "bad")
+        elif self._missing:
+            self._say(self.tr("▲ Not ready"), " ".join(self._missing), "bad")
+        else:
+            self._say(self.tr("Ready"), start)
 
     def _say(self, big: str, small: str, level: str = "", anew: bool = False) -> None:
         for shown, text in ((self.big, big), (self.small, small)):
@@ -162,7 +192,7 @@ class RecordPage(QWidget):
         if level == self.big.property("level") and not anew:
             return  # said ten times a second; its colour stays
         restyle(self.big, "level", level)
-        colours = {"live": theme().bad, "good": theme().ok, "": theme().text}
+        colours = {"live": theme().bad, "bad": theme().bad, "good": theme().ok, "": theme().text}
         self.big.setStyleSheet(f"color: {colours.get(level, theme().text)};")
 
     def _state_changed(self, event: events.StateChanged) -> None:
@@ -228,13 +258,19 @@ class RecordPage(QWidget):
     def _samples_arrived(self, event: events.SamplesArrived) -> None:
         self.live.add(event)
         self._losses[event.role] = event.lost
-        if event.role == "touch" and event.rate_hz:
-            self.facts["touch_rate"].show_text(f"{event.rate_hz:.0f} /s")
-            self.facts["touch_age"].show_text(f"{1e3 * max(0.0, event.age_s):.0f} ms")
+        if event.role == "touch":
+            self._touched_s = time.monotonic() - max(0.0, event.age_s)
+            if event.rate_hz:  # not of a single event
+                self.facts["touch_rate"].show_text(f"{event.rate_hz:.0f} /s")
+            self.facts["touch_age"].show_text(words.duration_ms(event.age_s))
         self.facts["lost"].show_text(str(sum(self._losses.values())))
         self.facts["edges"].show_text(str(self.live.n_edges))
 
     def _keep_time(self) -> None:
+        age_s = time.monotonic() - self._touched_s
+        if _OLD_S < age_s < np.inf:  # nothing arrives that would say so
+            self.facts["touch_rate"].show_text("0 /s")
+            self.facts["touch_age"].show_text(words.duration_ms(age_s))
         if self._phase in (Phase.COUNTDOWN, Phase.RECORDING):
             self._show_state()
 

@@ -51,6 +51,9 @@ class ParticipantWindow(QWidget):
     """
 
     aborted = Signal()
+    """Esc in the participant's hands."""
+    closing = Signal()
+    """Somebody wants to close the window in the midst of a session."""
     stepped_back = Signal()
     """Backspace: the last target of a calibration once more."""
 
@@ -283,7 +286,7 @@ class ParticipantWindow(QWidget):
     def closeEvent(self, event: QCloseEvent) -> None:
         # Alt+F4 in the participant's hands ends the run, never the program.
         if event.spontaneous():
-            self.aborted.emit()
+            self.closing.emit()
             event.ignore()
             return
         self._timer.stop()

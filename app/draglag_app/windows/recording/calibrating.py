@@ -102,6 +102,7 @@ class Calibrating(QObject):
         self._reader = _Reader(rig, threading.Event())
         window = ParticipantWindow(screen)
         window.aborted.connect(self.cancel)
+        window.closing.connect(self.cancel)
         window.stepped_back.connect(self.back)
         self.window = window
         if settings.rig.display != "offscreen":

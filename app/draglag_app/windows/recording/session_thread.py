@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from draglag_app.windows.participant.beside import operators_window
 from draglag_app.windows.participant.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
 from draglag_app.windows.participant.window import LOST_AFTER_S, ParticipantWindow
 from draglag_app.windows.wording.i18n import translate
+from draglag_app.windows.wording.library_words import CLOSED, ESC
 from draglag_devices.rig import Rig
 
 
@@ -113,14 +115,18 @@ class Recording(QObject):
         if order.display.startswith("screen"):
             screen = numbered_screen(int(order.display.split()[-1]))
         window = ParticipantWindow(order.options.screen)
-        window.aborted.connect(self._aborted)
+        window.aborted.connect(lambda: self._aborted(ESC))
+        window.closing.connect(lambda: self._aborted(CLOSED))
         window.show_on(screen, operators_window(self))
         self.window = window
         return ScreenDisplay(window)
 
-    def _aborted(self) -> None:
+    def _aborted(self, why: str) -> None:
+        """End the run, and say so: to the operator now, and in the file."""
         if self.control is not None:
+            self.control.note(why)
             self.control.abort_run()
+            self._bridge.listener(events.NoticeRaised(time.monotonic(), "warning", "participant", why))
 
     def _state_changed(self, event: events.StateChanged) -> None:
         planned = self.planned(event.run_id)

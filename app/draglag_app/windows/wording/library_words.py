@@ -20,7 +20,14 @@ _SOURCES = {
     "disk": QT_TRANSLATE_NOOP("Source", "disk"),
     "protocol": QT_TRANSLATE_NOOP("Source", "protocol"),
     "operator": QT_TRANSLATE_NOOP("Source", "operator"),
+    "participant": QT_TRANSLATE_NOOP("Source", "participant"),
 }
+
+# Why a run ended that the participant's window was asked to end.
+ESC = QT_TRANSLATE_NOOP("Library", "the run was aborted with Esc in the participant's window. F7 repeats it.")
+CLOSED = QT_TRANSLATE_NOOP(
+    "Library", "the run was aborted: somebody closed the participant's window, which stays open. F7 repeats it."
+)
 
 # What ``analyze`` may say about a session's clocks, runs and curve, and what the session itself says while it records.
 SENTENCES = (
@@ -92,6 +99,8 @@ SENTENCES = (
         "calibrate the touchscreen again, and begin anew.",
     ),
     QT_TRANSLATE_NOOP("Library", "only {free} MB are free in {folder}: make room"),
+    ESC,
+    CLOSED,
     *GAP,
 )
 
