@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 from urllib.parse import parse_qsl
 
+from draglag.packages import advice
 from draglag_devices.source import DeviceError, Source
 
 if TYPE_CHECKING:
@@ -141,9 +142,5 @@ def _driver_source(address: Address, role: str) -> Source:
                 f"{address.scheme}: devices are not built in this version",
                 "use sim:, replay:FILE or csv:FILE, or install a newer version",
             ) from None
-        raise DeviceError(
-            address.text,
-            f"the Python package '{missing.name}' is not installed",
-            f"pip install {missing.name}",
-        ) from None
+        raise DeviceError(address.text, *advice(missing.name or "")) from None
     return cast(Source, module.open_source(address, role))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from dataclasses import dataclass
 
+from draglag.packages import advice
 from draglag_devices.addresses import DRIVERS
 
 
@@ -30,8 +31,8 @@ def discover() -> list[Found]:
             module = importlib.import_module(module_name)
         except ModuleNotFoundError as missing:
             if missing.name != module_name:
-                remedy = f"pip install {missing.name}"
-                found.append(Found(f"{scheme}:", (), f"the Python package '{missing.name}' is missing", False, remedy))
+                problem, remedy = advice(missing.name or "")
+                found.append(Found(f"{scheme}:", (), problem, False, remedy))
             continue
         look = getattr(module, "discover", None)
         if look is not None:

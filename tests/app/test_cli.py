@@ -213,6 +213,19 @@ def test_a_bug_is_one_line_and_a_saved_traceback(tmp_path: Path, monkeypatch: py
     assert tmp_path in log.parents
 
 
+@pytest.mark.parametrize("command", [("analyze", "--report"), ("gap", "--report")])
+def test_without_matplotlib_drawings_are_one_sentence(
+    tmp_path: Path, session_file: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    name, *options = command
+    result = run(name, session_file, *options, tmp_path / "drawn")
+    assert result.exit_code == 1
+    last = result.stderr.splitlines()[-1]
+    assert last == "draglag: the Python package matplotlib is not installed; run: pip install matplotlib."
+    assert not (tmp_path / "drawn").exists()
+
+
 def test_analyze_prints_one_json_object_of_the_agreed_shape(session_file: Path) -> None:
     result = run("analyze", session_file, "--json")
     assert (result.exit_code, result.stderr) == (0, "")

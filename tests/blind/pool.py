@@ -81,7 +81,9 @@ def _begin_worker(scratch: str) -> None:
 
 def _on_cluster(tasks: list[Task], address: str) -> Iterator[Outcome]:
     if importlib.util.find_spec("distributed") is None:
-        raise Unavailable("Running on a cluster needs Dask, which is not installed", "Run: pip install distributed")
+        raise Unavailable(
+            "Running on a cluster needs Dask, which is not installed", "Run: pip install 'draglag[cluster]'"
+        )
     import distributed
 
     try:

@@ -60,7 +60,20 @@ def test_a_driver_whose_library_is_missing_names_the_library(monkeypatch, tmp_pa
         open_source("evdev:/dev/input/event0", "touch")
     sys.modules.pop("driver_without_library", None)
     lame = [found for found in discovery.discover() if not found.usable]
-    assert [found.remedy for found in lame] == ["pip install a_library_nobody_has"]
+    assert [found.remedy for found in lame] == ["install draglag again"]
+
+
+def test_a_missing_library_is_named_as_its_package_is_called(monkeypatch):
+    for module in [name for name in sys.modules if name.startswith("draglag_devices.walt")]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "serial", None)
+    monkeypatch.setitem(sys.modules, "serial.tools", None)
+    with pytest.raises(DeviceError) as caught:
+        open_source("serial:/dev/ttyACM0", "walt")
+    words = "the Python package pyserial is not installed; run: pip install pyserial."
+    assert str(caught.value) == f"serial:/dev/ttyACM0: {words}"
+    listed = next(found for found in discovery.discover() if found.address.startswith("serial:"))
+    assert f"{listed.description}; {listed.remedy}." == words
 
 
 def test_the_simulator_is_always_there():

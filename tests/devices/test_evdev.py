@@ -2,7 +2,9 @@
 
 import errno
 import os
+import re
 import struct
+import sys
 from types import SimpleNamespace
 
 import evdev
@@ -304,6 +306,18 @@ def test_discovery_tells_touchscreens_from_touchpads_and_mice_without_rights(tmp
     assert [f.address for f in found] == [f"evdev:/dev/input/event{n}" for n in (4, 7, 10)]
     assert not found[0].usable
     assert "udev rules" in found[0].remedy
+
+
+def test_without_its_library_a_touchscreen_is_not_ready_and_says_what_to_install(tmp_path, monkeypatch):
+    sysfs_device(tmp_path, 4, name="Multi", abs_="273800000000003", properties="2")
+    monkeypatch.setattr(evdev_touch, "event_devices", lambda: finding.event_devices(tmp_path))
+    monkeypatch.setitem(sys.modules, "evdev", None)
+    (found,) = evdev_touch.discover()
+    assert not found.usable
+    assert re.search(r"package evdev(-binary)? is not installed", found.description)
+    assert found.remedy.startswith("run: pip install evdev")
+    with pytest.raises(DeviceError, match=r"event4: the Python package evdev.*run: pip install evdev"):
+        kernel.KernelTouch("/dev/input/event4")
 
 
 def test_a_calibration_is_used_and_must_belong_to_the_panel(tmp_path):

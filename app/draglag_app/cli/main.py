@@ -15,6 +15,7 @@ from typing import Any
 import click
 
 from draglag.errors import DraglagError
+from draglag.packages import missing_package
 
 _HERE = "draglag_app.cli"
 
@@ -98,24 +99,26 @@ def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
         raise
     except DraglagError as error:
         click.echo(f"draglag: {error}", err=True)
+    except ModuleNotFoundError as missing:
+        click.echo(f"draglag: {missing_package(missing) or _unexpected(missing)}", err=True)
     except BrokenPipeError:
         # The reader (head, less) has gone: nothing to say, and nothing to say it to.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
-            click.echo(_unexpected(error), err=True)
+            click.echo(f"draglag: {_unexpected(error)}", err=True)
         else:
             click.echo(
                 f"draglag: the output cannot be written ({error.strerror}). Make room, then try again.", err=True
             )
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left of it has no room either
     except Exception as error:  # the one place where a bug meets people
-        click.echo(_unexpected(error), err=True)
+        click.echo(f"draglag: {_unexpected(error)}", err=True)
     raise click.exceptions.Exit(1)
 
 
 def _unexpected(error: Exception) -> str:
-    return f"draglag: unexpected {type(error).__name__}; please report it with the file {_save_traceback()}."
+    return f"unexpected {type(error).__name__}; please report it with the file {_save_traceback()}."
 
 
 def _save_traceback() -> Path:

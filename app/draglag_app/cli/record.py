@@ -16,6 +16,7 @@ from typing import cast
 import click
 
 from draglag.errors import DataError, DraglagError
+from draglag.packages import advice
 from draglag.presets import load_screen_file
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
@@ -162,9 +163,8 @@ def _on_screen(number: int) -> _OnScreen:
         module = importlib.import_module(_ON_SCREEN)
     except ModuleNotFoundError as missing:
         if not (missing.name or "").startswith("draglag_app.windows"):
-            raise DraglagError(
-                f"screen {number} cannot be drawn on: {missing}", "pip install PySide6-Essentials"
-            ) from None
+            problem, remedy = advice(missing.name or "")
+            raise DraglagError(f"screen {number} cannot be drawn on: {problem}", remedy) from None
         raise DraglagError("drawing on a screen is not built in this version", "use --display offscreen") from None
     return cast(_OnScreen, module.record_on_screen)
 

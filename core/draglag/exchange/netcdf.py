@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.packages import advice
 from draglag.recording import Session
 from draglag.store.schema import Node, distinct, session_nodes
 from draglag.store.write import publish, reason, zero_utc
@@ -24,10 +25,8 @@ def write_netcdf(session: Session, path: Path | str) -> Path:
     path = Path(path)
     try:
         h5netcdf: Any = importlib.import_module("h5netcdf")
-    except ImportError as error:
-        raise DataError(
-            "netCDF needs the package h5netcdf, which is not installed", "Run `pip install draglag[netcdf]`"
-        ) from error
+    except ModuleNotFoundError as missing:
+        raise DataError(*advice(missing.name or "")) from missing
     if path.exists():
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
     growing = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")

@@ -39,8 +39,8 @@ def write_report(session: Session, analysis: Analysis, out_dir: Path | str) -> P
     if report.exists():
         raise DataError(f"{report}: exists already and is not overwritten", "Choose another folder")
     try:
-        (out / "figures").mkdir(parents=True, exist_ok=True)
         with style.house_style():
+            (out / "figures").mkdir(parents=True, exist_ok=True)
             pictures = {name: list(group) for name, group in _figures(session, analysis, out / "figures").items()}
         report.write_text(_page(session, analysis, pictures), "utf-8")
     except OSError as error:

@@ -31,8 +31,10 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
         lock = preflight.claim(interface, 0.0 if first_epoch == 0 else _INHERIT_S)
         try:
             from draglag_devices.ethercat_laser.runner import live
-        except ImportError:
-            raise Refusal("no_pysoem", "the Python package pysoem is not installed", "pip install pysoem") from None
+        except ModuleNotFoundError as missing:
+            from draglag.packages import advice
+
+            raise Refusal("no_pysoem", *advice(missing.name or "")) from None
 
         def life(number: int, child_wire: Wire) -> None:
             live(interface, channel, position, number, child_wire)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
+
+from draglag.packages import advice
 from draglag_devices.addresses import Address, parse_address
 from draglag_devices.discovery import Found
 from draglag_devices.evdev_touch.finding import event_devices
@@ -23,15 +26,20 @@ def open_source(address: Address | str, role: str = "touch") -> EvdevTouch:
 
 
 def discover() -> list[Found]:
-    """Touchscreens, with rights."""
-    return [
-        Found(
-            f"evdev:{seen.path}",
-            ("touch",),
-            seen.name or "touchscreen",
-            seen.usable,
-            "" if seen.usable else RIGHTS_REMEDY,
-        )
-        for seen in event_devices()
-        if seen.touchscreen
-    ]
+    """Touchscreens, with rights. They are found without the library that reads them, which may be missing."""
+    found = []
+    for seen in event_devices():
+        if seen.touchscreen:
+            words, remedy = seen.name or "touchscreen", "" if seen.usable else RIGHTS_REMEDY
+            if not _has_library():
+                problem, remedy = advice("evdev")
+                words = f"{words}: {problem}"
+            found.append(Found(f"evdev:{seen.path}", ("touch",), words, not remedy, remedy))
+    return found
+
+
+def _has_library() -> bool:
+    try:
+        return importlib.util.find_spec("evdev") is not None
+    except ValueError:  # it is marked as missing
+        return False

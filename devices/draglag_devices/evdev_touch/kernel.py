@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
+from draglag.packages import advice
 from draglag.recording import AxisInfo
 from draglag_devices.source import DeviceError
 from draglag_devices.touch.frames import (
@@ -81,9 +82,11 @@ class KernelTouch:
 
     def __init__(self, path: str) -> None:
         """Raises DeviceError: no such device, no rights, or no touchscreen."""
-        import evdev
-
         address = f"evdev:{path}"
+        try:
+            import evdev
+        except ModuleNotFoundError as missing:
+            raise DeviceError(address, *advice(missing.name or "")) from None
         try:
             self._device = evdev.InputDevice(path)
         except OSError as error:

@@ -10,6 +10,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Qt, QThreadPool, Signal
 
 from draglag.errors import DraglagError
+from draglag.packages import missing_package
 
 Progress = Callable[[float, str], None]
 
@@ -92,6 +93,8 @@ class Tasks(QObject):
             task.cancel()
         except DraglagError as error:
             fault = str(error)
+        except ModuleNotFoundError as missing:
+            fault = str(missing_package(missing) or f"{task.label}: {missing}")
         except Exception as error:  # whatever goes wrong is told, the window stays
             fault = f"{task.label}: {error or type(error).__name__}"
         self._ended.emit(task, result, fault)

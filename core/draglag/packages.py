@@ -1,0 +1,67 @@
+"""Which package brings a module that is missing, and the line that installs it."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from dataclasses import dataclass
+
+from draglag.errors import DraglagError
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package by its name for pip. ``extra`` of draglag that brings it; empty where draglag itself does."""
+
+    name: str
+    extra: str = ""
+
+    @property
+    def line(self) -> str:
+        """What to type to install it."""
+        return f"pip install 'draglag[{self.extra}]'" if self.extra else f"pip install {self.name}"
+
+
+_EVDEV_WHEEL = sys.platform == "linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14)
+
+# Import name → package, as pyproject.toml asks for them: a test compares the two.
+PACKAGES = {
+    "numpy": Package("numpy"),
+    "scipy": Package("scipy"),
+    "threadpoolctl": Package("threadpoolctl"),
+    "h5py": Package("h5py"),
+    "pydantic": Package("pydantic"),
+    "click": Package("click"),
+    "jinja2": Package("jinja2"),
+    "matplotlib": Package("matplotlib"),
+    "platformdirs": Package("platformdirs"),
+    "tomli_w": Package("tomli-w"),
+    "PySide6": Package("PySide6-Essentials"),
+    "pyqtgraph": Package("pyqtgraph"),
+    "evdev": Package("evdev-binary" if _EVDEV_WHEEL else "evdev"),
+    "pysoem": Package("pysoem"),
+    "serial": Package("pyserial"),
+    "h5netcdf": Package("h5netcdf", "netcdf"),
+    "distributed": Package("distributed", "cluster"),
+}
+
+
+def package_of(module: str) -> Package | None:
+    """The package that brings a module, or None where draglag uses no such package."""
+    return PACKAGES.get(module.partition(".")[0])
+
+
+def advice(module: str) -> tuple[str, str]:
+    """Problem and remedy where a module is missing."""
+    package = package_of(module)
+    if package is None:
+        return f"the Python module {module} is missing", "install draglag again"
+    extra = f" (extra {package.extra})" if package.extra else ""
+    return f"the Python package {package.name}{extra} is not installed", f"run: {package.line}"
+
+
+def missing_package(error: ModuleNotFoundError) -> DraglagError | None:
+    """The sentence for people where a package of the table is missing; None where it is a mistake of the program."""
+    if package_of(error.name or "") is None:
+        return None
+    return DraglagError(*advice(error.name or ""))
