@@ -88,6 +88,8 @@ def parse_address(text: str) -> Address:
     if scheme in _NEEDS_TARGET and not target:
         form = next(form for form in KNOWN_FORMS if form.startswith(scheme))
         raise DeviceError(text, f"the address names no {_NEEDS_TARGET[scheme].split(' ', 1)[1]}", f"write {form}")
+    if scheme in DRIVERS and target.startswith(":"):
+        raise DeviceError(text, "the address has one colon too many", f"write {scheme}:{rest.lstrip(':')}")
     if scheme == "sim" and target:
         raise DeviceError(text, f"'{target}' means nothing to the simulator", "write sim: or sim:?seed=3&speed=fast")
     try:
@@ -139,7 +141,7 @@ def _driver_source(address: Address, role: str) -> Source:
         if missing.name == module_name:
             raise DeviceError(
                 address.text,
-                f"{address.scheme}: devices are not built in this version",
+                f"the driver of {address.scheme} devices is not in this version",
                 "use sim:, replay:FILE or csv:FILE, or install a newer version",
             ) from None
         raise DeviceError(address.text, *advice(missing.name or "")) from None

@@ -16,16 +16,21 @@ class DeviceError(DraglagError):
 
     def __init__(self, source: str, problem: str, remedy: str = "") -> None:
         self.source = source
-        super().__init__(f"{source}: {problem}", remedy)
+        # A source may be no more than a scheme, "ethercat:", which brings the colon.
+        super().__init__(f"{source.removesuffix(':')}: {problem}", remedy)
 
 
 @dataclass(frozen=True)
 class Notice:
-    """Something the operator should read and the file should keep: loss, restart, unplugging, return."""
+    """Something the operator should read and the file should keep: loss, restart, unplugging, return.
+
+    ``state``: "lost" and "back" where the device went or came back, else empty.
+    """
 
     t_s: float
     level: str  # "info" | "warning" | "error"
     text: str
+    state: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,15 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Release the device. Never raises."""
+        ...
+
+
+@runtime_checkable
+class Concludes(Protocol):
+    """A source that has something left to say when nobody will read it any more."""
+
+    def last_words(self) -> tuple[Notice, ...]:
+        """What has not been said yet; called once between the last ``read`` and ``close``, from the reading thread."""
         ...
 
 

@@ -38,6 +38,19 @@ def test_half_an_address_is_refused(text):
         parse_address(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("ethercat:", "ethercat: the address names no network interface; write ethercat:IFACE?channel=1."),
+        ("ethercat::eth1", "ethercat::eth1: the address has one colon too many; write ethercat:eth1."),
+    ],
+)
+def test_one_colon_follows_the_scheme(text, sentence):
+    with pytest.raises(DeviceError) as caught:
+        parse_address(text)
+    assert str(caught.value) == sentence
+
+
 def test_a_scheme_serves_only_its_roles():
     with pytest.raises(DeviceError, match="cannot serve as laser"):
         open_source("evdev:/dev/input/event0", "laser")
@@ -47,7 +60,9 @@ def test_a_scheme_serves_only_its_roles():
 
 def test_a_missing_driver_is_said_and_never_replaced_by_the_simulator(monkeypatch):
     monkeypatch.setattr("draglag_devices.addresses.DRIVERS", {"evdev": "draglag_devices.no_such_driver"})
-    with pytest.raises(DeviceError, match="not built in this version"):
+    with pytest.raises(
+        DeviceError, match=r"^evdev:/dev/input/event0: the driver of evdev devices is not in this version;"
+    ):
         open_source("evdev:/dev/input/event0", "touch")
 
 
