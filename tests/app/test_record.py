@@ -13,7 +13,8 @@ from draglag.presets import load_screen
 from draglag.store import read_session
 from draglag_app.calibrating import as_recorded, fit_touches
 from draglag_app.cli.devices import devices
-from draglag_app.cli.record import display_number, record
+from draglag_app.cli.record import display_number, progress_printer, record
+from draglag_app.session import events
 from draglag_devices.calibration import save_calibration
 from draglag_devices.sim.world import DIGITISER
 
@@ -151,3 +152,14 @@ def test_devices_lists_the_simulator_and_the_forms():
     assert plain.exit_code == as_json.exit_code == 0
     assert "evdev:/dev/input/eventN" in plain.output
     assert json.loads(as_json.output)["devices"][0]["address"] == "sim:"
+
+
+def test_a_device_that_is_back_is_said_on_the_terminal(capsys):
+    tell = progress_printer()
+    tell(events.NoticeRaised(1.0, "error", "laser", "The laser sensor is lost.", "lost"))
+    tell(events.NoticeRaised(2.0, "info", "laser", "The laser sensor is back.", "back"))
+    tell(events.NoticeRaised(3.0, "info", "laser", "0.1 % of the cycles were disturbed."))
+    assert capsys.readouterr().err.splitlines() == [
+        "laser: The laser sensor is lost.",
+        "laser: The laser sensor is back.",
+    ]

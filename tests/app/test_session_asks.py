@@ -14,6 +14,7 @@ from draglag_app.preflight import preflight
 from draglag_app.session import Control, events
 from draglag_app.session.display import OffscreenDisplay
 from draglag_app.session.machine import Phase
+from draglag_devices.source import Notice
 
 SCREEN = load_screen("screen-1")
 
@@ -223,3 +224,15 @@ def test_taps_that_a_source_rejects_are_added_up_and_saved(tmp_path):
     assert taps.rejected["ringing"] == 24
     assert len(taps.physical_s) == 24
     assert recording.of(events.TapsArrived)[-1].rejected >= 24
+
+
+def test_what_a_source_has_not_said_yet_is_in_the_file(tmp_path):
+    class Counts(Wrapped):
+        def last_words(self):
+            return (Notice(1.0, "info", "3 cycles were disturbed."),)
+
+    rig = fast_rig()
+    rec = Recording(protocol(600), replaced(rig, Counts(of_role(rig, "laser"))), tmp_path / "s.h5")
+    assert [note.text for note in read_session(rec.path).notes if note.source == "laser"] == [
+        "3 cycles were disturbed."
+    ]

@@ -91,6 +91,7 @@ def test_a_fault_is_marked_and_the_laser_comes_back(segment: Segment, fault: Fau
     lost, back = (next(n for n in rec.notices if words in n.text) for words in ("is lost", "is back"))
     assert fault.words in lost.text
     assert lost.t_s < back.t_s
+    assert (lost.state, back.state, back.level) == ("lost", "back", "info")
     gaps_s = rec.laser.gaps_s
     assert len(gaps_s) >= 1
     # The mark may start before the fault (the last time all was well), never after it.
@@ -120,8 +121,12 @@ def test_a_few_lost_frames_cost_no_edge_and_are_told(segment: Segment) -> None:
         rec.read_past(start_ns + 100 * MS)
         segment.order("loss", next=3)
         rec.read_past(start_ns + 1300 * MS)
-        rec.read_until(lambda: any("without an answer" in text for text in rec.texts))
+        rec.read_until(lambda: rec.source.disturbed.get("lost", 0) >= 3)
         judge(rec, rec.true_edges())
+        told = [*rec.notices, *rec.source.last_words()]
+    # Three in more than a thousand: counted, and nothing to be alarmed by.
+    assert {notice.level for notice in told if "disturbed" in notice.text} == {"info"}
+    assert any("3 without an answer" in notice.text for notice in told)
 
 
 def test_a_terminal_whose_clock_goes_its_own_way_is_told_once(segment: Segment) -> None:
@@ -178,10 +183,11 @@ def test_endurance_no_edge_is_lost_and_every_bad_cycle_is_accounted_for(segment:
         true = rec.true_edges()
         judge(rec, true)
         disturbed = dict(rec.source.disturbed)
+        texts = [*rec.texts, *(notice.text for notice in rec.source.last_words())]
     assert len(true) == 2 * count
     # Each injected one was seen (or hit one of the questions about the state, 2 frames in 100), and nothing else
     # but answers that this machine was too busy to give in time.
     assert 1 <= disturbed.get("counter", 0) <= cheats
     assert set(disturbed) <= {"counter", "lost"}
-    told = sum(int(n) for text in rec.texts if "Disturbed" in text for n in re.findall(r"(\d+) with", text))
+    told = sum(int(n) for text in texts if "were disturbed" in text for n in re.findall(r"(\d+) with", text))
     assert told == sum(disturbed.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import struct
 from pathlib import Path
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 
 from draglag_devices.addresses import open_source
-from draglag_devices.ethercat_laser import helper
+from draglag_devices.ethercat_laser import helper, preflight
 from draglag_devices.ethercat_laser.bus import Cycle
 from draglag_devices.ethercat_laser.clockwatch import ClockWatch, Pair
+from draglag_devices.ethercat_laser.disturbed import Disturbances
 from draglag_devices.ethercat_laser.edges import EdgeFinder, Sample, decode
 from draglag_devices.ethercat_laser.watch import BAD_CYCLES, Epoch, Found
 from draglag_devices.source import DeviceError
@@ -199,6 +201,51 @@ def test_two_edges_in_a_cycle_that_was_in_time_are_all_there_were() -> None:
 
 def test_nothing_is_sure_after_a_pause_in_which_the_devices_were_not_watched() -> None:
     assert paused(400 * MS, 0, 0).doubt_ns == (49 * MS, 449 * MS + 100 * US)
+
+
+def test_one_lost_cycle_in_a_thousand_is_counted_and_no_warning() -> None:
+    disturbances = Disturbances()
+    said = [disturbances.take(t_s, t_s + 1.0, 1000, {"lost": 1}) for t_s in range(150)]
+    told = [notice for notice in (*said, disturbances.rest(150.0)) if notice is not None]
+    assert [notice.level for notice in told] == ["info"] * 3
+    assert told[0].text.startswith(
+        "0.1 % of the EtherCAT cycles of the last 60 s were disturbed: 60 without an answer."
+    )
+    assert sum(int(notice.text.split(": ")[1].split()[0]) for notice in told) == disturbances.total["lost"] == 150
+    assert disturbances.rest(151.0) is None
+
+
+def test_many_disturbed_cycles_are_a_warning_at_once_and_then_one_in_ten_seconds() -> None:
+    disturbances = Disturbances()
+    said = [disturbances.take(t_s, t_s + 1.0, 900, {"lost": 20, "stale": 10}) for t_s in range(25)]
+    told = [(k, notice) for k, notice in enumerate(said) if notice is not None]
+    assert [(k, notice.level) for k, notice in told] == [(0, "warning"), (10, "warning"), (20, "warning")]
+    assert "3.3 % of the EtherCAT cycles of the last 1 s were disturbed: 20 without an answer, 10 with old data" in (
+        told[0][1].text
+    )
+    assert "200 without an answer, 100 with old data" in told[1][1].text
+    assert "Close other programs" in told[1][1].text
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (None, "the network interface eth9 is gone: its adapter was unplugged or it was deleted"),
+        ((0, False), "the network interface eth9 was switched off (sudo ip link set eth9 up)"),
+        ((1, False), "the cable on eth9 is unplugged or the other end is off"),
+        ((1, True), ""),
+    ],
+)
+def test_deleted_switched_off_and_unplugged_are_different_sentences(
+    monkeypatch: pytest.MonkeyPatch, state: tuple[int, bool] | None, words: str
+) -> None:
+    def link_state(interface: str) -> tuple[int, bool]:
+        if state is None:
+            raise OSError(errno.ENODEV, "No such device")
+        return state
+
+    monkeypatch.setattr(preflight, "link_state", link_state)
+    assert preflight.link_trouble("eth9") == words
 
 
 @pytest.mark.parametrize("position", ["position=0", "position=1", "position=two", "position="])

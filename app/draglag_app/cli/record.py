@@ -196,7 +196,7 @@ def progress_printer() -> events.Listener:
     def tell(event: events.Event) -> None:
         if isinstance(event, events.StateChanged):
             numbers[event.run_id] = f"{event.run_number}/{event.run_count}"
-        elif isinstance(event, events.NoticeRaised) and event.level != "info":
+        elif isinstance(event, events.NoticeRaised) and (event.level != "info" or event.state):
             click.echo(f"{event.source}: {event.text}", err=True)
         elif isinstance(event, events.DeviceFault):
             click.echo(f"{event.role}: {event.problem} {event.remedy}", err=True)

@@ -117,6 +117,7 @@ class NoticeRaised:
     level: str  # "info" | "warning" | "error"
     source: str
     text: str
+    state: str = ""  # "lost" | "back" where a device went or came back
 
 
 @dataclass(frozen=True)

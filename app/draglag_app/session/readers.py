@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import queue
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from draglag.recording import concatenate, empty_laser, empty_touch
-from draglag_devices.source import Batch, DeviceError, Source, SourceInfo
+from draglag_devices.source import Batch, Concludes, DeviceError, Source, SourceInfo
 
 READ_TIMEOUT_S = 0.1
 
@@ -94,6 +95,10 @@ class ReaderThread(threading.Thread):
                 self._put_waiting(Lost(self._source.role, as_device_error(self._source, error)))
                 return
             self._hand_on(batch)
+        if isinstance(self._source, Concludes):
+            notices = self._source.last_words()
+            with suppress(queue.Full):  # whoever saves has ended as well
+                self._queue.put(Reported(self._source.role, Batch(-np.inf, notices=notices)), timeout=READ_TIMEOUT_S)
 
     def _hand_on(self, batch: Batch) -> None:
         if not self._realtime:

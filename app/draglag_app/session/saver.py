@@ -203,7 +203,7 @@ class Saver:
         opened = self._run
         for notice in batch.notices:
             self.log(LogEntry(notice.t_s, notice.level, role, notice.text))
-            self._untold.append(events.NoticeRaised(notice.t_s, notice.level, role, notice.text))
+            self._untold.append(events.NoticeRaised(notice.t_s, notice.level, role, notice.text, notice.state))
         if batch.clock is not None and len(batch.clock.device_s):
             self._take_clock(batch.clock, opened)
         touch, laser = batch.touch, batch.laser

@@ -55,6 +55,7 @@ class Header(QFrame):
         bridge = workspace.bridge
         bridge.device_opened.connect(lambda event: self.set_light(event.role, "live", in_words(event.description)))
         bridge.device_fault.connect(self._fault)
+        bridge.notice_raised.connect(self._lost_or_back)
         bridge.disk_status.connect(lambda event: self._show_disk(event.free_bytes))
         workspace.recording.began.connect(lambda order: self._show_name())
         workspace.recording.ended.connect(lambda path, problem: self._ended())
@@ -103,6 +104,10 @@ class Header(QFrame):
     def _ended(self) -> None:
         self.show_rig()
         self._show_name()
+
+    def _lost_or_back(self, event: events.NoticeRaised) -> None:
+        if event.state and event.source in self.lights:
+            self.set_light(event.source, "live" if event.state == "back" else "fault", in_words(event.text))
 
     def _show_name(self) -> None:
         self.simulated.setVisible(self._space.simulated)

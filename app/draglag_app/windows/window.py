@@ -246,7 +246,7 @@ class OperatorWindow(QMainWindow):
             self.tell("info", self.tr("Saved: {path}").format(path=path))
 
     def _notice(self, event: events.NoticeRaised) -> None:
-        if event.level in ("warning", "error"):
+        if event.level in ("warning", "error") or event.state:
             self.tell(event.level, f"{source_name(event.source)}: {in_words(event.text)}")
 
     def _checked(self, results: list[Checked]) -> None:

@@ -171,7 +171,8 @@ class Keeper:
             missed = int(self._level is not None and level != self._level)
             self.wire.tell("gap", start=self._dead_from, end=since, missed=missed)
             away_s = (since - (self._lost_at or self._dead_from)) / 1e9
-            self._notice("info", f"The laser sensor is back after {away_s:.2f} s; edges in between may be missing.")
+            words = f"The laser sensor is back after {away_s:.2f} s and records again; edges in between may be missing."
+            self._notice("info", words, "back")
         self._dead_from = self._lost_at = None
         self._level = level
 
@@ -187,12 +188,11 @@ class Keeper:
             self._dead_from = time.monotonic_ns()
         if self._lost_at is None:
             self._lost_at = self._dead_from
-            if not preflight.carrier_now(self.interface):
-                reason = f"the cable on {self.interface} is unplugged or the other end is off"
-            self._notice("error", f"The laser sensor is lost: {reason}. draglag tries to bring it back.")
+            reason = preflight.link_trouble(self.interface) or reason
+            self._notice("error", f"The laser sensor is lost: {reason}. draglag tries to bring it back.", "lost")
 
-    def _notice(self, level: str, text: str) -> None:
-        self.wire.tell("notice", t=time.monotonic_ns(), level=level, text=text)
+    def _notice(self, level: str, text: str, state: str) -> None:
+        self.wire.tell("notice", t=time.monotonic_ns(), level=level, text=text, state=state)
 
 
 class _Child:

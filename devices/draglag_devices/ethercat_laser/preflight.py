@@ -56,12 +56,15 @@ def link_state(interface: str) -> tuple[int, bool]:
     return flags, carrier
 
 
-def carrier_now(interface: str) -> bool:
-    """Whether the interface is there, on, and sees the other end."""
-    with contextlib.suppress(OSError):
+def link_trouble(interface: str) -> str:
+    """Why nothing can be reached through an interface that worked; empty where it is on and sees the other end."""
+    try:
         flags, carrier = link_state(interface)
-        return bool(flags & _IFF_UP) and carrier
-    return False
+    except OSError:
+        return f"the network interface {interface} is gone: its adapter was unplugged or it was deleted"
+    if not flags & _IFF_UP:
+        return f"the network interface {interface} was switched off (sudo ip link set {interface} up)"
+    return "" if carrier else f"the cable on {interface} is unplugged or the other end is off"
 
 
 def has_rights() -> bool:

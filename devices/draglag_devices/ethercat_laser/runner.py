@@ -63,11 +63,13 @@ class Runner:
         self._sound_ns = 0  # when the devices last said that all is well
         self._told: Counter[str] = Counter()
         self._told_apart = False
+        self._summed_ns = time.monotonic_ns()
 
     def run(self, bus: Bus) -> NoReturn:
         """Raises Restart when the bus is lost, ReaderGone."""
         epoch = Epoch(self.number, self.channel, bus.expected_wkc)
         self._begin(bus, epoch)
+        self._summed_ns = time.monotonic_ns()
         try:
             self._cycles(bus, epoch)
         finally:
@@ -182,15 +184,12 @@ class Runner:
             self.wire.tell("clock", epoch=epoch.number, dc=best.dc_ns, low=best.low_ns, high=best.high_ns)
 
     def _summarise(self, epoch: Epoch) -> None:
-        """Refused cycles and pauses of the last second, by reason: every one is accounted for."""
+        """Cycles of the last second, the refused by reason, and its pauses: every one is accounted for."""
         pauses_ns, epoch.pauses_ns = epoch.pauses_ns, []
         counts, self._told = epoch.counts - self._told, Counter(epoch.counts)
-        if counts:
-            words = {"lost": "without an answer", "counter": "without the EL1252", "stale": "with old data",
-                     "stamp": "with impossible stamps"}  # fmt: skip
-            parts = ", ".join(f"{n} {words[reason]}" for reason, n in sorted(counts.items()))
-            self._notice("warning", f"Disturbed EtherCAT cycles in the last second: {parts}.")
-            self.wire.tell("disturbed", **counts)
+        since, self._summed_ns = self._summed_ns, time.monotonic_ns()
+        cycles, epoch.cycles = epoch.cycles, 0
+        self.wire.tell("cycles", since=since, t=self._summed_ns, cycles=cycles, refused=dict(counts))
         if pauses_ns and max(pauses_ns) > _HELD_UP_NS:
             self._notice(
                 "warning",

@@ -19,6 +19,7 @@ import numpy as np
 from draglag.recording import ClockBounds, FloatArray, LaserTrace, concatenate
 from draglag_devices.addresses import Address
 from draglag_devices.clockmap import OnlineClockMap
+from draglag_devices.ethercat_laser.disturbed import Disturbances
 from draglag_devices.ethercat_laser.helper import start
 from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
 
@@ -56,7 +57,7 @@ class EthercatLaser:
     """See ``draglag_devices.source.Source``.
 
     Device stamps are seconds since ``details["device_zero_ns"]`` (ns since 2000-01-01 of the bus's clock), so that
-    they keep every nanosecond. Each bring-up of the bus is an epoch. ``disturbed`` counts refused cycles by reason.
+    they keep every nanosecond. Each bring-up of the bus is an epoch.
     """
 
     realtime = True
@@ -66,7 +67,7 @@ class EthercatLaser:
     ) -> None:
         self.address = address
         self.role = role
-        self.disturbed: dict[str, int] = {}
+        self._disturbances = Disturbances()
         self._interface = interface
         self._channel, self._position = channel, position
         self._light_is_high = light_is_high
@@ -83,6 +84,16 @@ class EthercatLaser:
         self._early = _Gathered()
         self._compared_s = -np.inf  # host time of the last comparison
         self._asked: deque[tuple[float, threading.Event]] = deque()  # filled by other threads
+
+    @property
+    def disturbed(self) -> dict[str, int]:
+        """Refused cycles since it was first opened, by reason."""
+        return dict(self._disturbances.total)
+
+    def last_words(self) -> tuple[Notice, ...]:
+        """See ``draglag_devices.source.Concludes``: disturbed cycles that were counted and not yet told."""
+        rest = self._disturbances.rest(time.monotonic())
+        return () if rest is None else (rest,)
 
     def synchronise(self) -> threading.Event:
         """See ``draglag_devices.source.Synchronises``. The bus compares in every cycle and tells the best of each
@@ -196,7 +207,7 @@ class EthercatLaser:
         self._respawns += 1
         self._epoch += 1
         text = "The laser sensor is lost: its EtherCAT process ended. draglag starts it again."
-        gathered.notices.append(Notice(time.monotonic(), "error", text))
+        gathered.notices.append(Notice(time.monotonic(), "error", text, "lost"))
         self._spawn()
 
     def _ended_error(self) -> DeviceError:
@@ -227,11 +238,12 @@ class EthercatLaser:
         elif kind == "gap":
             gathered.laser.append(_gap(message["start"] * _NS, message["end"] * _NS, message["missed"]))
         elif kind == "notice":
-            gathered.notices.append(Notice(message["t"] * _NS, message["level"], message["text"]))
-        elif kind == "disturbed":
-            for reason, count in message.items():
-                if reason != "m":
-                    self.disturbed[reason] = self.disturbed.get(reason, 0) + count
+            words = message["level"], message["text"], message.get("state", "")
+            gathered.notices.append(Notice(message["t"] * _NS, *words))
+        elif kind == "cycles":
+            when = message["since"] * _NS, message["t"] * _NS
+            notice = self._disturbances.take(*when, message["cycles"], message["refused"])
+            gathered.notices += [notice] if notice is not None else []
         elif kind == "ready":
             self._begin_epoch(message, gathered)
         elif kind == "refused":
@@ -243,7 +255,8 @@ class EthercatLaser:
             self._zero_ns = message["dc"] // 1_000_000_000 * 1_000_000_000
         if self._died_s is not None:
             gathered.laser.append(_gap(self._died_s, time.monotonic(), 0))
-            gathered.notices.append(Notice(time.monotonic(), "info", "The laser sensor is back."))
+            text = "The laser sensor is back and records again."
+            gathered.notices.append(Notice(time.monotonic(), "info", text, "back"))
             self._died_s = None
 
     def _device_s(self, stamps_ns: list[int]) -> FloatArray:

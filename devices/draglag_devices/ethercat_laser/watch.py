@@ -49,6 +49,7 @@ class Epoch:
         bad: consecutive cycles that were refused, ``counts`` all of them by reason.
         last: clocks of the last accepted cycle, or None before the first.
         pauses_ns: of the bus's clock between accepted cycles, where longer than STALL_NS; the reader empties it.
+        cycles: of all kinds; the reader sets it back.
     """
 
     number: int
@@ -60,6 +61,7 @@ class Epoch:
     edges: EdgeFinder | None = None
     last: Pair | None = None
     pauses_ns: list[int] = field(default_factory=list)
+    cycles: int = 0
     _lately: Counter[str] = field(default_factory=Counter)
 
     @property
@@ -81,6 +83,7 @@ class Epoch:
     def take(self, cycle: Cycle) -> Found | None:
         """Edges of an accepted cycle; None if it is refused."""
         reason = self._fault(cycle)
+        self.cycles += 1
         if reason:
             self.bad += 1
             self.counts[reason] += 1

@@ -206,7 +206,7 @@ class EvdevTouch:
             self._device.close()
         self._device = None
         self._next_try_s = self._now() + RETRY_S
-        self._tell("error", f"{self._identity[0]} is gone ({fault}). Plug it in again; it goes on then.")
+        self._tell("error", f"{self._identity[0]} is gone ({fault}). Plug it in again; it goes on then.", "lost")
         return self._batch(alive=False)
 
     def _while_lost(self, timeout_s: float) -> Batch:
@@ -233,7 +233,7 @@ class EvdevTouch:
                 continue  # its node is there before its rights are
             self._device, self._path = device, seen.path
             self._returns += 1
-            self._tell("warning", f"{seen.name} is back at {seen.path}.")
+            self._tell("info", f"{seen.name} is back at {seen.path} and records again.", "back")
             return
 
     # --- events -----------------------------------------------------------------------------------------------
@@ -300,8 +300,8 @@ class EvdevTouch:
 
     # --- handing on -------------------------------------------------------------------------------------------
 
-    def _tell(self, level: str, text: str) -> None:
-        self._notices.append(Notice(self._now(), level, text))
+    def _tell(self, level: str, text: str, state: str = "") -> None:
+        self._notices.append(Notice(self._now(), level, text, state))
 
     def _batch(
         self, alive: bool = True, touch: TouchTrace | None = None, contacts: ContactChanges | None = None

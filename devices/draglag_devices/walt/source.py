@@ -210,9 +210,8 @@ class WaltSource:
             device.link.close()
         now_s = self._now()
         self._next_try_s = now_s + RETRY_S
-        self._notices.append(
-            Notice(now_s, "error", f"The WALT at {self._path} is gone{_why(fault)}. Plug it in again; it goes on then.")
-        )
+        text = f"The WALT at {self._path} is gone{_why(fault)}. Plug it in again; it goes on then."
+        self._notices.append(Notice(now_s, "error", text, "lost"))
         return self._batch(device, None, None, alive=False)
 
     def _while_lost(self, timeout_s: float) -> Batch:
@@ -228,7 +227,8 @@ class WaltSource:
         now_s, back = self._now(), self._device is not None
         laser: LaserTrace | None = None
         if back:
-            self._notices.append(Notice(now_s, "warning", f"The WALT at {self._path} is back; its clock began anew."))
+            text = f"The WALT at {self._path} is back and records again; its clock began at 0."
+            self._notices.append(Notice(now_s, "info", text, "back"))
         if back or now_s - self._until_s >= GAP_EVERY_S:
             if self.role == "laser":
                 laser = LaserTrace(np.empty(0), np.empty(0, np.int64), gaps_s=np.array([[self._until_s, now_s]]))

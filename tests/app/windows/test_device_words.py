@@ -74,17 +74,25 @@ def test_every_fault_of_a_driver_is_dutch_in_both_its_halves(dutch: None) -> Non
     "sentence",
     [
         "ILITEK multi-touch is gone (No such device). Plug it in again; it goes on then.",
-        "ILITEK multi-touch is back at /dev/input/event7.",
+        "ILITEK multi-touch is back at /dev/input/event7 and records again.",
         "The kernel's buffer overflowed: touch events were lost, the gap is marked.",
         "The touchscreen is not used exclusively: another program holds it.",
         "The laser sensor is lost: the cable on enp3s0 is unplugged or the other end is off. draglag tries to bring it "
         "back.",
-        "The laser sensor is back after 2.41 s; edges in between may be missing.",
+        "The laser sensor is lost: the network interface enp3s0 was switched off (sudo ip link set enp3s0 up). draglag "
+        "tries to bring it back.",
+        "The laser sensor is lost: the network interface enp3s0 is gone: its adapter was unplugged or it was deleted. "
+        "draglag tries to bring it back.",
+        "0.12 % of the EtherCAT cycles of the last 60 s were disturbed: 72 without an answer. Where edges may be "
+        "missing is marked.",
+        "3 % of the EtherCAT cycles of the last 1 s were disturbed: 30 with old data. Where edges may be missing is "
+        "marked. Close other programs, check the cable and the supply of the coupler.",
+        "The laser sensor is back after 2.41 s and records again; edges in between may be missing.",
         "1 edge of the laser came too fast to be stamped.",
         "The laser was not read for 120 ms: this computer was busy or the bus did not answer. Where edges may be "
         "missing is marked.",
         "The WALT at /dev/ttyACM0 is gone (hung up). Plug it in again; it goes on then.",
-        "The WALT at /dev/ttyACM0 is back; its clock began anew.",
+        "The WALT at /dev/ttyACM0 is back and records again; its clock began at 0.",
         "3 edges of the laser were lost by the WALT; the gap is marked.",
         "The touches are turned by half a turn against the target: screen or touchscreen was turned after the "
         "calibration. Stop, calibrate the touchscreen again, and begin anew.",
@@ -92,7 +100,7 @@ def test_every_fault_of_a_driver_is_dutch_in_both_its_halves(dutch: None) -> Non
 )
 def test_notices_are_dutch(dutch: None, sentence: str) -> None:
     said = in_words(sentence)
-    english = {"again", "edges", "edge", "gone", "back", "turn", "device", "marked"}
+    english = {"again", "edges", "edge", "gone", "back", "turn", "device", "marked", "without", "switched"}
     assert not set(re.findall(r"[a-z]{4,}", said)) & english
     names = re.compile(r"\d+\.?\d*|/dev/\w+|enp\w+")
     assert set(names.findall(sentence)) <= set(names.findall(said))
@@ -127,6 +135,18 @@ def test_a_device_that_is_lost_is_told_in_dutch(open_window: Callable[..., Opera
     assert window.header.lights["walt"].toolTip() == wanted
     log = window.pages["log"][1].table
     assert log.item(log.rowCount() - 1, 3).text() == wanted
+
+
+def test_a_device_that_is_lost_and_back_is_shown_as_recovered(open_window: Callable[..., OperatorWindow]) -> None:
+    window = open_window()
+    raised = window.space.bridge.notice_raised
+    raised.emit(events.NoticeRaised(1.0, "error", "touch", "Panel is gone (unplugged). Plug it in again.", "lost"))
+    light = window.header.lights["touch"]
+    assert (light.state, window.notice.property("level")) == ("fault", "error")
+    raised.emit(events.NoticeRaised(2.0, "info", "touch", "Panel is back at /dev/input/event7.", "back"))
+    assert (light.state, window.notice.property("level")) == ("live", "info")
+    assert window.notice_text.text() == "touchscreen: Panel is back at /dev/input/event7."
+    assert light.toolTip() == "Panel is back at /dev/input/event7."
 
 
 def test_what_instruments_say_of_themselves_is_dutch(dutch: None) -> None:

@@ -20,6 +20,7 @@ from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 from draglag_devices.discovery import Found, discover
 from draglag_devices.rig import give_panel, make_rig
+from draglag_devices.source import Notice
 
 _LOOK_S = 0.6
 # As wide as a screen's name asks for, where there is room.
@@ -48,14 +49,15 @@ def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Pro
             out.append(Checked(role, "fault", str(error)))
             continue
         try:
-            seen, notices = 0, []
+            seen, notices = 0, list[Notice]()
             end_s = time.monotonic() + _LOOK_S
             while time.monotonic() < end_s:
                 batch = source.read(0.1)
                 seen += 0 if batch.touch is None else len(batch.touch.t_s)
-                notices += [notice.text for notice in batch.notices]
-            state = "warning" if notices else "ready"
-            out.append(Checked(role, state, " · ".join([info.description, info.clock, *notices])))
+                notices += batch.notices
+            state = "warning" if any(notice.level != "info" for notice in notices) else "ready"
+            said = [notice.text for notice in notices]
+            out.append(Checked(role, state, " · ".join([info.description, info.clock, *said])))
         except DraglagError as error:
             out.append(Checked(role, "fault", str(error)))
         finally:

@@ -153,7 +153,7 @@ REMEDIES = (
 # What comes while an instrument is read; each is a whole sentence, or two.
 NOTICES = (
     QT_TRANSLATE_NOOP("Device", "{name} is gone ({why}). Plug it in again; it goes on then."),
-    QT_TRANSLATE_NOOP("Device", "{name} is back at {path}."),
+    QT_TRANSLATE_NOOP("Device", "{name} is back at {path} and records again."),
     QT_TRANSLATE_NOOP("Device", "The kernel's buffer overflowed: touch events were lost, the gap is marked."),
     QT_TRANSLATE_NOOP("Device", "Touch events are not stamped on the host's monotonic clock: latencies will be wrong."),
     QT_TRANSLATE_NOOP("Device", "The touchscreen is not used exclusively: {why}."),
@@ -168,11 +168,22 @@ NOTICES = (
     ),
     QT_TRANSLATE_NOOP("Device", "The laser sensor is lost: {why}. draglag tries to bring it back."),
     QT_TRANSLATE_NOOP("Device", "The laser sensor is lost: its EtherCAT process ended. draglag starts it again."),
-    QT_TRANSLATE_NOOP("Device", "The laser sensor is back."),
-    QT_TRANSLATE_NOOP("Device", "The laser sensor is back after {seconds} s; edges in between may be missing."),
+    QT_TRANSLATE_NOOP("Device", "The laser sensor is back and records again."),
+    QT_TRANSLATE_NOOP(
+        "Device", "The laser sensor is back after {seconds} s and records again; edges in between may be missing."
+    ),
     QT_TRANSLATE_NOOP("Device", "{n} edge of the laser came too fast to be stamped."),
     QT_TRANSLATE_NOOP("Device", "{n} edges of the laser came too fast to be stamped."),
-    QT_TRANSLATE_NOOP("Device", "Disturbed EtherCAT cycles in the last second: {parts}."),
+    QT_TRANSLATE_NOOP(
+        "Device",
+        "{percent} % of the EtherCAT cycles of the last {seconds} s were disturbed: {parts}. Where edges may be "
+        "missing is marked. Close other programs, check the cable and the supply of the coupler.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Device",
+        "{percent} % of the EtherCAT cycles of the last {seconds} s were disturbed: {parts}. Where edges may be "
+        "missing is marked.",
+    ),
     QT_TRANSLATE_NOOP(
         "Device",
         "The laser was not read for {ms} ms: this computer was busy or the bus did not answer. Where edges may be "
@@ -185,7 +196,7 @@ NOTICES = (
     ),
     QT_TRANSLATE_NOOP("Device", "The WALT at {path} is gone ({why}). Plug it in again; it goes on then."),
     QT_TRANSLATE_NOOP("Device", "The WALT at {path} is gone. Plug it in again; it goes on then."),
-    QT_TRANSLATE_NOOP("Device", "The WALT at {path} is back; its clock began anew."),
+    QT_TRANSLATE_NOOP("Device", "The WALT at {path} is back and records again; its clock began at 0."),
     QT_TRANSLATE_NOOP("Device", "The WALT's clock jumped; it was set and compared anew from here on."),
     QT_TRANSLATE_NOOP("Device", "{n} edge of the laser was lost by the WALT; the gap is marked."),
     QT_TRANSLATE_NOOP("Device", "{n} edges of the laser were lost by the WALT; the gap is marked."),
@@ -217,6 +228,12 @@ REASONS = (
     QT_TRANSLATE_NOOP("Device", "the process that runs the bus stands still"),
     QT_TRANSLATE_NOOP("Device", "the EL1252 came up but gives no valid data"),
     QT_TRANSLATE_NOOP("Device", "the cable on {name} is unplugged or the other end is off"),
+    QT_TRANSLATE_NOOP("Device", "the network interface {name} is gone: its adapter was unplugged or it was deleted"),
+    QT_TRANSLATE_NOOP("Device", "the network interface {name} was switched off ({command})"),
+    QT_TRANSLATE_NOOP("Device", "{n} without an answer"),
+    QT_TRANSLATE_NOOP("Device", "{n} without the EL1252"),
+    QT_TRANSLATE_NOOP("Device", "{n} with old data"),
+    QT_TRANSLATE_NOOP("Device", "{n} with impossible stamps"),
     QT_TRANSLATE_NOOP("Device", "turned by half a turn"),
     QT_TRANSLATE_NOOP("Device", "mirrored left to right"),
     QT_TRANSLATE_NOOP("Device", "mirrored top to bottom"),
