@@ -5,98 +5,33 @@ import os
 import re
 import struct
 import sys
-from types import SimpleNamespace
 
 import evdev
 import numpy as np
 import pytest
 
-from draglag.recording import AxisInfo, concatenate
+from devices.evdev_fakes import (
+    ABS,
+    ID,
+    SYN,
+    FakeDevice,
+    Panel,
+    X,
+    Y,
+    axes,
+    down,
+    dropped,
+    frame,
+    read,
+    touch_source,
+)
+from draglag.recording import concatenate
 from draglag_devices import evdev_touch
-from draglag_devices.addresses import parse_address
 from draglag_devices.evdev_touch import finding, kernel
 from draglag_devices.evdev_touch.finding import Seen
-from draglag_devices.evdev_touch.kernel import Description, Gone
-from draglag_devices.evdev_touch.source import EvdevTouch
+from draglag_devices.evdev_touch.kernel import Gone
 from draglag_devices.source import DeviceError
 from draglag_devices.touch.frames import InputEvent, Mapping2D
-
-SYN, ABS = 0, 3
-SLOT, X, Y, ID = 0x2F, 0x35, 0x36, 0x39
-
-
-def axes(resolution=10, fuzz=0):
-    return tuple(
-        AxisInfo(f"ABS_MT_POSITION_{n}", 0, size - 1, resolution, fuzz) for n, size in (("X", 5000), ("Y", 3000))
-    )
-
-
-class FakeDevice:
-    """Gives out one list of events a read; an exception in their place is raised."""
-
-    def __init__(self, *reads, slots=None, **described):
-        self.description = Description("Panel", "usb-1", "7", axes(**described), True, 2)
-        self.reads = list(reads)
-        self.state = slots or {0: (-1, 0, 0), 1: (-1, 0, 0)}
-        self.calls = []
-        self.grab_error = None
-
-    def use_monotonic(self):
-        self.calls.append("monotonic")
-
-    def slots(self):
-        return dict(self.state), 0
-
-    def events(self, timeout_s):
-        if timeout_s == 0 or not self.reads:
-            return []
-        first = self.reads.pop(0)
-        if isinstance(first, Exception):
-            raise first
-        return first
-
-    def grab(self, exclusively):
-        if self.grab_error:
-            raise OSError(self.grab_error, "refused")
-        self.calls.append(("grab", exclusively, any(values[0] >= 0 for values in self.state.values())))
-
-    def close(self):
-        self.calls.append("close")
-
-
-def frame(t_s, *events):
-    return [InputEvent(t_s, ABS, code, value) for code, value in events] + [InputEvent(t_s, SYN, 0, 0)]
-
-
-def down(t_s, number, x, y, slot=0):
-    return frame(t_s, (SLOT, slot), (ID, number), (X, x), (Y, y))
-
-
-def dropped(t_s):
-    return [InputEvent(t_s, SYN, 3, 0), InputEvent(t_s, ABS, X, 4999), InputEvent(t_s, SYN, 0, 0)]
-
-
-class Clock:
-    def __init__(self):
-        self.t_s = 100.0
-
-    def now(self):
-        return self.t_s
-
-    def pause(self, duration_s):
-        self.t_s += duration_s
-
-
-def touch_source(device, options="", look=list):
-    clock = Clock()
-    devices = [device] if isinstance(device, FakeDevice) else list(device)
-    address = parse_address("evdev:/dev/input/event5" + options)
-    return EvdevTouch(address, lambda path: devices.pop(0), look, clock.now, clock.pause), clock
-
-
-def read(source, count):
-    batches = [source.read(0.1) for _ in range(count)]
-    return batches, concatenate([b.touch for b in batches if b.touch is not None])
 
 
 def test_frames_become_touch_events_in_mm_with_kernel_stamps():
@@ -362,22 +297,6 @@ def test_what_the_buffer_still_held_after_an_overflow_is_not_taken_for_the_new_c
     changes = [b.contacts for b in (first, *batches) if b.contacts is not None]
     told = [(i, d) for c in changes for i, d in zip(c.contact_id.tolist(), c.down.tolist(), strict=True)]
     assert told == [(7, 1), (7, 0), (8, 1)]
-
-
-class Panel:
-    """As much of an evdev.InputDevice as the driver uses; its events come from a pipe."""
-
-    name, phys, uniq = "Panel", "usb-1", "7"
-
-    def __init__(self, fd):
-        self.fd = fd
-
-    def capabilities(self, absinfo):
-        info = SimpleNamespace(min=0, max=4095, resolution=10, fuzz=0)
-        return {ABS: [(code, info) for code in (SLOT, X, Y, ID)]}
-
-    def close(self):
-        os.close(self.fd)
 
 
 def test_an_event_cut_in_two_by_a_read_is_whole_again(monkeypatch):

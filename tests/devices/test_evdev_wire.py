@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from emulators.touch import live
-from emulators.touch.live import LiveTouch, contact, lifted, moved
+from emulators.touch.live import ABS_X, ABS_Y, BTN_TOUCH, EV_ABS, EV_KEY, LiveTouch, contact, lifted, moved, pressed
 
 _WHY_NOT = live.why_not()
 pytestmark = [pytest.mark.wire, pytest.mark.skipif(bool(_WHY_NOT), reason=_WHY_NOT or "-")]
@@ -101,6 +101,22 @@ def test_an_overflow_is_counted_resynced_and_marked(start):
     assert reader.column("x_raw") == [1000, 3010]
     assert len(reader.column("gaps_s")) == 1
     assert reader.column("down") == [1, 0, 1]
+
+
+def test_a_panel_without_slots_that_is_touched_already_and_overflows_keeps_its_drag(start):
+    panel, reader = start(already=pressed(1000, 500), slots=0)
+    panel.frame([[EV_ABS, ABS_X, 1010]])
+    reader.until(lambda rows: reader.column("x_raw") == [1010])
+    panel.do("lose", events=[[EV_ABS, ABS_X, 1300], [EV_ABS, ABS_Y, 520]])
+    reader.until(lambda rows: any("overflowed" in text for text in reader.column("notices")))
+    panel.frame([[EV_ABS, ABS_X, 1310]])
+    reader.until(lambda rows: 1310 in reader.column("x_raw"))
+    panel.frame([[EV_KEY, BTN_TOUCH, 0]])
+    reader.until(lambda rows: 0 in reader.column("down"))
+    assert reader.column("y_mm") == pytest.approx([50.0, 52.0])
+    assert len(set(reader.column("id"))) == 1
+    assert reader.column("down") == [0]  # it did not begin now
+    assert len(reader.column("gaps_s")) == 1
 
 
 def test_unplugged_and_plugged_in_elsewhere_it_goes_on(start):

@@ -23,8 +23,12 @@ from draglag_devices.touch.frames import (
     ABS_X,
     ABS_Y,
     AXIS_NAMES,
+    BTN_TOUCH,
+    EV_ABS,
+    EV_KEY,
     InputEvent,
 )
+from draglag_devices.touch.names import event_names
 
 RIGHTS_REMEDY = (
     "install the udev rules of draglag and plug it in again, or add yourself to the group input "
@@ -63,7 +67,10 @@ class TouchDevice(Protocol):
         ...
 
     def slots(self) -> tuple[dict[int, tuple[int, int, int]], int]:
-        """Slot → (tracking id or −1, x, y), and the slot events refer to. Raises Gone."""
+        """Slot → (tracking id or −1, x, y), and the slot events refer to. Raises Gone.
+
+        A panel without slots has one, 0, and the tracking id 0 while it is touched.
+        """
         ...
 
     def events(self, timeout_s: float) -> list[InputEvent]:
@@ -104,15 +111,21 @@ class KernelTouch:
 
     def _describe(self, address: str) -> Description:
         device = self._device
-        absolute = dict(device.capabilities(absinfo=True).get(3, []))
+        able = device.capabilities(absinfo=True)
+        absolute = dict(able.get(EV_ABS, []))
         multitouch = ABS_MT_POSITION_X in absolute and ABS_MT_SLOT in absolute
         codes = (ABS_MT_POSITION_X, ABS_MT_POSITION_Y) if multitouch else (ABS_X, ABS_Y)
-        if not all(code in absolute for code in codes):
-            if ABS_MT_POSITION_X in absolute:
-                raise DeviceError(
-                    address, f"{device.name} speaks the old multi-touch protocol without slots", "update its driver"
-                )
-            raise DeviceError(address, f"{device.name} is not a touchscreen", "draglag devices lists touchscreens")
+        if ABS_MT_POSITION_X in absolute and not multitouch:
+            raise DeviceError(
+                address, f"{device.name} speaks the old multi-touch protocol without slots", "update its driver"
+            )
+        if not all(code in absolute for code in codes) or not (multitouch or BTN_TOUCH in able.get(EV_KEY, [])):
+            raise DeviceError(
+                address,
+                f"{device.name} is not a touchscreen: it reports {event_names((EV_ABS, code) for code in absolute)}"
+                + ("" if BTN_TOUCH in able.get(EV_KEY, []) else ", and no BTN_TOUCH"),
+                "draglag devices lists touchscreens",
+            )
         axes = [
             AxisInfo(AXIS_NAMES[code], info.min, info.max, info.resolution, info.fuzz)
             for code, info in ((code, absolute[code]) for code in codes)
@@ -126,9 +139,12 @@ class KernelTouch:
         fcntl.ioctl(self._fd, EVIOCSCLOCKID, struct.pack("i", CLOCK_MONOTONIC))
 
     def slots(self) -> tuple[dict[int, tuple[int, int, int]], int]:
-        if not self.description.multitouch:
-            return {}, 0
         try:
+            if not self.description.multitouch:
+                # The kernel numbers no contacts of such a panel: 0 is the one that is down.
+                contact = 0 if BTN_TOUCH in self._device.active_keys() else -1
+                x, y = (int(self._device.absinfo(code).value) for code in (ABS_X, ABS_Y))
+                return {0: (contact, x, y)}, 0
             ids, xs, ys = (
                 self._slot_values(code) for code in (ABS_MT_TRACKING_ID, ABS_MT_POSITION_X, ABS_MT_POSITION_Y)
             )

@@ -18,6 +18,7 @@ from draglag_devices.calibration import as_mapping, load_calibration
 from draglag_devices.evdev_touch.changes import ContactLog
 from draglag_devices.evdev_touch.finding import Seen, event_devices
 from draglag_devices.evdev_touch.kernel import Gone, KernelTouch, TouchDevice
+from draglag_devices.evdev_touch.useless import UselessEvents
 from draglag_devices.source import Batch, ContactChanges, DeviceError, Notice, SourceInfo
 from draglag_devices.touch.frames import (
     EV_SYN,
@@ -71,6 +72,7 @@ class EvdevTouch:
         self._decoder = FrameDecoder()
         self._follower = ContactFollower()
         self._contacts = ContactLog()
+        self._useless = UselessEvents()
         self._notices: list[Notice] = []
         self._mapping: Mapping2D | None = None
         self._fitted: tuple[Mapping2D, str, float] | None = None
@@ -254,7 +256,13 @@ class EvdevTouch:
                 self._decoder.resync(*device.slots())
             if frame is not None:
                 frames.append(frame)
+        self._say_useless(self._useless.take(events, any(frame.contacts for frame in frames)))
         return frames
+
+    def _say_useless(self, seen: str) -> None:
+        if seen:
+            self._tell("error", f"{self._identity[0]} sends events that are no touch ({seen}), and nothing is recorded "
+                       "of them. Choose another input device: draglag devices lists touchscreens.")  # fmt: skip
 
     def _trace(self, frames: list[Frame]) -> TouchTrace | None:
         if not frames or self._mapping is None:

@@ -113,7 +113,16 @@ class FrameDecoder:
         return None
 
     def resync(self, slots: Mapping[int, tuple[int, int, int]], current: int = 0) -> None:
-        """Replace all slots by the kernel's present state: slot → (tracking id or −1, x, y)."""
+        """Replace all slots by the kernel's present state: slot → (tracking id or −1, x, y).
+
+        A plain panel numbers no contacts: one that is down before and after counts as the same.
+        """
+        if not self.multitouch:
+            contact, x, y = slots.get(0, (-1, 0, 0))
+            self._press(contact >= 0)
+            slot = self._slot()
+            slot.x, slot.y, slot.moved = x, y, True
+            return
         for number, slot in self._slots.items():
             if slot.contact_id >= 0 and slots.get(number, (-1, 0, 0))[0] != slot.contact_id:
                 self._lifted.append(slot.contact_id)

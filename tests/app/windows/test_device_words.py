@@ -77,6 +77,8 @@ def test_every_fault_of_a_driver_is_dutch_in_both_its_halves(dutch: None) -> Non
         "ILITEK multi-touch is back at /dev/input/event7 and records again.",
         "The kernel's buffer overflowed: touch events were lost, the gap is marked.",
         "The touchscreen is not used exclusively: another program holds it.",
+        "ILITEK multi-touch sends events that are no touch (ABS_Z, ABS_RX), and nothing is recorded of them. Choose "
+        "another input device: draglag devices lists touchscreens.",
         "The laser sensor is lost: the cable on enp3s0 is unplugged or the other end is off. draglag tries to bring it "
         "back.",
         "The laser sensor is lost: the network interface enp3s0 was switched off (sudo ip link set enp3s0 up). draglag "

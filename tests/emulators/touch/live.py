@@ -11,7 +11,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 SYSTEM_PYTHON = "/usr/bin/python3"
 _INSTALL = "sudo apt-get install -y umockdev gir1.2-umockdev-1.0 python3-gi"
-EV_ABS, SLOT, MT_X, MT_Y, TRACKING = 3, 0x2F, 0x35, 0x36, 0x39
+EV_KEY, EV_ABS, BTN_TOUCH = 1, 3, 0x14A
+ABS_X, ABS_Y, SLOT, MT_X, MT_Y, TRACKING = 0x00, 0x01, 0x2F, 0x35, 0x36, 0x39
 
 
 def why_not() -> str:
@@ -35,6 +36,11 @@ def moved(slot: int, x: int, y: int) -> list[list[int]]:
 
 def lifted(slot: int) -> list[list[int]]:
     return [[EV_ABS, SLOT, slot], [EV_ABS, TRACKING, -1]]
+
+
+def pressed(x: int, y: int) -> list[list[int]]:
+    """Events that touch a panel without slots."""
+    return [[EV_KEY, BTN_TOUCH, 1], [EV_ABS, ABS_X, x], [EV_ABS, ABS_Y, y]]
 
 
 class LiveTouch:

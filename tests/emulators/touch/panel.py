@@ -1,5 +1,5 @@
-"""A multi-touch panel's kernel side: its description, slots, and answers to ioctls. Written from the kernel's
-input protocol (linux/input.h, protocol B); standard library only, for it runs with the system's Python."""
+"""A touch panel's kernel side: its description, slots (or none: a single touch), and answers to ioctls. Written from
+the kernel's input protocol (linux/input.h, protocol B); standard library only, for it runs with the system's Python."""
 
 import struct
 
@@ -41,6 +41,10 @@ class Panel:
             MT_Y: (0, height - 1, fuzz, resolution),
             TRACKING: (0, 65535, 0, 0),
         }
+        if not slots:
+            for code in (SLOT, MT_X, MT_Y, TRACKING):
+                del self.limits[code]
+        self.plain = {ABS_X: 0, ABS_Y: 0, BTN_TOUCH: 0}
         self.slots = [{TRACKING: -1, MT_X: 0, MT_Y: 0} for _ in range(slots)]
         self.current = 0
         self.clock = 0  # CLOCK_REALTIME until told otherwise, as in the kernel
@@ -55,9 +59,11 @@ class Panel:
                 self.current = value
             elif kind == EV_ABS and code in (TRACKING, MT_X, MT_Y):
                 self.slots[self.current][code] = value
+            elif code in self.plain and kind == (EV_KEY if code == BTN_TOUCH else EV_ABS):
+                self.plain[code] = value
 
     def down(self):
-        return any(slot[TRACKING] >= 0 for slot in self.slots)
+        return bool(self.plain[BTN_TOUCH]) or any(slot[TRACKING] >= 0 for slot in self.slots)
 
     def pack(self, events, stamp_s):
         seconds = int(stamp_s // 1)
@@ -87,7 +93,9 @@ class Panel:
             code = struct.unpack("i", given[:4])[0]
             values = [slot.get(code, 0) for slot in self.slots][: size // 4 - 1]
             return 0, 0, struct.pack(f"{1 + len(values)}i", code, *values)
-        if number in (0x18, 0x19, 0x1A, 0x1B):
+        if number == 0x18:
+            return size, 0, bitmap([BTN_TOUCH] if self.plain[BTN_TOUCH] else [], size)
+        if number in (0x19, 0x1A, 0x1B):
             return size, 0, bytes(size)
         if 0x20 <= number < 0x40:
             bits = {0x20: [EV_SYN, EV_KEY, EV_ABS], 0x20 + EV_KEY: [BTN_TOUCH], 0x20 + EV_ABS: list(self.limits)}
@@ -97,7 +105,7 @@ class Panel:
             if code not in self.limits:
                 return -1, EINVAL, None
             low, high, fuzz, resolution = self.limits[code]
-            value = self.current if code == SLOT else self.slots[self.current].get(code, 0)
+            value = self.current if code == SLOT else self.plain.get(code, 0)
             return 0, 0, struct.pack("6i", value, low, high, fuzz, 0, resolution)
         if number == 0x84:
             return 0, 0, struct.pack("i", 0)

@@ -21,7 +21,8 @@ PROBLEMS = (
     QT_TRANSLATE_NOOP("Device", "you have no rights to this device"),
     QT_TRANSLATE_NOOP("Device", "there is no such device"),
     QT_TRANSLATE_NOOP("Device", "this is not an event device"),
-    QT_TRANSLATE_NOOP("Device", "{name} is not a touchscreen"),
+    QT_TRANSLATE_NOOP("Device", "{name} is not a touchscreen: it reports {axes}"),
+    QT_TRANSLATE_NOOP("Device", "the recording holds no touch: it has {axes}"),
     QT_TRANSLATE_NOOP("Device", "{name} speaks the old multi-touch protocol without slots"),
     QT_TRANSLATE_NOOP("Device", "it was unplugged ({why})"),
     QT_TRANSLATE_NOOP("Device", "its events cannot be stamped on the monotonic clock"),
@@ -91,6 +92,7 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "plug it in; draglag devices lists what is there"),
     QT_TRANSLATE_NOOP("Device", "draglag devices lists touchscreens"),
     QT_TRANSLATE_NOOP("Device", "update its driver"),
+    QT_TRANSLATE_NOOP("Device", "record a touchscreen, from before it is touched"),
     QT_TRANSLATE_NOOP("Device", "plug it in again"),
     QT_TRANSLATE_NOOP("Device", "plug it in"),
     QT_TRANSLATE_NOOP("Device", "unplug it and plug it in again"),
@@ -154,6 +156,11 @@ REMEDIES = (
 NOTICES = (
     QT_TRANSLATE_NOOP("Device", "{name} is gone ({why}). Plug it in again; it goes on then."),
     QT_TRANSLATE_NOOP("Device", "{name} is back at {path} and records again."),
+    QT_TRANSLATE_NOOP(
+        "Device",
+        "{name} sends events that are no touch ({axes}), and nothing is recorded of them. Choose another input device: "
+        "draglag devices lists touchscreens.",
+    ),
     QT_TRANSLATE_NOOP("Device", "The kernel's buffer overflowed: touch events were lost, the gap is marked."),
     QT_TRANSLATE_NOOP("Device", "Touch events are not stamped on the host's monotonic clock: latencies will be wrong."),
     QT_TRANSLATE_NOOP("Device", "The touchscreen is not used exclusively: {why}."),
@@ -230,6 +237,8 @@ REASONS = (
     QT_TRANSLATE_NOOP("Device", "the cable on {name} is unplugged or the other end is off"),
     QT_TRANSLATE_NOOP("Device", "the network interface {name} is gone: its adapter was unplugged or it was deleted"),
     QT_TRANSLATE_NOOP("Device", "the network interface {name} was switched off ({command})"),
+    QT_TRANSLATE_NOOP("Device", "{axes}, and no BTN_TOUCH"),
+    QT_TRANSLATE_NOOP("Device", "no axes"),
     QT_TRANSLATE_NOOP("Device", "{n} without an answer"),
     QT_TRANSLATE_NOOP("Device", "{n} without the EL1252"),
     QT_TRANSLATE_NOOP("Device", "{n} with old data"),
