@@ -28,7 +28,8 @@ from draglag_devices.source import ContactChanges, DeviceError, SourceInfo
 from draglag_devices.stage import Stage, contact_changes
 from draglag_devices.timeline import Timeline, TimelineSource
 from draglag_devices.touch.evemu import read_evemu
-from draglag_devices.touch.frames import Mapping2D, decode, panel_mapping, touch_trace
+from draglag_devices.touch.frames import EV_ABS, EV_KEY, Mapping2D, panel_mapping, touch_trace
+from draglag_devices.touch.names import event_names
 
 OPTIONS = ("speed", "width_mm", "height_mm", "units_per_mm", "run")
 _EVEMU = (".events", ".evemu", ".events.gz", ".evemu.gz", ".event", ".event.gz")
@@ -184,7 +185,14 @@ def _evemu_tape(path: Path, address: Address) -> Tape:
             mapping = panel_mapping(*axes, address.number("width_mm"), address.number("height_mm"))
         except ValueError as error:
             raise DeviceError(address.text, str(error), "add ?width_mm=…&height_mm=… of the panel") from None
-    frames = list(decode(recording.events, recording.multitouch))
+    frames = recording.frames()
+    if not any(frame.contacts for frame in frames):
+        kinds = ((event.type, event.code) for event in recording.events if event.type in (EV_KEY, EV_ABS))
+        raise DeviceError(
+            address.text,
+            f"the recording holds no touch: it has {event_names(kinds)}",
+            "record a touchscreen, from before it is touched",
+        )
     touch = touch_trace(frames, mapping, axes or ())
     return Tape(recording.name or path.name, (_one_run(touch, empty_laser()),))
 

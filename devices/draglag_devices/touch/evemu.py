@@ -12,12 +12,17 @@ from draglag.recording import AxisInfo
 from draglag_devices.touch.frames import (
     ABS_MT_POSITION_X,
     ABS_MT_POSITION_Y,
+    ABS_MT_SLOT,
     ABS_X,
     ABS_Y,
     AXIS_NAMES,
     EV_ABS,
+    EV_SYN,
+    Frame,
     InputEvent,
+    decode,
 )
+from draglag_devices.touch.packets import SYN_MT_REPORT, decode_packets
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,19 @@ class EvemuRecording:
         return ABS_MT_POSITION_X in self.axes or any(
             event.type == EV_ABS and event.code == ABS_MT_POSITION_X for event in self.events
         )
+
+    @property
+    def without_slots(self) -> bool:
+        """Whether contacts are listed frame by frame (multi-touch protocol A), not kept in slots."""
+        kinds = {(event.type, event.code) for event in self.events}
+        slots = ABS_MT_SLOT in self.axes or (EV_ABS, ABS_MT_SLOT) in kinds
+        return self.multitouch and not slots and (EV_SYN, SYN_MT_REPORT) in kinds
+
+    def frames(self) -> list[Frame]:
+        """What the recording holds, frame by frame."""
+        if self.without_slots:
+            return list(decode_packets(self.events))
+        return list(decode(self.events, self.multitouch))
 
     def position_axes(self) -> tuple[AxisInfo, AxisInfo] | None:
         """The x and y axis that positions are read from, or None where the file does not describe them."""
