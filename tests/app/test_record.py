@@ -154,6 +154,18 @@ def test_devices_lists_the_simulator_and_the_forms():
     assert json.loads(as_json.output)["devices"][0]["address"] == "sim:"
 
 
+def test_a_recording_in_which_nothing_was_touched_is_one_sentence_and_exit_1(short, tmp_path):
+    trace = tmp_path / "late.csv"
+    trace.write_text("t_s,x_mm,y_mm\n")
+    words = ["--touch", f"csv:{trace}", "--laser", "sim:", "--screen", "screen-1", "--out", tmp_path / "s.h5"]
+    plain = tmp_path / "runs.toml"
+    plain.write_text((tmp_path / "short.toml").read_text().split("[taps]")[0])
+    result = invoke(plain, *words)
+    assert isinstance(result.exception, DraglagError)
+    assert "No touch was recorded in any run" in result.exception.problem
+    assert str(tmp_path / "s.h5") in result.exception.remedy
+
+
 def test_a_device_that_is_back_is_said_on_the_terminal(capsys):
     tell = progress_printer()
     tell(events.NoticeRaised(1.0, "error", "laser", "The laser sensor is lost.", "lost"))

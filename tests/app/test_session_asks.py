@@ -226,6 +226,23 @@ def test_taps_that_a_source_rejects_are_added_up_and_saved(tmp_path):
     assert recording.of(events.TapsArrived)[-1].rejected >= 24
 
 
+class Untouched(Wrapped):
+    """A touchscreen that nobody touches, or whose events are no touch."""
+
+    def read(self, timeout_s):
+        return replace(super().read(timeout_s), touch=None, contacts=None)
+
+
+def test_a_session_without_any_touch_says_so_in_the_run_and_is_not_saved_as_whole(tmp_path):
+    rig = fast_rig()
+    rec = Recording(protocol(600, duration_s=6.0), replaced(rig, Untouched(of_role(rig, "touch"))), tmp_path / "s.h5")
+    (finished,) = rec.of(events.SessionFinished)
+    assert finished.problem.startswith("No touch was recorded in any run.")
+    assert len(read_session(rec.path).runs) == 1
+    (told,) = [event for event in rec.of(events.NoticeRaised) if event.source == "touch"]
+    assert (told.level, told.text.split(":")[0]) == ("warning", "No touch has come in the first 4 s of run-01")
+
+
 def test_what_a_source_has_not_said_yet_is_in_the_file(tmp_path):
     class Counts(Wrapped):
         def last_words(self):

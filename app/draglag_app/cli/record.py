@@ -154,7 +154,7 @@ def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, opt
         else:
             path = _on_screen(number)(number, measure, options.screen, control)
     if problem:
-        raise DataError(f"the session ended early: {problem}", f"what was recorded is in {path}")
+        raise DataError(f"the session is not whole: {problem}", f"what was recorded is in {path}")
     return path
 
 

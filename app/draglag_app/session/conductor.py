@@ -31,10 +31,14 @@ TAIL_S = 0.5
 PREVIEW_S = 0.2
 # By the first the stylus is mostly on the target, and the run hardly begun; a hand that comes late is seen later.
 LOOKS_AFTER_S = (1.5, 4.0, 10.0)
+# A hand that follows the target has touched the screen by then.
+TOUCHED_AFTER_S = 4.0
 
 _TURNED = (
     "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and begin anew."
 )
+_SILENT = "check that the stylus is on the screen under test and that this is the touchscreen in use."
+NO_TOUCH = "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them."
 RUN_ROLES = ("touch", "laser")
 TAP_ROLES = ("touch", "walt")
 
@@ -75,6 +79,7 @@ class Conductor:
         self.axes: tuple[AxisInfo, ...] = ()
         self.problem = ""
         self._last: _Recorded | None = None
+        self._ran = self._touched = False
         self._watch = Watch(self._time, self._roles, display, out, listener, control, self._saver)
         self._compare = Comparisons(rig.sources, self._time, self._saver)
 
@@ -101,6 +106,8 @@ class Conductor:
         else:
             while self._last is not None and self._control.take_repeat() and self._rest() and not self._over():
                 self._again()
+        if self._ran and not self._touched and not self.problem:
+            self.problem = NO_TOUCH
 
     def _between(self) -> bool:
         """Rest, and record the run that just ended again as often as asked. False if the session is to end."""
@@ -185,6 +192,7 @@ class Conductor:
         go(Signal.DRAINED)
         if run is None:
             run = self._empty_run(planned, run_id, start_s)
+        self._ran, self._touched = True, self._touched or len(run.touch.t_s) > 0
         outcome = state.outcome or "failed"
         self._tell(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
 
@@ -212,6 +220,8 @@ class Conductor:
             if signal is not None:
                 return signal
             told = told or self._look_which_way(planned, start_s)
+            if after_s == TOUCHED_AFTER_S and start_s + after_s < end_s:
+                self._look_for_touch(planned.id, after_s)
         return self._watch.pass_time(end_s, RUN_ROLES, frames=True)
 
     def _look_which_way(self, planned: PlannedRun, start_s: float) -> bool:
@@ -221,6 +231,12 @@ class Conductor:
         if wrong is not None:
             self._watch.log("error", "touch", f"The touches are {WORDS[wrong]} against the target: {_TURNED}")
         return wrong is not None
+
+    def _look_for_touch(self, run_id: str, after_s: float) -> None:
+        run = self._saver.call(self._saver.so_far)
+        if run is not None and not len(run.touch.t_s):
+            words = f"No touch has come in the first {after_s:.0f} s of {run_id}: {_SILENT}"
+            self._watch.log("warning", "touch", words)
 
     def _preview(self, end_s: float) -> None:
         """Tell what the run holds, without waiting for the longest latency that may yet come."""

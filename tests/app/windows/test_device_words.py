@@ -96,6 +96,9 @@ def test_every_fault_of_a_driver_is_dutch_in_both_its_halves(dutch: None) -> Non
         "The WALT at /dev/ttyACM0 is gone (hung up). Plug it in again; it goes on then.",
         "The WALT at /dev/ttyACM0 is back and records again; its clock began at 0.",
         "3 edges of the laser were lost by the WALT; the gap is marked.",
+        "No touch has come in the first 4 s of run-01: check that the stylus is on the screen under test and that this "
+        "is the touchscreen in use.",
+        "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them.",
         "The touches are turned by half a turn against the target: screen or touchscreen was turned after the "
         "calibration. Stop, calibrate the touchscreen again, and begin anew.",
     ],

@@ -89,6 +89,15 @@ SENTENCES = (
     QT_TRANSLATE_NOOP("Library", "the asymptote could not be tied: the session has no release taps"),
     QT_TRANSLATE_NOOP("Library", "the form {form} has no asymptote to tie. Choose an exponential form."),
     QT_TRANSLATE_NOOP("Library", "Stopped by the operator."),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "No touch has come in the first {seconds} s of {run}: check that the stylus is on the screen under test and "
+        "that this is the touchscreen in use.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them.",
+    ),
     QT_TRANSLATE_NOOP("Library", "Tap the spot {n} times"),
     QT_TRANSLATE_NOOP("Library", "Comparing clocks: leave the screen alone"),
     QT_TRANSLATE_NOOP("Library", "taps were left out: there is no {roles} source"),
