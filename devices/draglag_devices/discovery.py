@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from draglag.packages import advice
@@ -20,9 +21,10 @@ class Found:
     remedy: str = ""
 
 
-def discover() -> list[Found]:
+def discover(probe: Collection[str] = ()) -> list[Found]:
     """The simulator first, then what each driver's own ``discover()`` finds. Drivers that are not built find nothing.
 
+    ``probe``: network interfaces to ask for EtherCAT devices although others use them.
     A driver's package may be missing on this machine: that is one entry, with the remedy.
     """
     found = [Found("sim:", ("touch", "laser", "walt"), "simulated rig (any screen of the presets)")]
@@ -36,5 +38,5 @@ def discover() -> list[Found]:
             continue
         look = getattr(module, "discover", None)
         if look is not None:
-            found.extend(look())
+            found.extend(look(probe) if scheme == "ethercat" else look())
     return found

@@ -37,8 +37,12 @@ static int is_interface(const char *text)
 
 static int acceptable(int argc, char **argv)
 {
-    if (argc == 2 && !strcmp(argv[1], "--probe"))
+    if (argc >= 2 && argc <= 9 && !strcmp(argv[1], "--probe")) {
+        for (int i = 2; i < argc; i++)
+            if (!is_interface(argv[i]))
+                return 0;
         return 1;
+    }
     if (argc < 2 || argc > 8 || argc % 2 || !is_interface(argv[1]))
         return 0;
     for (int i = 2; i < argc; i += 2)
@@ -66,7 +70,8 @@ int main(int argc, char **argv)
     char *environment[] = {"PATH=/usr/bin:/bin", "LANG=C.UTF-8", NULL};
 
     if (!acceptable(argc, argv)) {
-        fputs("usage: draglag-ethercat-master IFACE [--channel N] [--position N] [--first-epoch N] | --probe\n", stderr);
+        fputs("usage: draglag-ethercat-master IFACE [--channel N] [--position N] [--first-epoch N] | --probe [IFACE ...]\n",
+              stderr);
         return 2;
     }
     /* Without the capabilities the process starts all the same and says itself what is missing. */

@@ -16,6 +16,7 @@ from draglag_app.cli.devices import devices
 from draglag_app.cli.record import display_number, progress_printer, record
 from draglag_app.session import events
 from draglag_devices.calibration import save_calibration
+from draglag_devices.discovery import Found
 from draglag_devices.sim.world import DIGITISER
 
 SHORT = """name = "short"
@@ -152,6 +153,22 @@ def test_devices_lists_the_simulator_and_the_forms():
     assert plain.exit_code == as_json.exit_code == 0
     assert "evdev:/dev/input/eventN" in plain.output
     assert json.loads(as_json.output)["devices"][0]["address"] == "sim:"
+
+
+def test_devices_asks_the_interfaces_it_is_told_to(monkeypatch):
+    asked = []
+
+    def look(probe):
+        asked.append(probe)
+        return [Found("ethercat:lo?channel=1", ("laser",), "network interface lo: has the address 127.0.0.1", False)]
+
+    monkeypatch.setattr("draglag_app.cli.devices.discover", look)
+    assert "has the address" in CliRunner().invoke(devices, []).output
+    assert CliRunner().invoke(devices, ["--probe", "lo"]).exit_code == 0
+    assert asked == [(), ("lo",)]
+    refused = CliRunner().invoke(devices, ["--probe", "no-such0"])
+    assert isinstance(refused.exception, DraglagError)
+    assert "there is no network interface called no-such0" in refused.exception.problem
 
 
 def test_a_recording_in_which_nothing_was_touched_is_one_sentence_and_exit_1(short, tmp_path):

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import json
+import socket
 
 import click
 
+from draglag.errors import DataError
 from draglag_devices.addresses import KNOWN_FORMS
 from draglag_devices.discovery import Found, discover
 
 
 @click.command("devices")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def devices(as_json: bool) -> None:
+@click.option("--probe", multiple=True, metavar="IFACE", help="Ask this network interface for EtherCAT devices, too; "
+              "may be repeated.")  # fmt: skip
+def devices(as_json: bool, probe: tuple[str, ...]) -> None:
     """List devices that can be measured with, and what to do about those that cannot.
+
+    EtherCAT devices are looked for by broadcast, on wired interfaces without an IP address only; --probe asks others.
 
     \b
     Example:
         draglag devices
+        draglag devices --probe eno1
     """
-    found = discover()
+    _check(probe)
+    found = discover(probe)
     if as_json:
         rows = [{"address": f.address, "roles": list(f.roles), "description": f.description,
                  "usable": f.usable, "remedy": f.remedy} for f in found]  # fmt: skip
@@ -29,6 +37,15 @@ def devices(as_json: bool) -> None:
     for device in found:
         click.echo(_line(device, width))
     click.echo(f"\nAddresses: {' · '.join(KNOWN_FORMS)}")
+
+
+def _check(interfaces: tuple[str, ...]) -> None:
+    """Raises DataError for an interface that is not there."""
+    known = [name for _, name in socket.if_nameindex()]
+    for interface in interfaces:
+        if interface not in known:
+            others = ", ".join(name for name in known if name != "lo") or "none"
+            raise DataError(f"there is no network interface called {interface}", f"this computer has: {others}")
 
 
 def _line(device: Found, width: int) -> str:

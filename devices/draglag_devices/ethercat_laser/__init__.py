@@ -7,6 +7,7 @@ and reads it. Nothing is imported here, so that the process stays small.
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -26,10 +27,13 @@ def open_source(address: Address, role: str) -> Source:
     return ethercat_source(address, role)
 
 
-def discover() -> list[Found]:
-    """Wired interfaces on which EtherCAT devices answer, or could."""
+def discover(asked: Collection[str] = ()) -> list[Found]:
+    """Ethernet interfaces, and on which of them EtherCAT devices answer.
+
+    Those that others use are not asked unless ``asked`` names them.
+    """
     if sys.platform != "linux":
         return []
     from draglag_devices.ethercat_laser.look import look_for_buses
 
-    return look_for_buses()
+    return look_for_buses(asked)

@@ -13,13 +13,9 @@ import pysoem
 
 from draglag_devices.ethercat_laser.clockwatch import Pair
 from draglag_devices.ethercat_laser.edges import IMAGE
+from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
 from draglag_devices.ethercat_laser.refusal import Refusal
 
-BECKHOFF = 0x2
-# Revisions differ between lots and do not matter. The EK1100 is an EK1101 without the ID switch: it has no process
-# data, and neither the counter nor the EL1252's part of the image is written down here; both follow from the line.
-EK1101, EK1100, EL1252 = 0x044D2C52, 0x044C2C52, 0x04E43052
-COUPLERS = (EK1101, EK1100)
 _SYSTEM_TIME, _AGREE_NS = 0x0910, 1_000_000
 _FMMU0, _CYCLIC_UNIT, _LATCH_MODE = 0x0600, 0x0980, 0x09A8
 _INPUTS, _LATCHES = 0x1000, 0x09AE

@@ -55,7 +55,7 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="draglag-ethercat-master", description="EtherCAT bus of the laser sensor")
-    parser.add_argument("interface", nargs="?", default="")
+    parser.add_argument("interface", nargs="*", help="one, to run its bus; with --probe: more to ask")
     parser.add_argument("--channel", type=int, choices=(1, 2), default=1)
     parser.add_argument("--position", type=int, default=0, help="of the EL1252 on the line, where there are several")
     parser.add_argument("--first-epoch", type=int, default=0)
@@ -71,11 +71,13 @@ def main() -> int:
     wire = Wire(sys.stdin.fileno(), sys.stdout.fileno())
     try:
         if arguments.probe:
-            from draglag_devices.ethercat_laser.probe import probe_all
+            from draglag_devices.ethercat_laser.probe import look_around
 
-            wire.tell("probed", found=probe_all())
+            wire.tell("probed", found=look_around(arguments.interface))
             return 0
-        return serve(arguments.interface, arguments.channel, wire, arguments.first_epoch, arguments.position)
+        if len(arguments.interface) != 1:
+            parser.error("name one interface")
+        return serve(arguments.interface[0], arguments.channel, wire, arguments.first_epoch, arguments.position)
     except ReaderGone:
         return 0
 

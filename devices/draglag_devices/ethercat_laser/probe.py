@@ -1,4 +1,4 @@
-"""Which interfaces have EtherCAT devices: one broadcast read each, which changes nothing on the bus."""
+"""Which interfaces have EtherCAT devices, and which: broadcast reads, and what each device's EEPROM says it is."""
 
 from __future__ import annotations
 
@@ -8,27 +8,60 @@ import select
 import socket
 import struct
 import time
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 from draglag_devices.ethercat_laser.preflight import ETHERTYPE, has_rights, link_state, other_master
+from draglag_devices.ethercat_laser.surroundings import used_addresses, why_not_ask
 
-_SIOCGIFHWADDR, _SIOCGIFADDR, _ETHERNET, _UP = 0x8927, 0x8915, 1, 0x1
+_SIOCGIFHWADDR, _ETHERNET, _UP = 0x8927, 1, 0x1
 _WAIT_S = 0.03
+# Commands: read and write by place on the line, read all.
+_APRD, _APWR, _BRD = 1, 2, 7
+_TYPE, _STATE, _EEPROM_OWNER, _EEPROM, _EEPROM_DATA = 0x0000, 0x0130, 0x0500, 0x0502, 0x0508
+_PREOP, _STATE_MASK, _OWNED, _BUSY = 2, 0x0F, 0x01, 0x8000
+_READ_EEPROM = 0x0100
+_VENDOR, _PRODUCT = 0x0008, 0x000A
+_TRIES = 5
+_FRAME = struct.Struct("<HBBHHHH")
+_FIRST_INDEX = 0x7F
+# A longer line is nobody's laser.
+_MOST_ASKED = 64
 
 
-def probe_all() -> list[dict[str, Any]]:
-    """One entry per Ethernet interface: name, up, carrier, rights, busy, has_ip, slaves."""
+def look_around(asked: Collection[str] = (), send: bool = True) -> list[dict[str, Any]]:
+    """One entry per Ethernet interface: name, up, carrier, rights, busy, slaves, kinds, left_alone.
+
+    Args:
+        asked: interfaces to ask even though others use them.
+        send: whether any frame may go out.
+
+    ``kinds`` are (vendor, product) in order of the line, (0, 0) where a device did not say; ``left_alone`` is why
+    the interface was not asked.
+    """
     rights = has_rights()
-    return [_probe(name, rights) for _, name in socket.if_nameindex() if _ethernet(name)]
+    try:
+        addresses, blind = used_addresses(), ""
+    except OSError:
+        addresses, blind = {}, "has addresses that cannot be read"
+    entries = []
+    for index, name in socket.if_nameindex():
+        if _ethernet(name):
+            why = "" if name in asked else blind or why_not_ask(name, addresses.get(index, []))
+            with contextlib.suppress(OSError):  # it went meanwhile
+                entries.append(_probe(name, rights, why, send))
+    return entries
 
 
-def _probe(interface: str, rights: bool) -> dict[str, Any]:
+def _probe(interface: str, rights: bool, left_alone: str, send: bool) -> dict[str, Any]:
     flags, carrier = link_state(interface)
     busy = other_master(interface)
     # The answer to our question would confuse a master that is at work there.
-    slaves = count_slaves(interface) if rights and carrier and flags & _UP and not busy else 0
+    ask = send and rights and carrier and flags & _UP and not busy and not left_alone
+    slaves = count_slaves(interface) if ask else 0
     return {"name": interface, "up": bool(flags & _UP), "carrier": carrier, "rights": rights, "busy": busy,
-            "has_ip": _has_ip(interface), "slaves": slaves}  # fmt: skip
+            "slaves": slaves, "kinds": kinds(interface, slaves), "left_alone": left_alone}  # fmt: skip
 
 
 def _request(interface: str, request: int) -> bytes:
@@ -42,27 +75,87 @@ def _ethernet(interface: str) -> bool:
     return False
 
 
-def _has_ip(interface: str) -> bool:
-    try:
-        _request(interface, _SIOCGIFADDR)
-    except OSError:
-        return False
-    return True
-
-
-def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = 0x7F) -> int:
+def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_INDEX) -> int:
     """Working counter of one broadcast read of the two type bytes, 0 without an answer in time.
 
     ``index`` tells the answer from a late one to an earlier question.
     """
-    question = struct.pack("<HBBHHHHHH", 0x1000 | 14, 7, index, 0, 0, 2, 0, 0, 0)
-    with contextlib.suppress(OSError), socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as wire:
-        wire.bind((interface, ETHERTYPE))
-        frame = b"\xff" * 6 + b"\x02\x44\x4c\x00\x00\x01" + struct.pack(">H", ETHERTYPE) + question
-        wire.send(frame.ljust(60, b"\0"))
-        until = time.monotonic() + within_s
-        while (left := until - time.monotonic()) > 0 and select.select([wire], [], [], left)[0]:
-            answer, sender = wire.recvfrom(2048)
-            if sender[2] != socket.PACKET_OUTGOING and answer[16:18] == bytes((7, index)):
-                return int(struct.unpack_from("<H", answer, 28)[0])
+    with contextlib.suppress(OSError), _Line(interface, within_s, index) as line:
+        return line.exchange(_BRD, 0, _TYPE, bytes(2))[0]
     return 0
+
+
+def kinds(interface: str, count: int) -> list[tuple[int, int]]:
+    """(vendor, product) of each device; (0, 0) where one does not say or is at work for somebody."""
+    with contextlib.suppress(OSError), _Line(interface) as line:
+        return [(line.eeprom(place, _VENDOR), line.eeprom(place, _PRODUCT)) for place in range(min(count, _MOST_ASKED))]
+    return []
+
+
+@dataclass
+class _Line:
+    """Single frames on an interface. A context manager. Raises OSError."""
+
+    interface: str
+    within_s: float = _WAIT_S
+    index: int = _FIRST_INDEX
+
+    def __enter__(self) -> _Line:
+        self._wire = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
+        try:
+            self._wire.bind((self.interface, ETHERTYPE))
+        except OSError:
+            self._wire.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._wire.close()
+
+    def exchange(self, command: int, place: int, address: int, data: bytes) -> tuple[int, bytes]:
+        """Working counter and data of one frame; 0 without an answer in time."""
+        self.index = (self.index + 1) % 256
+        question = _FRAME.pack(0x1000 | 12 + len(data), command, self.index, place, address, len(data), 0) + data
+        frame = b"\xff" * 6 + b"\x02\x44\x4c\x00\x00\x01" + struct.pack(">H", ETHERTYPE) + question + bytes(2)
+        self._wire.send(frame.ljust(60, b"\0"))
+        until = time.monotonic() + self.within_s
+        end = 26 + len(data)
+        while (left := until - time.monotonic()) > 0 and select.select([self._wire], [], [], left)[0]:
+            answer, sender = self._wire.recvfrom(2048)
+            if sender[2] != socket.PACKET_OUTGOING and answer[16:18] == bytes((command, self.index)):
+                return int(struct.unpack_from("<H", answer, end)[0]), answer[26:end]
+        return 0, bytes(len(data))
+
+    def eeprom(self, place: int, word: int) -> int:
+        """Two words of a device's EEPROM, 0 where it is not to be had. Its owner and state stay as they are."""
+        back = -place & 0xFFFF
+        owner, state = self._read(back, _EEPROM_OWNER, 1), self._read(back, _STATE, 1)
+        if owner is None or state is None:
+            return 0
+        if owner & _OWNED:
+            if state & _STATE_MASK > _PREOP:
+                return 0  # in use by the device itself
+            self._write(back, _EEPROM_OWNER, b"\x02")
+            self._write(back, _EEPROM_OWNER, b"\x00")
+        try:
+            self._write(back, _EEPROM, struct.pack("<HI", _READ_EEPROM, word))
+            for _ in range(_TRIES):
+                status = self._read(back, _EEPROM, 2)
+                if status is not None and not status & _BUSY:
+                    return self._read(back, _EEPROM_DATA, 4) or 0
+            return 0
+        finally:
+            if owner & _OWNED:
+                self._write(back, _EEPROM_OWNER, bytes((owner,)))
+
+    def _read(self, back: int, address: int, size: int) -> int | None:
+        for _ in range(_TRIES):
+            counter, data = self.exchange(_APRD, back, address, bytes(size))
+            if counter == 1:
+                return int.from_bytes(data, "little")
+        return None
+
+    def _write(self, back: int, address: int, data: bytes) -> None:
+        for _ in range(_TRIES):
+            if self.exchange(_APWR, back, address, data)[0] == 1:
+                return

@@ -154,6 +154,32 @@ def test_a_device_that_is_lost_and_back_is_shown_as_recovered(open_window: Calla
     assert light.toolTip() == "Panel is back at /dev/input/event7."
 
 
+@pytest.mark.parametrize(
+    ("said", "dutch_words"),
+    [
+        ("network interface eno1: has the address 10.0.0.4", "netwerkinterface eno1: heeft het adres 10.0.0.4"),
+        ("network interface eno1: belongs to br0", "netwerkinterface eno1: hoort bij br0"),
+        ("network interface wlan0: is wireless", "netwerkinterface wlan0: is draadloos"),
+        ("to look there: draglag devices --probe eno1", "om daar te zoeken: draglag devices --probe eno1"),
+        (
+            "EtherCAT bus on eno1, 2 devices, not an EK1101 with an EL1252: vendor 0x2 product 0x1",
+            "EtherCAT-bus op eno1, 2 apparaten, geen EK1101 met een EL1252: vendor 0x2 product 0x1",
+        ),
+        ("EtherCAT bus on eno1, 3 devices, 2 of them EL1252", "EtherCAT-bus op eno1, 3 apparaten, waarvan 2 EL1252"),
+        (
+            "network interface eno1: the EtherCAT helper failed (exit 2)",
+            "netwerkinterface eno1: het EtherCAT-hulpprogramma mislukte (exit 2)",
+        ),
+        (
+            "install the helper again: sudo packaging/ethercat/install.sh",
+            "installeer het hulpprogramma opnieuw: sudo packaging/ethercat/install.sh",
+        ),
+    ],
+)
+def test_what_a_look_around_finds_is_dutch(dutch: None, said: str, dutch_words: str) -> None:
+    assert in_words(said) == dutch_words
+
+
 def test_what_instruments_say_of_themselves_is_dutch(dutch: None) -> None:
     for source in make_rig(dict.fromkeys(ROLES, "sim:"), "screen-1", fast=True).sources:
         info = source.open()

@@ -119,6 +119,9 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "open the laser again"),
     QT_TRANSLATE_NOOP("Device", "record on a Linux computer"),
     QT_TRANSLATE_NOOP("Device", "close the other EtherCAT program"),
+    QT_TRANSLATE_NOOP("Device", "to look there: {command}"),
+    QT_TRANSLATE_NOOP("Device", "install the helper again: {command}"),
+    QT_TRANSLATE_NOOP("Device", "{command}, then log in again"),
     QT_TRANSLATE_NOOP("Device", "plug in the cable, switch on the coupler"),
     QT_TRANSLATE_NOOP("Device", "plug the cable into the coupler's IN port, switch it on"),
     QT_TRANSLATE_NOOP(
@@ -221,6 +224,9 @@ NOTICES = (
     QT_TRANSLATE_NOOP("Device", "{names} on {interface}, channel {channel}"),
     # what a look around this computer finds
     QT_TRANSLATE_NOOP("Device", "simulated rig (any screen of the presets)"),
+    QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices, not an EK1101 with an EL1252: {found}"),
+    QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices, of which some do not say what they are"),
+    QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices, {k} of them EL1252"),
     QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices"),
     QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, in use"),
     QT_TRANSLATE_NOOP("Device", "network interface {name}: {problem}"),
@@ -258,5 +264,12 @@ REASONS = (
     QT_TRANSLATE_NOOP("Device", "switched off"),
     QT_TRANSLATE_NOOP("Device", "no carrier"),
     QT_TRANSLATE_NOOP("Device", "no rights to look"),
+    QT_TRANSLATE_NOOP("Device", "has the address {ip}"),
+    QT_TRANSLATE_NOOP("Device", "has addresses that cannot be read"),
+    QT_TRANSLATE_NOOP("Device", "is wireless"),
+    QT_TRANSLATE_NOOP("Device", "is a bridge"),
+    QT_TRANSLATE_NOOP("Device", "is a tunnel"),
+    QT_TRANSLATE_NOOP("Device", "belongs to {name}"),
+    QT_TRANSLATE_NOOP("Device", "the EtherCAT helper failed ({why})"),
     QT_TRANSLATE_NOOP("Device", "no EtherCAT device answers"),
 )
