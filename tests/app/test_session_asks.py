@@ -239,8 +239,8 @@ def test_a_session_without_any_touch_says_so_in_the_run_and_is_not_saved_as_whol
     (finished,) = rec.of(events.SessionFinished)
     assert finished.problem.startswith("No touch was recorded in any run.")
     assert len(read_session(rec.path).runs) == 1
-    (told,) = [event for event in rec.of(events.NoticeRaised) if event.source == "touch"]
-    assert (told.level, told.text.split(":")[0]) == ("warning", "No touch has come in the first 4 s of run-01")
+    (notices,) = [event for event in rec.of(events.NoticeRaised) if event.source == "touch"]
+    assert (notices.level, notices.text.split(":")[0]) == ("warning", "No touch has come in the first 4 s of run-01")
 
 
 def test_what_a_source_has_not_said_yet_is_in_the_file(tmp_path):

@@ -206,25 +206,25 @@ def test_nothing_is_sure_after_a_pause_in_which_the_devices_were_not_watched() -
 def test_one_lost_cycle_in_a_thousand_is_counted_and_no_warning() -> None:
     disturbances = Disturbances()
     said = [disturbances.take(t_s, t_s + 1.0, 1000, {"lost": 1}) for t_s in range(150)]
-    told = [notice for notice in (*said, disturbances.rest(150.0)) if notice is not None]
-    assert [notice.level for notice in told] == ["info"] * 3
-    assert told[0].text.startswith(
+    notices = [notice for notice in (*said, disturbances.rest(150.0)) if notice is not None]
+    assert [notice.level for notice in notices] == ["info"] * 3
+    assert notices[0].text.startswith(
         "0.1 % of the EtherCAT cycles of the last 60 s were disturbed: 60 without an answer."
     )
-    assert sum(int(notice.text.split(": ")[1].split()[0]) for notice in told) == disturbances.total["lost"] == 150
+    assert sum(int(notice.text.split(": ")[1].split()[0]) for notice in notices) == disturbances.total["lost"] == 150
     assert disturbances.rest(151.0) is None
 
 
 def test_many_disturbed_cycles_are_a_warning_at_once_and_then_one_in_ten_seconds() -> None:
     disturbances = Disturbances()
     said = [disturbances.take(t_s, t_s + 1.0, 900, {"lost": 20, "stale": 10}) for t_s in range(25)]
-    told = [(k, notice) for k, notice in enumerate(said) if notice is not None]
-    assert [(k, notice.level) for k, notice in told] == [(0, "warning"), (10, "warning"), (20, "warning")]
+    notices = [(k, notice) for k, notice in enumerate(said) if notice is not None]
+    assert [(k, notice.level) for k, notice in notices] == [(0, "warning"), (10, "warning"), (20, "warning")]
     assert "3.3 % of the EtherCAT cycles of the last 1 s were disturbed: 20 without an answer, 10 with old data" in (
-        told[0][1].text
+        notices[0][1].text
     )
-    assert "200 without an answer, 100 with old data" in told[1][1].text
-    assert "Close other programs" in told[1][1].text
+    assert "200 without an answer, 100 with old data" in notices[1][1].text
+    assert "Close other programs" in notices[1][1].text
 
 
 @pytest.mark.parametrize(

@@ -142,9 +142,9 @@ def test_an_unplugged_panel_is_told_looked_for_by_name_and_place_and_comes_back(
     assert touch.contact_id[0] != touch.contact_id[1]
     assert touch.gaps_s[0, 0] == pytest.approx(100.0, abs=0.1)
     assert touch.gaps_s[1:, 0] == pytest.approx(touch.gaps_s[:-1, 1])
-    told = [n for b in batches for n in b.notices]
-    assert [(n.level, n.state) for n in told] == [("error", "lost"), ("info", "back")]
-    text = " ".join(n.text for n in told)
+    notices = [n for b in batches for n in b.notices]
+    assert [(n.level, n.state) for n in notices] == [("error", "lost"), ("info", "back")]
+    text = " ".join(n.text for n in notices)
     assert "Panel is gone (No such device)" in text
     assert "back at /dev/input/event8" in text
 

@@ -56,9 +56,9 @@ def test_events_that_are_no_touch_are_named_within_seconds_and_once():
     stick = [plain(100.0 + 0.5 * k, (ABS, 2, k), (ABS, 3, -k)) for k in range(9)]
     source, _ = touch_source(FakeDevice(*stick))
     source.open()
-    told = [(k, n) for k in range(9) for n in source.read(0.1).notices]
-    assert [(k, n.level) for k, n in told] == [(6, "error")]
-    assert "Panel sends events that are no touch (ABS_Z, ABS_RX)" in told[0][1].text
+    notices = [(k, n) for k in range(9) for n in source.read(0.1).notices]
+    assert [(k, n.level) for k, n in notices] == [(6, "error")]
+    assert "Panel sends events that are no touch (ABS_Z, ABS_RX)" in notices[0][1].text
 
 
 def test_a_pen_that_hovers_and_a_touch_are_no_useless_events():

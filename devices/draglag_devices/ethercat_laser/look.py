@@ -28,20 +28,20 @@ def look_for_buses(asked: Collection[str] = ()) -> list[Found]:
 
 def _probe(asked: Collection[str]) -> tuple[str, list[dict[str, Any]]]:
     """Why the helper failed, or an empty string, and what it saw; without it, what needs no rights to see."""
-    told = ""
+    reason = ""
     try:
         done = subprocess.run(
             command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE_S, check=False
         )
-        told = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
+        reason = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
         return "", list(json.loads(done.stdout.splitlines()[-1])["found"])
     except subprocess.TimeoutExpired:
-        told = f"no answer within {_PATIENCE_S:.0f} s"
+        reason = f"no answer within {_PATIENCE_S:.0f} s"
     except OSError as error:
-        told = error.strerror or str(error)
+        reason = error.strerror or str(error)
     except (ValueError, LookupError, TypeError):
         pass
-    return f"the EtherCAT helper failed ({told})", look_around(asked, send=False)
+    return f"the EtherCAT helper failed ({reason})", look_around(asked, send=False)
 
 
 def _entry(seen: dict[str, Any], helper: str) -> Found:

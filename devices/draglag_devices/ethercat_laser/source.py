@@ -91,7 +91,7 @@ class EthercatLaser:
         return dict(self._disturbances.total)
 
     def last_words(self) -> tuple[Notice, ...]:
-        """See ``draglag_devices.source.Concludes``: disturbed cycles that were counted and not yet told."""
+        """See ``draglag_devices.source.Concludes``: disturbed cycles that were counted and not yet reported."""
         rest = self._disturbances.rest(time.monotonic())
         return () if rest is None else (rest,)
 
