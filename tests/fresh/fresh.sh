@@ -33,8 +33,8 @@ as() { # as ACCOUNT COMMAND: in the root, with hardly any environment
     shift
     say "[$account] $*"
     # shellcheck disable=SC2046 # a word for each variable
-    env -i HOME=$home PATH=$path $(env | grep -iE '^(https?|no|all)_proxy=' || true) \
-        chroot --userspec=$ids --groups= "$root" sh -c "cd $checkout && $*" </dev/null 2>&1
+    chroot --userspec=$ids --groups= "$root" env -i HOME=$home PATH=$path \
+        $(env | grep -iE '^(https?|no|all)_proxy=' || true) sh -c "cd $checkout && $*" </dev/null 2>&1
 }
 
 trial() { # trial ROOT WHO: the README's commands
