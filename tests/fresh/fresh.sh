@@ -1,12 +1,12 @@
 #!/bin/sh
 # Does what the README says, on a minimal Debian: debootstrap's minbase with python3 and python3-venv, nothing else.
 #   tests/fresh/fresh.sh [SUITE:WHO …]     SUITE: bookworm or trixie; WHO: root, or user (no sudo). Default: all four
-# Needs root. DRAGLAG_FRESH_CACHE: a folder to keep the roots in. Exit 0 all passed, 1 one failed, 77 cannot be tried here.
+# Needs root. DRAGLAG_FRESH_CACHE: a folder to keep the bare roots in. Exit 0 all passed, 1 one failed, 77 cannot be tried.
 set -eu
 cd "$(dirname "$0")/../.."
 
 # Few, but some that start Qt's widgets.
-TESTS="tests/core/test_curve.py tests/app/windows/test_placement.py"
+TESTS="tests/core/test_curve.py tests/app/windows/test_letter_menu.py"
 
 say() { printf '%s\n' "$*" >&2; }
 cannot() { say "Not tried: $*"; exit 77; }
@@ -31,14 +31,14 @@ as() { # as ACCOUNT COMMAND: in the root, with hardly any environment
     ids=0:0
     [ "$account" = root ] || ids=1000:1000
     shift
-    say "[$account] $*"
+    say "[$account, after $(($(date +%s) - begun)) s] $*"
     # shellcheck disable=SC2046 # a word for each variable
     chroot --userspec=$ids --groups= "$root" env -i HOME=$home PATH=$path \
         $(env | grep -iE '^(https?|no|all)_proxy=' || true) sh -c "cd $checkout && $*" </dev/null 2>&1
 }
 
 trial() { # trial ROOT WHO: the README's commands
-    root=$1 who=$2
+    root=$1 who=$2 begun=$(date +%s)
     checkout=/root/draglag
     [ "$who" = root ] || checkout=/home/newcomer/draglag
     mounts
@@ -79,6 +79,7 @@ prepare() { # prepare: what debootstrap and the namespaces need
 
 bare_root() { # bare_root SUITE: makes it in the cache, if it is not there
     [ -f "$cache/$1/.made" ] && return 0
+    begun=$(date +%s)
     rm -rf "${cache:?}/$1"
     mkdir -p "$cache/$1"
     # shellcheck disable=SC2046 # no word where there is no mirror: then debootstrap's own
@@ -88,34 +89,54 @@ bare_root() { # bare_root SUITE: makes it in the cache, if it is not there
     }
     rm -rf "$cache/$1"/var/cache/apt/archives/*.deb
     : >"$cache/$1/.made"
+    say "$1: root system made in $(($(date +%s) - begun)) s"
+}
+
+fill_root() { # fill_root SUITE WHO ROOT: a copy of the bare one, with a clean clone and this machine's ways to packages
+    cp -a "$cache/$1" "$3"
+    cp -L /etc/resolv.conf "$3/etc/resolv.conf"
+    apt-config dump | grep -E '^Acquire::(http|https)::' >"$3/etc/apt/apt.conf.d/99host" || true
+    python=${DRAGLAG_VENV:-.venv}/bin/python
+    [ -x "$python" ] || python=python3
+    "$python" tests/fresh/pip_settings.py "$3/etc/pip.conf" >"$3/.binds"
+    home=$3/root
+    [ "$2" = root ] || { chroot "$3" useradd --create-home --uid 1000 newcomer; home=$3/home/newcomer; }
+    git clone --quiet --no-hardlinks . "$home/draglag"
+    [ "$2" = root ] || chown -R 1000:1000 "$home/draglag"
 }
 
 one_case() { # one_case SUITE:WHO
-    suite=${1%%:*} who=${1##*:} root=$work/$1
     begun=$(date +%s)
-    bare_root "$suite"
-    made=$(date +%s)
-    cp -a "$cache/$suite" "$root"
-    cp -L /etc/resolv.conf "$root/etc/resolv.conf"
-    apt-config dump | grep -E '^Acquire::(http|https)::' >"$root/etc/apt/apt.conf.d/99host" || true
-    python=${DRAGLAG_VENV:-.venv}/bin/python
-    [ -x "$python" ] || python=python3
-    "$python" tests/fresh/pip_settings.py "$root/etc/pip.conf" >"$root/.binds"
-    home=$root/root
-    [ "$who" = root ] || { chroot "$root" useradd --create-home --uid 1000 newcomer; home=$root/home/newcomer; }
-    git clone --quiet --no-hardlinks . "$home/draglag"
-    [ "$who" = root ] || chown -R 1000:1000 "$home/draglag"
-    unshare --mount --pid --fork --kill-child --propagation private sh tests/fresh/fresh.sh --inside "$root" "$who" \
-        >"$work/$1.log" 2>&1 &
-    child=$!
-    rc=0
-    wait "$child" || rc=$?
-    child=
-    [ "$rc" -eq 0 ] || tail -n 40 "$work/$1.log"
-    [ "$rc" -eq 0 ] && word=passed || word=failed
-    say "$1 $word in $(($(date +%s) - made)) s, its root system made in $((made - begun)) s"
-    rm -rf "${root:?}"
-    return "$rc"
+    fill_root "${1%%:*}" "${1##*:}" "$work/$1"
+    unshare --mount --pid --fork --kill-child --propagation private \
+        sh tests/fresh/fresh.sh --inside "$work/$1" "${1##*:}" >"$work/$1.log" 2>&1 &
+    inner=$!
+    trap 'kill "$inner" 2>/dev/null; exit 1' INT TERM HUP
+    word=passed
+    wait "$inner" || { word=failed; tail -n 40 "$work/$1.log" >&2; }
+    rm -rf "$work/$1"
+    say "$1 $word in $(($(date +%s) - begun)) s"
+    [ "$word" = passed ]
+}
+
+all_of() { # all_of FUNCTION WORD …: the function for each word, all at once; fails if one does
+    function=$1 children=
+    shift
+    for name in "$@"; do
+        "$function" "$name" &
+        children="$children $!"
+    done
+    bad=0
+    for child in $children; do wait "$child" || bad=1; done
+    children=
+    return "$bad"
+}
+
+clean() { # clean: also after Ctrl-C; the mounts end with the namespaces, those with their first process
+    # shellcheck disable=SC2086 # several
+    [ -z "$children" ] || kill $children 2>/dev/null || true
+    wait
+    rm -rf "${work:?}"
 }
 
 if [ "${1:-}" = --inside ]; then
@@ -132,10 +153,20 @@ for name in "$@"; do
 done
 prepare
 work=$(mktemp -d)
-child=
-trap '[ -z "$child" ] || kill "$child" 2>/dev/null || true; wait; rm -rf "${work:?}"' EXIT
-trap 'exit 1' INT TERM HUP
 cache=${DRAGLAG_FRESH_CACHE:-$work/bare}
+children=
+trap clean EXIT
+trap 'exit 1' INT TERM HUP
+# shellcheck disable=SC2046 # a word for each suite
+all_of bare_root $(printf '%s\n' "$@" | sed 's/:.*//' | sort -u)
 failed=0
-for name in "$@"; do one_case "$name" || failed=1; done
+while [ $# -gt 0 ]; do # two at once
+    if [ $# -gt 1 ]; then
+        all_of one_case "$1" "$2" || failed=1
+        shift
+    else
+        all_of one_case "$1" || failed=1
+    fi
+    shift
+done
 exit "$failed"
