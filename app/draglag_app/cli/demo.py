@@ -9,12 +9,12 @@ from pathlib import Path
 import click
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
-from draglag.errors import DataError
+from draglag.errors import DataError, DraglagError
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
-from draglag_app.cli.main import OPERATOR_WINDOW, load
 from draglag_app.cli.record import record_with, session_options
+from draglag_app.cli.window import open_window
 from draglag_devices.rig import make_rig
 
 
@@ -31,6 +31,8 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
     Example:
         draglag demo --out my-demo --screen screen-2
     """
+    from draglag.report import write_report
+
     path = out / "session.h5"
     if path.exists():
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another folder with --out")
@@ -55,11 +57,11 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
         {"estimator": options.estimator, "update_rate_hz": options.update_rate_hz, "form": options.form},
         datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    made = _report(session, analysis, out)
+    report = write_report(session, analysis, out)
     click.echo("\n".join(summary(session, analysis)))
-    click.echo("\n" + "\n".join(f"{what:<9}{where}" for what, where in [("session", path), *made]))
-    if window and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        _open_window(path)
+    click.echo("\n" + "\n".join(f"{what:<9}{where}" for what, where in [("session", path), ("report", report)]))
+    if window:
+        _show(path, report)
 
 
 def summary(session: Session, analysis: Analysis) -> list[str]:
@@ -84,13 +86,11 @@ def summary(session: Session, analysis: Analysis) -> list[str]:
     return lines + [f"note     {problem}" for problem in analysis.problems]
 
 
-def _report(session: Session, analysis: Analysis, out: Path) -> list[tuple[str, Path]]:
-    from draglag.report import write_report
-
-    report = write_report(session, analysis, out)
-    return [("report", Path(report) if report else out)]
-
-
-def _open_window(path: Path) -> None:
-    """The operator window on the session. Qt is imported here and not before."""
-    load(OPERATOR_WINDOW)(path)
+def _show(session: Path, report: Path) -> None:
+    """The operator window on the results; where it cannot open the demo is done all the same."""
+    try:
+        if os.environ.get("QT_QPA_PLATFORM", "").startswith(("offscreen", "minimal")):
+            raise DraglagError("Qt is set to draw where nobody looks")  # and nobody would close it
+        open_window(session)
+    except DraglagError as error:
+        click.echo(f"The operator window is left out: {error.problem} The report is {report}.", err=True)

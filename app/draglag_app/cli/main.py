@@ -40,6 +40,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
 }
 
 OPERATOR_WINDOW = "draglag_app.windows.main:open_operator_window"
+_WINDOW = f"{_HERE}.window:open_window"
+_OPEN_SESSION = f"{_HERE}.window:open_session"
 
 
 class LazyGroup(click.Group):
@@ -55,6 +57,14 @@ class LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """A session file in the place of a command opens in the operator window."""
+        if args[0].endswith((".h5", ".partial")):
+            return args[0], load(_OPEN_SESSION), args
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
@@ -69,15 +79,16 @@ class LazyGroup(click.Group):
 def cli(ctx: click.Context) -> None:
     """Measure, model and compensate the drag latency of touchscreens.
 
-    Without a command the operator window opens.
+    Without a command the operator window opens, with a session file on its results.
 
     \b
     Examples:
         draglag demo --out demo
+        draglag demo/session.h5
         draglag analyze session.h5
     """
     if ctx.invoked_subcommand is None:
-        ctx.exit(load(OPERATOR_WINDOW)() or 0)
+        ctx.exit(load(_WINDOW)())
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

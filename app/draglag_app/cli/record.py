@@ -21,6 +21,7 @@ from draglag.presets import load_screen_file
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
 from draglag_app.cli.common import FiniteRange
+from draglag_app.cli.window import need_display
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_devices.addresses import parse_address
 from draglag_devices.calibration import as_mapping, load_calibration, load_touches
@@ -159,6 +160,7 @@ def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, opt
 
 
 def _on_screen(number: int) -> _OnScreen:
+    need_display()
     try:
         module = importlib.import_module(_ON_SCREEN)
     except ModuleNotFoundError as missing:

@@ -27,7 +27,7 @@ def show_whole(window: QWidget) -> None:
 
 
 def open_operator_window(session: Path | None = None) -> int:
-    """Show the operator's window, with that session file at hand; returns when it is closed."""
+    """Show the operator's window, on the results of that session file; returns when it is closed."""
     file = settings_path()
     settings, problem = load_settings(file)
     application = make_application(sys.argv[:1], settings)
@@ -38,6 +38,8 @@ def open_operator_window(session: Path | None = None) -> int:
     show_whole(window)
     if session is not None:
         window.space.open(session, lambda: window.go("results"))
+        window.space.open(session)
+        window.go("results")
     else:
         window.offer_salvage()
     signal.signal(signal.SIGINT, lambda number, frame: window.close())
