@@ -1,7 +1,7 @@
 #!/bin/sh
 # Does what the README says, on a minimal Debian: debootstrap's minbase with python3 and python3-venv, nothing else.
 #   tests/fresh/fresh.sh [SUITE:WHO …]     SUITE: bookworm or trixie; WHO: root, or user (no sudo). Default: all four
-# Needs root. DRAGLAG_FRESH_CACHE: a folder to keep the bare roots in. Exit 0 all passed, 1 one failed, 77 cannot be tried.
+# Needs root. DRAGLAG_FRESH_CACHE: a folder to keep the bare roots in. Exit 0: passed, 1: failed, 77: cannot be tried.
 set -eu
 cd "$(dirname "$0")/../.."
 
@@ -49,7 +49,7 @@ trial() { # trial ROOT WHO: the README's commands
     done
     [ "$who" = root ] || without_rights
     as "$who" ./run test "$TESTS" || wrong "./run test failed"
-    out=$(as "$who" ./run draglag verify draglag-demo/session.h5) || { say "$out"; wrong "the session does not verify"; }
+    out=$(as "$who" ./run draglag verify draglag-demo/session.h5) || { say "$out"; wrong "./run draglag failed"; }
     case "$out" in *nstall*) say "$out"; wrong "everything is there, but run installs or asks again" ;; esac
 }
 
@@ -59,12 +59,15 @@ without_rights() { # without_rights: tests say in one line that Qt's libraries a
     case "$out" in *Traceback* | *Error:*) wrong "./run test shows a traceback where Qt's libraries are missing" ;; esac
     line=$(printf '%s\n' "$out" | sed -n 's/^ *sudo \(apt-get install .*\)/\1/p')
     [ -n "$line" ] || wrong "./run test does not say what to install"
-    as root "apt-get update && DEBIAN_FRONTEND=noninteractive $line" >"$root/.apt" || { cat "$root/.apt"; wrong "$line"; }
+    as root "apt-get update && DEBIAN_FRONTEND=noninteractive $line" >"$root/.apt" || {
+        tail -n 5 "$root/.apt"
+        wrong "$line"
+    }
 }
 
-# --- Outside -----------------------------------------------------------------------------------------------------------
+# --- Outside ----------------------------------------------------------------------------------------------------------
 
-mirror() { # mirror: the Debian mirror of this machine's apt, whatever its sources are written in; nothing if there is none
+mirror() { # mirror: the Debian mirror of this machine's apt, however its sources are written; nothing if there is none
     grep -qx 'ID=debian' /etc/os-release || return 0
     apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 2>/dev/null | grep -v security | head -n 1
 }
@@ -114,6 +117,7 @@ one_case() { # one_case SUITE:WHO
     trap 'kill "$inner" 2>/dev/null; exit 1' INT TERM HUP
     word=passed
     wait "$inner" || { word=failed; tail -n 40 "$work/$1.log" >&2; }
+    [ $word = failed ] || grep '^\[' "$work/$1.log" | sed "s/^/$1 /" >&2
     rm -rf "$work/$1"
     say "$1 $word in $(($(date +%s) - begun)) s"
     [ "$word" = passed ]

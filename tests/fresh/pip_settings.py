@@ -52,7 +52,8 @@ def as_file(settings: Settings) -> RawConfigParser:
 def main() -> None:
     """``pip_settings.py FILE``."""
     command = [sys.executable, "-m", "pip", "config", "list"]
-    settings = read_settings(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    # Nothing is listed, and nothing to pass on, where there is no pip.
+    settings = read_settings(subprocess.run(command, check=False, capture_output=True, text=True).stdout)
     with Path(sys.argv[1]).open("w", encoding="utf-8") as out:
         as_file(settings).write(out)
     for place in local_places(settings):
