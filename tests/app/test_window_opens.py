@@ -37,7 +37,7 @@ def session_file(tmp_path: Path) -> Path:
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path | None]:
     """What the operator window was asked to open on; it is closed at once."""
     asked: list[Path | None] = []
-    monkeypatch.setenv("DISPLAY", ":7")
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-7")
     monkeypatch.delenv("QT_QPA_PLATFORM", raising=False)
     monkeypatch.setattr(window, "load", {OPERATOR_WINDOW: lambda session: asked.append(session)}.__getitem__)
     return asked
@@ -98,12 +98,32 @@ def test_the_demo_does_not_wait_for_a_window_that_nobody_sees(
     assert f"The report is {tmp_path / 'one' / 'report.html'}." in result.stderr
 
 
-def test_a_library_that_qt_needs_and_lacks_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacking(place: str) -> None:
-        raise ImportError("libEGL.so.1: cannot open shared object file: No such file or directory")
-
-    monkeypatch.setenv("DISPLAY", ":7")
-    monkeypatch.setattr(window, "load", lacking)
+def test_a_display_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("DISPLAY", ":40404")
     result = run()
     assert result.exit_code == 1
-    assert "needs libEGL.so.1, which is not installed" in result.stderr
+    assert result.stderr.startswith("draglag: the display :40404 does not answer. Start it from a desktop")
+
+
+@pytest.mark.parametrize("library", ["libEGL.so.1", "libxcb-cursor.so.0"])
+def test_a_library_that_qt_needs_and_lacks_is_named(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first is missed when Qt is imported, the second when it loads its plugin for X."""
+    missing = f"{library}: cannot open shared object file: No such file or directory"
+
+    def lacking(name: str) -> None:
+        if name == OPERATOR_WINDOW and library == "libEGL.so.1":
+            raise ImportError(missing)
+        if name.endswith("libqxcb.so"):
+            raise OSError(missing)
+
+    monkeypatch.setenv("DISPLAY", ":7")
+    monkeypatch.setenv("QT_QPA_PLATFORM", "xcb")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(window, "_x_answers", lambda: True)
+    monkeypatch.setattr(window, "load", lacking)
+    monkeypatch.setattr(window.ctypes, "CDLL", lacking)
+    result = run()
+    assert result.exit_code == 1
+    assert f"needs {library}, which is not installed" in result.stderr

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import importlib.util
 import os
 from pathlib import Path
 
@@ -10,16 +12,16 @@ import click
 from draglag.errors import DataError, DraglagError
 from draglag_app.cli.main import OPERATOR_WINDOW, load
 
-# One of these says where Qt draws; without any it ends the whole program.
-_WHERE_TO_DRAW = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+_REMEDY = "Start it from a desktop, or use a command that needs none"
 
 
 def need_display() -> None:
-    """Raises DraglagError where Qt has nothing to draw on."""
-    if not any(os.environ.get(name) for name in _WHERE_TO_DRAW):
-        raise DraglagError(
-            "there is no display to draw on", "Start it from a desktop, or use a command that needs none"
-        )
+    """Raises DraglagError where Qt has nothing to draw on: it would end the whole program."""
+    display = os.environ.get("DISPLAY", "")
+    if not (display or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("QT_QPA_PLATFORM")):
+        raise DraglagError("there is no display to draw on", _REMEDY)
+    if _on_x() and not _x_answers():
+        raise DraglagError(f"the display {display} does not answer", _REMEDY)
 
 
 def open_window(session: Path | None = None) -> int:
@@ -30,7 +32,9 @@ def open_window(session: Path | None = None) -> int:
     need_display()
     try:
         opener = load(OPERATOR_WINDOW)
-    except ImportError as error:
+        if _on_x():
+            _load_x_plugin()
+    except (ImportError, OSError) as error:
         if "cannot open shared object file" not in str(error):
             raise
         library = str(error).partition(":")[0]
@@ -38,6 +42,32 @@ def open_window(session: Path | None = None) -> int:
             f"the operator window needs {library}, which is not installed", "./run app in a checkout says how to get it"
         ) from error
     return int(opener(session) or 0)
+
+
+def _on_x() -> bool:
+    return not os.environ.get("WAYLAND_DISPLAY") and os.environ.get("QT_QPA_PLATFORM", "xcb") in ("", "xcb")
+
+
+def _x_answers() -> bool:
+    """Whether there is an X server behind DISPLAY; yes where that cannot be asked."""
+    try:
+        xcb = ctypes.CDLL("libxcb.so.1")
+    except OSError:
+        return True
+    xcb.xcb_connect.restype = ctypes.c_void_p
+    connection = ctypes.c_void_p(xcb.xcb_connect(None, None))
+    refused = xcb.xcb_connection_has_error(connection)
+    xcb.xcb_disconnect(connection)
+    return not refused
+
+
+def _load_x_plugin() -> None:
+    """Raises OSError that names the library without which Qt cannot load its X plugin."""
+    qt = importlib.util.find_spec("PySide6")
+    for folder in (qt.submodule_search_locations or []) if qt else []:
+        plugin = Path(folder) / "Qt" / "plugins" / "platforms" / "libqxcb.so"
+        if plugin.is_file():
+            ctypes.CDLL(str(plugin))
 
 
 @click.command("SESSION.h5", hidden=True)
