@@ -88,7 +88,7 @@ bare_root() { # bare_root SUITE: makes it in the cache, if it is not there
     # shellcheck disable=SC2046 # no word where there is no mirror: then debootstrap's own
     debootstrap --variant=minbase --include=python3,python3-venv "$1" "$cache/$1" $(mirror) >"$work/$1.log" 2>&1 || {
         tail -n 5 "$work/$1.log" >&2
-        wrong "debootstrap could not make $1"
+        cannot "debootstrap could not make $1. Check the network"
     }
     rm -rf "$cache/$1"/var/cache/apt/archives/*.deb
     : >"$cache/$1/.made"
@@ -162,7 +162,7 @@ children=
 trap clean EXIT
 trap 'exit 1' INT TERM HUP
 # shellcheck disable=SC2046 # a word for each suite
-all_of bare_root $(printf '%s\n' "$@" | sed 's/:.*//' | sort -u)
+all_of bare_root $(printf '%s\n' "$@" | sed 's/:.*//' | sort -u) || exit 77
 failed=0
 while [ $# -gt 0 ]; do # two at once
     if [ $# -gt 1 ]; then
