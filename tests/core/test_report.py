@@ -16,7 +16,7 @@ from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.recording import LogEntry, Run, Session, empty_laser, empty_touch
-from draglag.report import write_report
+from draglag.report import figures, style, write_report
 
 SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
 
@@ -96,6 +96,19 @@ def test_every_figure_stands_beside_the_page_as_svg_and_png(tmp_path: Path, meas
     for name in ("latency", "stylus-width", "taps", "validation-speeds", "alignment-run-03", "alignment-run-14"):
         assert ET.parse(tmp_path / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
         assert (tmp_path / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_title_of_a_run_with_a_long_name_is_in_the_figure_whole(measured: tuple[Session, Analysis]) -> None:
+    session, analysis = measured
+    title = "onderhoudsmetingaanraakscherm-achterzijde-04: 1001 mm/s, latency 29.3 ms"
+    with style.house_style():
+        drawn = figures.alignment_figure(session.runs[0], analysis.runs[0].alignment, title, session)
+        drawn.draw_without_rendering()
+        heading = drawn.axes[0]._left_title
+        box = heading.get_window_extent()
+    assert heading.get_text().replace("\n", " ") == title
+    assert drawn.bbox.xmin <= box.xmin < box.xmax <= drawn.bbox.xmax
+    assert box.ymax <= drawn.bbox.ymax
 
 
 def test_the_same_data_give_the_same_page(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from draglag.latency.estimate import Alignment
 from draglag.recording import Run, Session
 from draglag.report import style
 
+_TITLE_LETTERS = 60  # that go on a line above a small figure
 _TAP_LOOK = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
 
 
@@ -97,7 +99,7 @@ def alignment_figure(run: Run, alignment: Alignment, title: str, session: Sessio
     for k, (slope, intercept_mm) in enumerate(both):
         label = "top and bottom line" if k == 0 else None
         axes.plot(ends, slope * ends + intercept_mm, color=style.BLACK, linewidth=1.2, label=label, zorder=4)
-    axes.set(xlabel="x, mm", ylabel="y, mm (down the screen)", title=title)
+    axes.set(xlabel="x, mm", ylabel="y, mm (down the screen)", title=textwrap.fill(title, _TITLE_LETTERS))
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
     figure.legend(
