@@ -50,9 +50,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     screen = replace(whole.screen, name="Werkplaatsaanraakscherminstallatie achterzijde, onderhoudsbeurt")
     session = replace(whole, runs=runs, screen=screen)
     found = analyze(session, AnalysisOptions(form="constant"))
-    told = tuple(replace(run, flags=FLAGS[:k]) for k, run in enumerate(found.runs))
+    flagged = tuple(replace(run, flags=FLAGS[:k]) for k, run in enumerate(found.runs))
     checked = tuple(replace(item, flags=FLAGS[-6:]) for item in found.validation)
-    return write_report(session, replace(found, runs=told, validation=checked), tmp_path_factory.mktemp("print"))
+    return write_report(session, replace(found, runs=flagged, validation=checked), tmp_path_factory.mktemp("print"))
 
 
 @pytest.fixture(scope="module", params=PAPER_PT)
