@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import draglag
@@ -30,6 +30,13 @@ class Source:
 def source_of(session: Session) -> Source:
     """The session as the source of a figure."""
     return Source(session.name, session.started_utc, is_simulated(session.devices))
+
+
+def joint_source(sources: Sequence[Source]) -> Source:
+    """Several sessions as the source of one figure: simulated where one of them is; dated where all are of one day."""
+    days = {source.started_utc[:10] for source in sources}
+    date = sources[0].started_utc if len(days) == 1 else ""
+    return Source(", ".join(s.session for s in sources), date, any(s.simulated for s in sources))
 
 
 def is_simulated(devices: Mapping[str, str]) -> bool:

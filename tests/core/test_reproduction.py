@@ -90,7 +90,9 @@ def test_page_and_figures_say_that_they_are_simulated(tmp_path: Path, monkeypatc
     assert "SIMULATED" in text.split("<table>")[0]
     assert "not the paper" in text
     assert "Figure 5 (SIMULATED)" in text
-    assert [text.get_text() for text in drawn.texts] == ["SIMULATED"]
+    across, foot = sorted((text.get_text() for text in drawn.texts), key=len)
+    assert across == "SIMULATED"
+    assert foot.startswith("SIMULATED · Screens 1 and 2 of the paper, seed 3 · draglag ")
     assert (tmp_path / "figures" / "figure-5.png").is_file()
     assert "Screen 1 0.50 ms here, 0.81 ms held, 1.43 ms in the paper" in text
     assert "The rest is not explained" in text

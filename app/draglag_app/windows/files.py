@@ -14,6 +14,7 @@ from draglag.recording import Session
 from draglag.store import partial_files, salvage
 from draglag_app.windows.parts.ask_files import ask_folder, ask_new_folder, ask_open
 from draglag_app.windows.parts.tasks import Progress
+from draglag_app.windows.wording.library_words import in_words
 
 if TYPE_CHECKING:
     from draglag_app.windows.window import OperatorWindow
@@ -72,7 +73,9 @@ def export_session(window: OperatorWindow) -> None:
     title, write = tr("Export into which (new or empty) folder?"), exchange.write_exchange
 
     def begin(path: Path) -> None:
-        _work(window, tr("Exporting"), lambda progress: write(session, path), path)
+        left = ", ".join(in_words(what) for what in exchange.left_out(session, "exchange"))
+        more = tr("Left out, and only in the session's own file: {what}").format(what=left) if left else ""
+        _work(window, tr("Exporting"), lambda progress: write(session, path), path, more)
 
     ask_new_folder(window, title, _proposed(window, "exchange"), begin)
 
@@ -101,11 +104,11 @@ def _proposed(window: OperatorWindow, what: str) -> Path:
     return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
 
 
-def _work(window: OperatorWindow, what: str, work: Any, where: Path) -> None:
+def _work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
+    saved = " · ".join(filter(None, (tr("Saved: {path}").format(path=where), more)))
     window.space.tasks.start(
-        what, work, lambda result: window.tell("info", tr("Saved: {path}").format(path=where)),
-        lambda text: window.tell("error", text),
-    )  # fmt: skip
+        what, work, lambda result: window.tell("info", saved), lambda text: window.tell("error", text)
+    )
 
 
 def offer_salvage(window: OperatorWindow) -> None:

@@ -38,8 +38,6 @@ def open_operator_window(session: Path | None = None) -> int:
     show_whole(window)
     if session is not None:
         window.space.open(session, lambda: window.go("results"))
-        window.space.open(session)
-        window.go("results")
     else:
         window.offer_salvage()
     signal.signal(signal.SIGINT, lambda number, frame: window.close())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from draglag.errors import DraglagError
+from draglag.provenance import Source, source_of
 from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
@@ -229,6 +231,18 @@ class OperatorWindow(QMainWindow):
         """Whether F5 would begin, as the lights and the choices are now."""
         problems, _ = obstacles(self.space)
         self.record.show_readiness([*problems, *self.header.faults()])
+
+    def source_line(self) -> str:
+        """What figures of this window are drawn from."""
+        space = self.space
+        if space.recording.active and space.recording.order is not None:
+            out = space.recording.order.out
+            return Source(out.name, datetime.now(UTC).isoformat(timespec="seconds"), space.simulated).line()
+        return (
+            Source(self.tr("no session"), "", False).line()
+            if space.session is None
+            else source_of(space.session).line()
+        )
 
     def _show_title(self) -> None:
         space = self.space

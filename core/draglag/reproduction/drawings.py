@@ -12,7 +12,7 @@ import numpy as np
 
 from draglag.curve import CurveFit
 from draglag.errors import DataError
-from draglag.provenance import Source
+from draglag.provenance import Source, joint_source
 from draglag.report import style
 from draglag.reproduction.measure import Reproduction
 from draglag.reproduction.published import RELEASE_TAP_MS
@@ -151,11 +151,6 @@ def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]]) -> str:
 
 def mark(source: Source) -> str:
     return " (simulated)" if source.simulated else ""
-
-
-def joint_source(sources: Sequence[Source]) -> Source:
-    """Several sessions as the source of one figure."""
-    return Source(", ".join(s.session for s in sources), "", any(s.simulated for s in sources))
 
 
 def table_html(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

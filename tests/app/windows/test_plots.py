@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QApplication, QMessageBox
 from draglag.errors import DataError
 from draglag_app.windows.plots.plot import Plot
 from draglag_app.windows.plots.plot_values import unit
+from draglag_app.windows.window import OperatorWindow
 
 
 @pytest.fixture
@@ -126,3 +127,18 @@ def test_a_title_follows_the_width_of_its_plot(plot: Plot, until: Callable) -> N
         assert item.vb.sceneBoundingRect().right() <= plot.width()
         plot.resize(900, 300)
         until(lambda wide_px=wide_px: title.item.boundingRect().width() == pytest.approx(wide_px))
+
+
+def test_a_picture_that_leaves_the_program_says_what_it_is_from(
+    opened: OperatorWindow, tmp_path: Path, qapp: QApplication
+) -> None:
+    plot = opened.pages["results"][1].findChild(Plot)
+    line = opened.source_line()
+    assert line.startswith("SIMULATED · ")
+    plot.save(tmp_path / "drawing.svg")
+    assert line in (tmp_path / "drawing.svg").read_text("utf-8")
+    plot.save(tmp_path / "picture.png")
+    picture = QImage(str(tmp_path / "picture.png"))
+    foot = picture.copy(0, picture.height() - 20, picture.width(), 20)
+    colours = {foot.pixel(x, y) for x in range(foot.width()) for y in range(foot.height())}
+    assert len(colours) > 1  # an empty strip has one

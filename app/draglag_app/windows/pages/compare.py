@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
 
 from draglag.analysis import Analysis, analyze
 from draglag.curve.compare import curve_difference
+from draglag.provenance import joint_source
 from draglag.store import read_session
 from draglag_app.windows.parts.ask_files import ask_open_several
 from draglag_app.windows.parts.tasks import Progress
@@ -69,7 +70,13 @@ class ComparePage(QWidget):
         outer.addWidget(self.table, 2)
         self.empty = label(self.tr("Add two or more sessions to see how their screens differ."), "hint")
         outer.addWidget(self.empty)
+        for plot in (self.curves, self.apart):
+            plot.source = self._source_line
         self._chosen()
+
+    def _source_line(self) -> str:
+        known = [analysis.source for analysis, _ in self._shown if analysis.source is not None]
+        return joint_source(known).line()
 
     def _chosen(self) -> None:
         self.remove_button.setEnabled(self.table.selectionModel().hasSelection())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,11 @@ from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplicat
 from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMessageBox, QSizePolicy, QWidget
 
 from draglag.errors import DataError
+from draglag.provenance import Source
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.letter_menu import LetterMenu
 from draglag_app.windows.parts.theme import points, theme
-from draglag_app.windows.plots.plot_values import Column, as_csv, write_picture, write_text
+from draglag_app.windows.plots.plot_values import Column, as_csv, signed, write_picture, write_text
 
 
 def tr(text: str) -> str:
@@ -36,6 +37,7 @@ class PlotFrame(pg.PlotWidget):
         menu = self.getPlotItem().ctrlMenu
         menu.setParent(self, menu.windowFlags())
         self.file_name = file_name
+        self.source: Callable[[], str] | None = None
         self.setAccessibleName(title or f"{y} / {x}")
         self._labels: tuple[str, str, str] = (title, x, y)
         self._title: tuple[str, ...] = ()
@@ -205,7 +207,7 @@ class PlotFrame(pg.PlotWidget):
         menu = LetterMenu(self)
         for text, action in (
             (tr("Show all"), self.autoRange),
-            (tr("Copy picture"), lambda: QGuiApplication.clipboard().setPixmap(self.grab())),
+            (tr("Copy picture"), self._copy),
             (tr("Copy numbers"), lambda: QGuiApplication.clipboard().setText(self.csv())),
             (tr("Save picture (PNG)…"), lambda: self._save_as("png")),
             (tr("Save drawing (SVG)…"), lambda: self._save_as("svg")),
@@ -233,12 +235,22 @@ class PlotFrame(pg.PlotWidget):
         elif level == "error":
             QMessageBox.warning(self, "draglag", text)
 
+    def source_line(self) -> str:
+        """What is drawn here, for pictures that leave the program: by default the session of the window."""
+        if self.source is not None:
+            return self.source()
+        of_window = getattr(self.window(), "source_line", None)
+        return of_window() if of_window is not None else Source(tr("no session"), "", simulated=False).line()
+
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setImage(signed(self.grab().toImage(), self.source_line()))
+
     def save(self, path: Path) -> None:
         """Write a PNG, an SVG or a CSV, by the name's ending. Raises DataError where it cannot be written."""
         if path.suffix == ".csv":
             write_text(self.csv(), path)
         else:
-            write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()))
+            write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()), self.source_line())
 
     def csv(self) -> str:
         """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pyqtgraph.exporters import ImageExporter, SVGExporter
+from PySide6.QtCore import QRectF, Qt
+from PySide6.QtGui import QColor, QImage, QPainter
 
 from draglag.errors import DataError
 
@@ -106,21 +109,58 @@ def _plain(text: str) -> str:
     return text.replace(",", ";")
 
 
-def write_picture(item: Any, path: Path, width_px: int) -> None:
-    """A plot item as SVG or else as PNG, by the name's ending. Raises DataError where it cannot be written."""
+def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
+    """A plot item as SVG or else as PNG, by the name's ending, with a line at its foot on what it was drawn from.
+
+    Raises DataError where it cannot be written.
+    """
     try:
         if path.suffix == ".svg":
-            path.write_bytes(SVGExporter(item).export(toBytes=True))
+            path.write_bytes(signed_svg(SVGExporter(item).export(toBytes=True), source))
             return
         exporter = ImageExporter(item)
         exporter.parameters()["width"] = width_px
-        image = exporter.export(toBytes=True)
+        image = signed(exporter.export(toBytes=True), source)
         with path.open("wb"):  # says what is wrong with the place, which the picture's own writer does not
             pass
-        if not image.save(str(path), "PNG"):
+        if not image.save(str(path), b"PNG"):
             raise DataError(f"{path}: the picture cannot be written", "Make room or choose another folder")
     except OSError as error:
         raise cannot_write(path, error) from None
+
+
+def signed(image: QImage, source: str) -> QImage:
+    """The picture with a strip added below that says what it was drawn from."""
+    high_px = max(14, round(0.016 * image.width()))
+    out = QImage(image.width(), image.height() + round(1.6 * high_px), QImage.Format.Format_RGB32)
+    out.fill(image.pixelColor(0, 0))
+    painter = QPainter(out)
+    painter.drawImage(0, 0, image)
+    font = painter.font()
+    font.setPixelSize(high_px)
+    painter.setFont(font)
+    painter.setPen(QColor("#808080"))
+    strip = QRectF(0, image.height(), image.width() - high_px, 1.5 * high_px)
+    painter.drawText(strip, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, source)
+    painter.end()
+    return out
+
+
+def signed_svg(svg: bytes, source: str) -> bytes:
+    """The drawing with a line added below that says what it was drawn from; as it is where its size is not known."""
+    text = svg.decode()
+    box = re.search(r'viewBox="([-\d.]+) ([-\d.]+) ([\d.]+) ([\d.]+)"', text)
+    if box is None:
+        return svg
+    x, y, wide, high = (float(value) for value in box.groups())
+    more = max(14.0, 0.025 * wide)
+    text = text.replace(box[0], f'viewBox="{x:g} {y:g} {wide:g} {high + more:g}"', 1)
+    line = (
+        f'<text x="{x + wide - 4:g}" y="{y + high + 0.75 * more:g}" text-anchor="end" font-family="sans-serif" '
+        f'font-size="{0.6 * more:g}" fill="#808080">{escape(source)}</text>'
+    )
+    end = text.rindex("</svg>")
+    return (text[:end] + line + text[end:]).encode()
 
 
 def write_text(text: str, path: Path) -> None:

@@ -110,6 +110,7 @@ SENTENCES = (
     QT_TRANSLATE_NOOP("Library", "only {free} MB are free in {folder}: make room"),
     ESC,
     CLOSED,
+    QT_TRANSLATE_NOOP("Library", "results of earlier analyses"),
     *GAP,
 )
 
