@@ -30,13 +30,13 @@ class Contribution:
     way_u_mm: float = 0.0
 
 
-# Response: the paper rates the sensor at 55 us (Section II.B). A pulsed sensor answers between half of and the whole
-# rated time: rectangular. Interface: about 1 us (the paper), of which nothing is known: rectangular from 0 to 2 us.
+# Response: the paper rates the sensor at 55 us (Section II.B), which single sensors and amounts of light change by up
+# to a quarter: rectangular. Interface: about 1 us (the paper), of which nothing is known: rectangular from 0 to 2 us.
 # Hysteresis: a comparator whose levels lie h = 0.5 to 2 % of the light apart from a threshold of 20 to 50 % of it, in a
 # Gaussian beam of sigma = 0.15 to 0.4 mm, switches delta = h sigma / phi(z) late; each even in its range, this is
 # 9.6 um with a standard deviation of 4.4 um.
 BUDGET = (
-    Contribution("sensor response", delay_s=41.25e-6, delay_u_s=13.75e-6 / 3**0.5),
+    Contribution("sensor response", delay_s=55e-6, delay_u_s=13.75e-6 / 3**0.5),
     Contribution("interface", delay_s=1e-6, delay_u_s=1e-6 / 3**0.5),
     Contribution("comparator hysteresis", way_mm=9.6e-3, way_u_mm=4.4e-3),
 )
