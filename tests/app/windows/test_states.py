@@ -33,6 +33,7 @@ def recording(window: OperatorWindow) -> bool:
 
 def test_a_start_that_fails_leaves_no_file_name_and_says_so(open_window: Callable, until: Callable) -> None:
     window = open_window(rig={"touch": "evdev:/dev/input/event9999", "laser": "sim:", "display": "offscreen"})
+    window.space.set_protocol(window.space.protocol.model_copy(update={"taps": None}))
     window.ask("start")
     until(lambda: idle(window))
     assert window.header.session.text() == "No session"
