@@ -6,7 +6,7 @@ import shutil
 from datetime import datetime
 from pathlib import Path
 
-from PySide6.QtCore import QTimer, Signal
+from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from draglag_app.session import events
@@ -37,7 +37,7 @@ class Header(QFrame):
         row.addWidget(self.session, 1)
         self.simulated = label(self.tr("SIMULATED"), "simulated")
         self.simulated.setToolTip(self.tr("No touchscreen was measured: instruments or session are simulated."))
-        row.addWidget(self.simulated)
+        row.addWidget(self.simulated, 0, Qt.AlignmentFlag.AlignVCenter)
         row.addSpacing(10)
         self.lights: dict[str, Light] = {}
         names = {"touch": self.tr("touch"), "laser": self.tr("laser"), "walt": self.tr("WALT")}

@@ -232,7 +232,7 @@ class OperatorWindow(QMainWindow):
         problems, _ = obstacles(self.space)
         self.record.show_readiness([*problems, *self.header.faults()])
 
-    def source_line(self) -> str:
+    def figure_source(self) -> str:
         """What figures of this window are drawn from."""
         space = self.space
         if space.recording.active and space.recording.order is not None:

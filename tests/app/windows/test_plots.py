@@ -133,7 +133,7 @@ def test_a_picture_that_leaves_the_program_says_what_it_is_from(
     opened: OperatorWindow, tmp_path: Path, qapp: QApplication
 ) -> None:
     plot = opened.pages["results"][1].findChild(Plot)
-    line = opened.source_line()
+    line = opened.figure_source()
     assert line.startswith("SIMULATED · ")
     plot.save(tmp_path / "drawing.svg")
     assert line in (tmp_path / "drawing.svg").read_text("utf-8")

@@ -87,10 +87,12 @@ def test_closing_the_participants_window_is_said_and_noted(in_real_time: Operato
 def test_numbers_of_now_go_when_a_session_stops(in_real_time: OperatorWindow, until: Callable) -> None:
     window = in_real_time
     window.ask("start")
-    until(lambda: window.record.facts["touch_rate"].text().endswith("/s"))
+    until(lambda: window.record.facts["touch_rate"].value.text().endswith("/s"))
     window.ask("stop")
     until(lambda: idle(window) and window.space.session is not None)
-    assert {name: fact.text() for name, fact in window.record.facts.items()} == dict.fromkeys(window.record.facts, "–")
+    assert {name: fact.value.text() for name, fact in window.record.facts.items()} == dict.fromkeys(
+        window.record.facts, "–"
+    )
 
 
 def test_a_simulated_session_says_so_wherever_it_is_shown(opened: OperatorWindow) -> None:

@@ -150,6 +150,7 @@ class RecordPage(QWidget):
         self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
         for fact in self.facts.values():  # numbers of now, or none
             fact.show_text(words.DASH)
+        self.progress.setVisible(recording)
         if recording:
             self._outcome = None
             self._touched_s = -np.inf

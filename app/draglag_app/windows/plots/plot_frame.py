@@ -239,7 +239,7 @@ class PlotFrame(pg.PlotWidget):
         """What is drawn here, for pictures that leave the program: by default the session of the window."""
         if self.source is not None:
             return self.source()
-        of_window = getattr(self.window(), "source_line", None)
+        of_window = getattr(self.window(), "figure_source", None)
         return of_window() if of_window is not None else Source(tr("no session"), "", simulated=False).line()
 
     def _copy(self) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pyqtgraph.exporters import ImageExporter, SVGExporter
@@ -123,7 +123,7 @@ def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
         image = signed(exporter.export(toBytes=True), source)
         with path.open("wb"):  # says what is wrong with the place, which the picture's own writer does not
             pass
-        if not image.save(str(path), b"PNG"):
+        if not image.save(str(path), cast(Any, "PNG")):  # which takes text, whatever its stubs say
             raise DataError(f"{path}: the picture cannot be written", "Make room or choose another folder")
     except OSError as error:
         raise cannot_write(path, error) from None
@@ -149,7 +149,7 @@ def signed(image: QImage, source: str) -> QImage:
 def signed_svg(svg: bytes, source: str) -> bytes:
     """The drawing with a line added below that says what it was drawn from; as it is where its size is not known."""
     text = svg.decode()
-    box = re.search(r'viewBox="([-\d.]+) ([-\d.]+) ([\d.]+) ([\d.]+)"', text)
+    box = re.search(r'viewBox\s*="([-\d.]+) ([-\d.]+) ([\d.]+) ([\d.]+)"', text)
     if box is None:
         return svg
     x, y, wide, high = (float(value) for value in box.groups())
