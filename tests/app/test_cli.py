@@ -9,7 +9,9 @@ import shutil
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,8 +20,10 @@ from click.testing import CliRunner, Result
 from draglag.curve import CurvePoints, fit_form
 from draglag.exchange import read_exchange
 from draglag.model_file import model_of, save_model
+from draglag.protocols import load_protocol
+from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
-from draglag.store import SessionWriter, read_analyses, read_session, verify
+from draglag.store import SessionWriter, read_analyses, read_session, verify, write_session
 from draglag_app.cli import cli
 from draglag_app.cli.main import COMMANDS, load
 
@@ -350,3 +354,25 @@ def test_help_of_simulate_lists_every_effect_with_a_size_that_it_takes() -> None
         assert f"  {name} " in told
         assert parse_effect(f"{name}={effect.parameters[0].typical:g}").id == name
     assert "pitch_mm 5 mm" in told
+
+
+def test_validation_on_smoothed_edges_and_without_runs_that_went_wrong(tmp_path: Path) -> None:
+    """A smoothed path follows the stylus more closely than interpolated events: it leaves less misalignment."""
+    made = simulate_session("screen-1", load_protocol("demo"), seed=3)
+    varying = [run for run in made.runs if run.protocol != "circle"]
+    failed = replace(varying[0], id="run-99", outcome="aborted")
+    write_session(replace(made, runs=(*made.runs, failed)), tmp_path / "s.h5")
+    runner, model = CliRunner(), str(tmp_path / "m.json")
+    assert runner.invoke(cli, ["analyze", str(tmp_path / "s.h5"), "--save-model", model]).exit_code == 0
+
+    def said(*options: str) -> dict[str, Any]:
+        ran = runner.invoke(cli, ["validate", str(tmp_path / "s.h5"), "--model", model, "--json", *options])
+        assert ran.exit_code == 0, ran.output
+        return json.loads(ran.stdout)
+
+    raw, smoothed = said("--raw"), said("--smoothed")
+    assert said()["validation"] == raw["validation"]
+    assert raw["excluded"] == {"run-99": "aborted"}
+    assert [item["run"] for item in raw["validation"]] == [run.id for run in varying]
+    left = [found["validation"][0]["J_per_edge_mm2"] for found in (raw, smoothed)]
+    assert left[1] < left[0]

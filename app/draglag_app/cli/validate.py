@@ -47,13 +47,16 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
     """
     from draglag.analysis import has_constant_speed, mean_by_protocol
     from draglag.correction import corrected
+    from draglag.latency.conduct import kept_runs
     from draglag.latency.estimate import prepare
     from draglag.model_file import left_unexplained, load_model, other_screen
     from draglag.validation import Validation, validate_run
 
     model = load_model(model_path)
     warn(left_unexplained(model))
-    data, correction = corrected(load_session(session), model)
+    whole, excluded = kept_runs(load_session(session))
+    warn(*(f"{run} is left out: {why}" for run, why in excluded.items()))
+    data, correction = corrected(whole, model)
     elsewhere = other_screen(model, data.screen.name)
     runs = [run for run in data.runs if all_runs or not has_constant_speed(run)] or list(data.runs)
 
@@ -86,6 +89,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
         "not_compensated": list(correction.left_but_law),
         **correction.to_dict(),
         "other_screen": elsewhere,
+        "excluded": excluded,
         "problems": problems,
     }
     if as_json:
