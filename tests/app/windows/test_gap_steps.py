@@ -32,7 +32,9 @@ def test_every_step_has_its_name_below_it(
     ]  # fmt: skip
     try:
         page = window.pages["gap"][1]
-        page.show_report({"verdict": "explained", "steps": steps, "gap_first_mm": 0.6, "noise_floor_mm": 0.1})
+        page.show_report(
+            {"verdict": "explained", "steps": steps, "gap_first_mm": 0.6, "gap_last_mm": 0.4, "noise_floor_mm": 0.1}
+        )
         for _ in range(5):
             qapp.processEvents()
         assert len(names_drawn(page.plot)) == len(effects) + 1

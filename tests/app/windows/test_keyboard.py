@@ -185,7 +185,8 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
             for effect in added
         ]  # fmt: skip
         return {
-            "verdict": "no_gap", "steps": steps, "gap_first_mm": 0.2, "noise_floor_mm": 0.1, "report": ("report", added)
+            "verdict": "no_gap", "steps": steps, "gap_first_mm": 0.2, "gap_last_mm": 0.1,
+            "noise_floor_mm": 0.1, "report": ("report", added)
         }  # fmt: skip
 
     monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)

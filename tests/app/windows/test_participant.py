@@ -189,7 +189,7 @@ class TestHands:
                 return True
 
         heard: list[bool] = []
-        shown.aborted.connect(lambda: heard.append(True))
+        shown.closing.connect(lambda: heard.append(True))
         event = ByTheDesktop()
         shown.closeEvent(event)
         assert heard == [True]

@@ -90,9 +90,7 @@ def test_numbers_of_now_go_when_a_session_stops(in_real_time: OperatorWindow, un
     until(lambda: window.record.facts["touch_rate"].value.text().endswith("/s"))
     window.ask("stop")
     until(lambda: idle(window) and window.space.session is not None)
-    assert {name: fact.value.text() for name, fact in window.record.facts.items()} == dict.fromkeys(
-        window.record.facts, "–"
-    )
+    assert [window.record.facts[name].value.text() for name in ("touch_rate", "touch_age", "edges")] == ["–"] * 3
 
 
 def test_a_simulated_session_says_so_wherever_it_is_shown(opened: OperatorWindow) -> None:

@@ -6,7 +6,6 @@ import time
 from datetime import datetime
 from pathlib import Path
 
-import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QGridLayout,
@@ -53,7 +52,7 @@ class RecordPage(QWidget):
         self._phase: Phase | None = None
         self._outcome: tuple[str, str] | None = None
         self._missing: list[str] = []
-        self._touched_s = -np.inf
+        self._touched_s: float | None = None
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
@@ -148,12 +147,12 @@ class RecordPage(QWidget):
             made.setVisible(seen[made])
         self.note.setEnabled(recording)
         self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
-        for fact in self.facts.values():  # numbers of now, or none
-            fact.show_text(words.DASH)
+        for name in ("touch_rate", "touch_age", "edges") if not recording else self.facts:  # numbers of now, or none
+            self.facts[name].show_text(words.DASH)
         self.progress.setVisible(recording)
         if recording:
             self._outcome = None
-            self._touched_s = -np.inf
+            self._touched_s = None
             self.table.clear_runs()
             self._losses: dict[str, int] = {}
             self._enable(resting=False, running=False)
@@ -262,15 +261,15 @@ class RecordPage(QWidget):
         if event.role == "touch":
             self._touched_s = time.monotonic() - max(0.0, event.age_s)
             if event.rate_hz:  # not of a single event
-                self.facts["touch_rate"].show_text(f"{event.rate_hz:.0f} /s")
+                self.facts["touch_rate"].show_text(words.per_second(event.rate_hz))
             self.facts["touch_age"].show_text(words.duration_ms(event.age_s))
         self.facts["lost"].show_text(str(sum(self._losses.values())))
         self.facts["edges"].show_text(str(self.live.n_edges))
 
     def _keep_time(self) -> None:
-        age_s = time.monotonic() - self._touched_s
-        if _OLD_S < age_s < np.inf:  # nothing arrives that would say so
-            self.facts["touch_rate"].show_text("0 /s")
+        age_s = 0.0 if self._touched_s is None else time.monotonic() - self._touched_s
+        if age_s > _OLD_S:  # nothing arrives that would say so
+            self.facts["touch_rate"].show_text(words.per_second(0.0))
             self.facts["touch_age"].show_text(words.duration_ms(age_s))
         if self._phase in (Phase.COUNTDOWN, Phase.RECORDING):
             self._show_state()

@@ -56,6 +56,10 @@ def chance(p_value: float) -> str:
     return f"p = {p_value:.2g}" if p_value > 0.0 else "p < 1e-300"
 
 
+def per_second(rate_hz: float) -> str:
+    return f"{rate_hz:.0f} /s"
+
+
 def duration_ms(value_s: float) -> str:
     """A short time: in milliseconds up to a second, then in seconds."""
     return f"{1e3 * max(0.0, value_s):.0f} ms" if value_s < 1.0 else f"{value_s:.1f} s"
