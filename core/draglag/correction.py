@@ -24,12 +24,6 @@ from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation.effects import EFFECTS, Edges, Effect
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
 
-OF_THE_LASER = ("clock_drift", "clock_offset", "laser_hysteresis", "beam_width", "beam_wedge")
-OF_THE_TOUCH = (
-    "spatial_warp", "scale_error", "direction_asymmetry", "contact_trail", "thermal_drift", "scan_skew", "pitch_ripple",
-    "smoothing_shrink",
-)  # fmt: skip
-OF_THE_STREAM = ("sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact")
 LAW_UNDOES = "part of the latency law, which undoes it"
 LONGEST_SHIFT_S = 0.05  # an edge of a stylus that hardly crosses the beam is not moved farther
 
@@ -57,7 +51,7 @@ class Correction:
     @property
     def left_but_law(self) -> tuple[str, ...]:
         """Ids of effects that neither the correction nor a law of speed undoes."""
-        return tuple(name for name in self.left if name not in OF_SPEED)
+        return tuple(name for name in self.left if EFFECTS[name].undone_in != OF_SPEED)
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -108,14 +102,15 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
     if compared:
         session = replace(session, runs=tuple(remapped(run, nearby(run, session.clocks)) for run in session.runs))
     for item in model.effects:
-        if item.id in IN_THE_LAW:
-            left[item.id] = LAW_UNDOES if item.id in OF_SPEED else "it follows the acceleration"
+        undone_in = EFFECTS[item.id].undone_in
+        if undone_in in IN_THE_LAW:
+            left[item.id] = LAW_UNDOES if undone_in == OF_SPEED else "it follows the acceleration"
         elif item.id == "clock_drift" and compared:
             left[item.id] = "the session's own clock comparisons take it out"
-        elif item.id in OF_THE_LASER or item.id in OF_THE_TOUCH:
+        elif undone_in in ("laser", "touch"):
             applied.append(item)
             effects.append(realise(item))
-        elif item.id in OF_THE_STREAM:
+        elif undone_in == "stream":
             seen, repaired = inspect(session)
             if any(found.effect == item.id for found in seen):
                 session = repaired
@@ -161,17 +156,18 @@ def corrected_touch(
     left: dict[str, str] = {}
     effects: list[Effect] = []
     for item in model.effects:
-        if item.id in IN_THE_LAW:
-            left[item.id] = LAW_UNDOES if item.id in OF_SPEED else "it follows the acceleration"
+        undone_in = EFFECTS[item.id].undone_in
+        if undone_in in IN_THE_LAW:
+            left[item.id] = LAW_UNDOES if undone_in == OF_SPEED else "it follows the acceleration"
             continue
-        if item.id in OF_THE_LASER or item.id == "laser_bounce":
+        if undone_in == "laser" or item.id == "laser_bounce":
             left[item.id] = "it does not act on touch"
         elif item.id == "thermal_drift":
             left[item.id] = "the events do not say how long the screen had been on"
-        elif item.id in OF_THE_TOUCH and size[0] > 0:
+        elif undone_in == "touch" and size[0] > 0:
             applied.append(item)
             effects.append(realise(item))
-        elif item.id in OF_THE_TOUCH:
+        elif undone_in == "touch":
             left[item.id] = "the model does not say how large its screen is"
         elif item.id == "sample_hold":
             applied.append(item)

@@ -21,8 +21,8 @@ VERSION = 1
 MADE_BY = "Give a file made by analyze --save-model or gap --save-model"
 LONGEST_FILE = 4_000_000  # bytes; a model is a few kilobytes
 LONGEST_S = 60.0  # no drag latency is near
-OF_SPEED = ("low_speed_plateau", "second_filter_mode")
-IN_THE_LAW = (*OF_SPEED, "lagging_law", "acceleration_lag")
+OF_SPEED = "law of speed"  # what an effect is undone in
+IN_THE_LAW = (OF_SPEED, "law")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -155,7 +155,7 @@ class LatencyModel(_Table):
     @property
     def not_compensated(self) -> tuple[str, ...]:
         """Ids of effects that the model names but a law of speed cannot undo."""
-        return tuple(effect.id for effect in self.effects if effect.id not in OF_SPEED)
+        return tuple(effect.id for effect in self.effects if EFFECTS[effect.id].undone_in != OF_SPEED)
 
 
 def model_of(

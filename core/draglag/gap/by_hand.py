@@ -10,7 +10,6 @@ from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.compose import STREAMS, Gap, Model, Shrinkage, shrinkage, theta_of
 from draglag.gap.finding.scan import Finding, find
-from draglag.gap.finding.separate import ALWAYS_TOGETHER, EXTRA_RUN
 from draglag.gap.fitting.heldout import floor_mm, gap_mm
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import LawParameters
@@ -21,12 +20,12 @@ from draglag.gap.naming.doubts import covariate_of, left_out, still_there
 from draglag.gap.naming.refits import PLATEAU, SAME_MODEL_BETTER, gained, refit
 from draglag.gap.naming.soundness import excess_between_runs, excess_scatter
 from draglag.gap.naming.tries import fit_judged
-from draglag.gap.results import COVARIATE, TERM_OF, GapReport, Step
+from draglag.gap.results import GapReport, Step
 from draglag.gap.streams.evidence import inspect
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects import EFFECTS, column_of, effect_class, twins_of
 
-BY_HAND = tuple(effect for effect in EFFECTS if effect in (*SIGNATURES, PLATEAU, *TERM_OF))
+BY_HAND = tuple(effect for effect in EFFECTS if column_of(effect) in (*SIGNATURES, PLATEAU))
 
 SEARCHES = 4  # from where the last one ended
 OF_THE_STREAMS = ("frame", "host_tick")  # seen before any fit, which does not change them
@@ -44,8 +43,8 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     if before is None or report.finding is None:
         raise EstimateError(f"{report.session}: there is no model to add to", "; ".join(report.missing) or "Try again")
     session = report.judged(session)
-    term = TERM_OF.get(effect, effect)
-    there = {TERM_OF.get(step.effect, step.effect) for step in report.steps}
+    term = column_of(effect)
+    there = {column_of(step.effect) for step in report.steps}
     if effect not in BY_HAND:
         raise DataError(f"{effect} cannot be fitted to edges", f"Choose one of {', '.join(BY_HAND)}")
     if term in there:
@@ -66,13 +65,13 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         effect,
         parameters_of(effect, fit),
         where_of(effect, fit),
-        COVARIATE.get(effect, ""),
+        effect_class(effect).follows,
         next((c.p_value for c in report.finding.candidates if c.effect == term), 1.0),
         f"added by hand; held-out gap changed by {low:+.3f} to {high:+.3f} mm (95 %): {changed.verdict}",
         changed.before_mm,
         changed.after_mm,
-        ALWAYS_TOGETHER.get(effect, ()),
-        EXTRA_RUN.get(effect, ""),
+        twins_of(effect),
+        effect_class(effect).shown_apart_by,
         fit=fit,
     )
     left = _left(report, fit, finding, changed)

@@ -37,14 +37,14 @@ from draglag.gap.naming.choice import name as names_of
 from draglag.gap.naming.doubts import left_out
 from draglag.gap.naming.refits import PLATEAU, gained
 from draglag.gap.naming.tries import fit_judged
-from draglag.gap.results import COVARIATE, TERM_OF, Step
+from draglag.gap.results import Step
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
 from draglag.gap.workflow import step_of
 from draglag.latency.conduct import kept_runs
 from draglag.recording import FloatArray, IntArray, Session
-from draglag.simulation.effects import EFFECTS, known_effects
+from draglag.simulation.effects import EFFECTS, column_of, effect_class, known_effects
 
 STREAMS = (
     "sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact", "frame_drop",
@@ -80,7 +80,7 @@ class Model:
         if effect_id in self.effects or effect_id in dict(self.held):
             raise DataError(f"{effect_id} is in the model already", "Add another effect")
         if values is None:
-            if effect_id not in (*SIGNATURES, PLATEAU, *TERM_OF, *STREAMS):
+            if column_of(effect_id) not in (*SIGNATURES, PLATEAU, *STREAMS):
                 raise DataError(f"{effect_id} cannot be fitted to edges", "Give its values, or add another effect")
             return replace(self, effects=(*self.effects, effect_id))
         known = {spec.name for spec in EFFECTS[effect_id].parameters}
@@ -188,7 +188,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
         done = _in_fit(start)
         plateau = PLATEAU in model.effects
         for effect in model.effects:
-            term = TERM_OF.get(effect, effect)
+            term = column_of(effect)
             if effect in STREAMS or term in done:
                 continue
             done = {*done, term}
@@ -197,7 +197,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"{session.name}: the model cannot be fitted: {problem}", "Take an effect out") from None
     fitted = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit, of=_of(session))
-    used = {TERM_OF.get(effect, effect) for effect in model.effects}
+    used = {column_of(effect) for effect in model.effects}
     finding = find_in(fit, without=left_out(frozenset(EFFECTS)) | used)
     return Gap(ready, fitted, fit, finding, streams, gap_mm(fit), floor_mm(fit))
 
@@ -252,9 +252,7 @@ def shrinkage(before: Gap, after: Gap) -> Shrinkage:
 
 
 def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
-    from draglag.correction import OF_THE_LASER, OF_THE_TOUCH
-
-    if effect_id not in (*OF_THE_LASER, *OF_THE_TOUCH):
+    if effect_class(effect_id).undone_in not in ("laser", "touch"):
         raise DataError(f"{effect_id} cannot be held at a value", "Leave its values out: then it is fitted")
     specs = EFFECTS[effect_id].parameters
     if not values:
@@ -309,5 +307,5 @@ def _by_run(fit: Fit) -> dict[int, tuple[float, int]]:
 
 def _stream_step(item: StreamEffect, gap: Gap) -> Step:
     parameters = item.parameters
-    covariate = COVARIATE.get(item.effect, "")
+    covariate = effect_class(item.effect).follows
     return Step(item.effect, parameters, item.where, covariate, 1e-9, item.evidence, gap.gap_mm, gap.gap_mm)

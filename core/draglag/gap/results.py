@@ -10,15 +10,6 @@ from draglag.recording import Session
 
 # The gap of a sound session over the floor: 95 % of 237 generated ones.
 FLOOR_REACHES = "in a single session noise leaves 0.7 to 1.6 times that"
-COVARIATE = {
-    "clock_drift": "session_time", "thermal_drift": "session_time", "low_speed_plateau": "speed", "scan_skew": "x",
-    "spatial_warp": "x", "beam_wedge": "x", "pitch_ripple": "x", "laser_hysteresis": "kind_of_edge",
-    "beam_width": "kind_of_edge", "direction_asymmetry": "direction", "second_filter_mode": "speed",
-    "lagging_law": "acceleration", "acceleration_lag": "acceleration", "smoothing_shrink": "normal_acceleration",
-    "clock_offset": "taps", "sample_hold": "host_tick", "frame_batching": "frame", "timestamp_quantisation": "frame",
-    "frame_drop": "frame", "loss_of_contact": "frame", "laser_bounce": "kind_of_edge",
-}  # fmt: skip
-
 # What a gap may follow, as people call it.
 FOLLOWS = {
     "speed": "the drag speed", "session_time": "the session time", "x": "the place along x",
@@ -28,7 +19,6 @@ FOLLOWS = {
     "host_tick": "the ticks of the host", "frame": "the frames of the panel",
     "turn": "the way round of the circle", "run": "the run, by more than panels differ from one to the next",
 }  # fmt: skip
-TERM_OF = {"thermal_drift": "clock_drift", "scale_error": "beam_width"}
 
 
 def followed(covariate: str) -> str:

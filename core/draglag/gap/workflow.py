@@ -11,8 +11,6 @@ from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
 from draglag.gap.finding.scan import LEVEL, Candidate, Finding, find
 from draglag.gap.finding.separate import (
-    ALWAYS_TOGETHER,
-    EXTRA_RUN,
     clock_offset,
     not_seen,
     what_is_missing,
@@ -42,14 +40,14 @@ from draglag.gap.naming.refits import MODE, PLATEAU, RARE, SAME_MODEL_BETTER, ga
 from draglag.gap.naming.soundness import excess_between_runs, excess_scatter, follows_another_speed, nameless_ripple
 from draglag.gap.naming.together import name_two
 from draglag.gap.naming.tries import judged_by
-from draglag.gap.results import COVARIATE, GapReport, Step
+from draglag.gap.results import GapReport, Step
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
 from draglag.latency.conduct import kept_runs
 from draglag.provenance import is_simulated
 from draglag.recording import Session
-from draglag.simulation.effects import known_effects
+from draglag.simulation.effects import effect_class, known_effects, twins_of
 
 MOST_EFFECTS = 6
 NEARLY_ALL = 0.8  # of what a free shape explains: the shape is then the name's, and the rest a matter of detail
@@ -209,7 +207,7 @@ def close_gap(
         steps, fit = without_idle(steps, fit, first, unexplained)
     if unexplained is None and strange:
         # Seen in the streams, and there is no name for it to be given.
-        unexplained = Candidate(None, COVARIATE[strange[0].effect], "latency", 0.0, 1, 1, 0.0)
+        unexplained = Candidate(None, effect_class(strange[0].effect).follows, "latency", 0.0, 1, 1, 0.0)
     if unexplained is None and steps and not seen and not (clearly_less(gap_mm(fit), first_mm) or improves(first, fit)):
         # Held-out runs are predicted no better with these names than without: they name nothing.
         unexplained = Candidate(None, steps[0].covariate, "latency", 0.0, 1, 1, 0.0)
@@ -253,7 +251,7 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
     evidence = f"deviance falls by {best.gain:.0f} after its price"
     if effect == MODE:
         evidence += _of_neither_in_words(best.fit)
-    together = tuple(e for e in ALWAYS_TOGETHER.get(effect, ()) if e in allowed)
+    together = tuple(e for e in twins_of(effect) if e in allowed)
     if effect == "clock_drift":
         size = next(t.sizes[0] for t in best.fit.terms if t.effect == effect)
         verdict = which_drift(session, best.fit, size, allowed)
@@ -264,13 +262,13 @@ def step_of(session: Session, names: list[Name], finding: Finding, allowed: froz
         effect,
         parameters_of(effect, best.fit),
         where_of(effect, best.fit),
-        COVARIATE.get(effect, ""),
+        effect_class(effect).follows,
         p_value,
         evidence,
         best.gap_before_mm,
         best.gap_after_mm,
         tuple(dict.fromkeys((*together, *close))),
-        EXTRA_RUN.get(effect, "") if together or close else "",
+        effect_class(effect).shown_apart_by if together or close else "",
         best.gain,
         best.fit,
     )
@@ -308,7 +306,7 @@ def _stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fi
             item.effect,
             item.parameters,
             item.where,
-            COVARIATE.get(item.effect, ""),
+            effect_class(item.effect).follows,
             1e-9,
             item.evidence,
             before if k == 0 else after,

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from draglag.gap.replaying.replay import Overlay, Replay
-from draglag.gap.results import COVARIATE, GapReport
+from draglag.gap.results import GapReport
 from draglag.recording import FloatArray
 from draglag.report.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
+from draglag.simulation.effects import effect_class
 
 BINS = 12
 # Covariate of the gap report → how a view has it, and how people call it.
@@ -197,7 +198,7 @@ def residuals_figure(before: Replay, after: Replay) -> Any:
 def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
     """For each step the residual against what it follows: measured, simulated without it and with it. None without."""
     steps = [
-        (k, s.effect, COVARIATE.get(s.effect, "speed") if COVARIATE.get(s.effect) in AXES else "speed")
+        (k, s.effect, effect_class(s.effect).follows if effect_class(s.effect).follows in AXES else "speed")
         for k, s in enumerate(report.steps)
     ]
     if not steps:

@@ -68,13 +68,25 @@ PARAMETERS: dict[str, tuple[str, str, float]] = {
 _SIZE = re.compile(r"(?P<id>[a-z]\w*_\w+|share|frames) (?P<value>[-\d.e]+) \((?P<low>[-\d.e]+) to (?P<high>[-\d.e]+)\)")
 
 
+def _shown_as(parameter: str) -> tuple[str, str, float]:
+    """Name, unit and factor of a parameter; of another package's effect by the unit that its name ends with."""
+    if parameter in PARAMETERS:
+        return PARAMETERS[parameter]
+    for ending, shown in (("_mm_s", (" mm/s", 1.0)), ("_s", _MS), ("_mm", (" mm", 1.0)), ("_hz", (" Hz", 1.0))):
+        if parameter.endswith(ending):
+            return parameter.removesuffix(ending).replace("_", " "), *shown
+    return parameter.replace("_", " "), "", 1.0
+
+
 def _say(text: str) -> str:
     return QCoreApplication.translate("Effect", text)
 
 
 def effect_name(effect: str) -> str:
-    """An effect's name; an id that is not known stays as it is."""
-    return _say(EFFECT_NAMES[effect]) if effect in EFFECT_NAMES else effect
+    """An effect's name; of another package's effect its id in words; what is no effect stays as it is."""
+    if effect in EFFECT_NAMES:
+        return _say(EFFECT_NAMES[effect])
+    return effect.replace("_", " ") if effect in EFFECTS else effect
 
 
 def effect_meaning(effect: str) -> str:
@@ -85,7 +97,7 @@ def effect_meaning(effect: str) -> str:
 
 def size_words(parameter: str, value: float, interval: tuple[float, float] | None = None) -> str:
     """A parameter's name and size with its 95 % interval, in the unit people read."""
-    name, unit, factor = PARAMETERS.get(parameter, (parameter, "", 1.0))
+    name, unit, factor = _shown_as(parameter)
     text = f"{_say(name)} {factor * value:.4g}{unit}"
     if interval is None:
         return text
@@ -95,7 +107,7 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
 def main_size(parameters: Mapping[str, Any]) -> str:
     """The first of a step's parameters, without its name: "24.9 ppm (23.7 … 26.2)"; empty without one."""
     for parameter, given in parameters.items():
-        _, unit, factor = PARAMETERS.get(parameter, (parameter, "", 1.0))
+        _, unit, factor = _shown_as(parameter)
         low, high = given["ci95"]
         return f"{factor * given['value']:.3g}{unit} ({factor * low:.3g} … {factor * high:.3g})"
     return ""

@@ -9,26 +9,11 @@ from scipy.stats import norm
 
 from draglag.gap.fitting.joint import Fit
 from draglag.recording import FloatArray, Run, Session
+from draglag.simulation.effects import effect_class
 from draglag.taps import LONGEST_S, summarise_taps
 
 TAP_SD_S = 0.0009  # how far release taps lie from the asymptote of a sound rig, from panel to panel
 OFFSET_S = 0.003  # a smaller difference of tap and asymptote is the panel's own
-ALWAYS_TOGETHER = {
-    "beam_width": ("scale_error",),
-    "scale_error": ("beam_width",),
-    "clock_drift": ("thermal_drift",),
-    "thermal_drift": ("clock_drift",),
-}
-EXTRA_RUN = {
-    "beam_width": "a second beam position separates a wider shadow from a wrong scale",
-    "scale_error": "a second beam position separates a wider shadow from a wrong scale",
-    "clock_drift": "taps before and after the runs separate a drifting clock from a creeping latency",
-    "thermal_drift": "taps before and after the runs separate a drifting clock from a creeping latency",
-    "lagging_law": "a chirp or step whose speed changes quickly",
-    "acceleration_lag": "a chirp or step whose speed changes quickly",
-    "direction_asymmetry": "circles whose centre lies 30 mm off the beam",
-}
-
 TOO_SUDDEN = "a slower chirp or step: no edge of those here could be placed surely"
 CHANGING = ("chirp", "multisine", "step")
 FEWEST_EDGES = 6  # of a run that counts
@@ -139,14 +124,14 @@ def not_seen(session: Session, fit: Fit) -> dict[str, str]:
     """Effects this session could not have shown, and the run that would show them."""
     out = {"contact_trail": "a fixed trail hides in the latency law: a tap or a second stylus shows it"}
     if all(term.effect != "beam_width" for term in fit.terms):  # then its step says so
-        out["scale_error"] = EXTRA_RUN["scale_error"]
+        out["scale_error"] = effect_class("scale_error").shown_apart_by
     if session.taps is None or session.taps.registered_s.size < 20:
         out["clock_offset"] = "taps timed on the same clock show it"
-        out["thermal_drift"] = EXTRA_RUN["thermal_drift"]
+        out["thermal_drift"] = effect_class("thermal_drift").shown_apart_by
     if not any(np.count_nonzero(fit.run_index == k) for k, d in enumerate(fit.runs) if not d.steady):
         there = any(run.protocol in CHANGING for run in session.runs)
         for effect in ("lagging_law", "acceleration_lag"):
-            out[effect] = TOO_SUDDEN if there else EXTRA_RUN[effect]
+            out[effect] = TOO_SUDDEN if there else effect_class(effect).shown_apart_by
     if float(np.ptp(fit.view.x_mm)) < 0.25 * fit.width_mm:
         for effect in ("scan_skew", "beam_wedge", "spatial_warp", "pitch_ripple"):
             out[effect] = "circles that travel across the whole width show it"

@@ -11,6 +11,7 @@ from draglag.gap.fitting.plateau import plateau_ci95_mm_s
 from draglag.gap.fitting.run_by_run import run_by_run_sd
 from draglag.gap.fitting.state import ACCEL_UNKNOWN, SHOWN, Term, shown_in_trace, term_signature
 from draglag.gap.traces.skips import change_behind
+from draglag.simulation.effects import column_of, effect_class
 from draglag.simulation.effects.spatial_warp import CYCLES
 
 WARP = "spatial_warp"
@@ -20,19 +21,6 @@ SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
 SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed beside a skip
 Parameters = dict[str, tuple[float, tuple[float, float]]]
-# effect → (parameter, factor from the term's size, sign kept)
-LINEAR = {
-    "clock_drift": ("drift_ppm", 1e6),
-    "thermal_drift": ("creep_s_per_h", -3600.0),
-    "laser_hysteresis": ("delay_s", 1.0),
-    "beam_width": ("extra_mm", 1.0),
-    "beam_wedge": ("across_mm", 1.0),
-    "direction_asymmetry": ("difference_s", 1.0),
-    "lagging_law": ("delay_s", 1.0),
-    "scan_skew": ("across_s", 1.0),
-    "second_filter_mode": ("extra_s", 1.0),
-    "acceleration_lag": ("lag_s_per_mm_s2", 1.0),
-}
 
 
 def whole_sizes(term: Term, fit: Fit) -> np.ndarray:
@@ -53,7 +41,7 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
     """Sizes of an effect in a fit, in the units of its class in the simulation."""
     if effect == "low_speed_plateau":
         return {"speed_mm_s": (fit.law.plateau_mm_s, plateau_ci95_mm_s(fit))}
-    term_id = {"thermal_drift": "clock_drift", "scale_error": "beam_width"}.get(effect, effect)
+    term_id = column_of(effect)
     at = base_prior(fit.law).size
     for term in fit.terms:
         k = len(term.sizes)
@@ -67,8 +55,9 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
 def _named(effect: str, fit: Fit, sizes: np.ndarray, own: slice, theta: tuple[float, ...]) -> Parameters:
     """``own``: which of the fit's columns are the term's."""
     se = np.maximum(np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0)), run_by_run_sd(fit)[own])
-    if effect in LINEAR:
-        name, factor = LINEAR[effect]
+    known = effect_class(effect)
+    if known.size_is_the_term_s:
+        name, factor = known.parameters[0].name, known.per_term
         # What no number of edges averages away: of which moment a speed is, and how smooth an acceleration.
         systematic = {
             "lagging_law": np.hypot(SPEED_TIMING_S, ACCEL_UNKNOWN * sizes[0]),
@@ -154,19 +143,4 @@ def where_of(effect: str, fit: Fit) -> str:
         change = _change_behind(fit)
         cause = "" if change is None else f", as a rule where the speed changes by more than {change:.0f} mm/s²"
         return f"in {len(times) // 2} stretches of time, {sum(times[1::2]) - sum(times[::2]):.0f} s in all{cause}"
-    return {
-        "clock_drift": "growing with session time",
-        "thermal_drift": "growing with session time",
-        "laser_hysteresis": "edges where the light returns",
-        "beam_width": "every edge, outwards or inwards",
-        "scale_error": "every edge, outwards or inwards",
-        "beam_wedge": "growing along the beam",
-        "direction_asymmetry": "down against up",
-        "scan_skew": "growing across the panel",
-        "spatial_warp": "along x, smoothly",
-        "pitch_ripple": "along the panel, periodic in the electrode pitch",
-        "smoothing_shrink": "where the path bends",
-        "second_filter_mode": "above a threshold of speed",
-        "lagging_law": "where the speed changes",
-        "acceleration_lag": "where the speed changes",
-    }.get(effect, "everywhere")
+    return effect_class(effect).where

@@ -18,8 +18,9 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.naming.choice import UNNAMED_MARGIN, Name, name
 from draglag.gap.naming.refits import MODE, PLATEAU, gained, possible, refit
 from draglag.gap.naming.tries import judged_by
-from draglag.gap.results import COVARIATE, TERM_OF, PassedOver, Step
+from draglag.gap.results import PassedOver, Step
 from draglag.recording import Session
+from draglag.simulation.effects import column_of, effect_class
 
 ESTIMATED = {"acceleration", "normal_acceleration"}  # known from smoothed traces only; held-out runs decide there
 LEFT, LEFT_IN_SPEED = 0.3, 0.1  # of what a name explains
@@ -80,7 +81,7 @@ def without_term(session: Session, fit: Fit, effect: str, first: Fit) -> Fit | N
 
 def without_proxies(session: Session, fit: Fit, steps: list[Step], first: Fit) -> tuple[Fit, list[Step]]:
     """Look at earlier names again beside the newest: one that only stood in for it is dropped."""
-    newest = TERM_OF.get(steps[-1].effect, steps[-1].effect) if steps else ""
+    newest = column_of(steps[-1].effect) if steps else ""
     for term in [t for t in fit.terms if t.effect != newest]:
         at = [t.effect for t in fit.terms]
         others = [t for t in fit.terms if t.effect != term.effect]
@@ -96,7 +97,7 @@ def without_proxies(session: Session, fit: Fit, steps: list[Step], first: Fit) -
             continue
         if too_small or -gained(fit, without) < 8 * sizes.size:
             fit = without if fit.only is None else without_term(session, fit, term.effect, first) or without
-            steps = [s for s in steps if TERM_OF.get(s.effect, s.effect) != term.effect]
+            steps = [s for s in steps if column_of(s.effect) != term.effect]
     return fit, steps
 
 
@@ -132,7 +133,7 @@ def still_there(fit: Fit, finding: Finding) -> Candidate | None:
 def a_detail(left: Candidate, steps: list[Step]) -> bool:
     """Whether what is left follows what a named effect follows and is next to nothing beside it: its exact shape."""
     return left.effect is None and any(
-        COVARIATE.get(step.effect) == left.covariate and left.score < DETAIL * step.gain for step in steps
+        effect_class(step.effect).follows == left.covariate and left.score < DETAIL * step.gain for step in steps
     )
 
 
@@ -174,7 +175,7 @@ def without_parts(
             continue
         hardly = bent_otherwise and step.gap_after_mm > HARDLY * step.gap_before_mm
         scattered = step.fit.whiteners[step.fit.best].components.edge_mm >= max(EDGE_MM)
-        if hardly or left > share * step.gain or (scattered and COVARIATE.get(step.effect) == "acceleration"):
+        if hardly or left > share * step.gain or (scattered and effect_class(step.effect).follows == "acceleration"):
             return _before(k, steps, first)
     return steps, fit
 
@@ -218,4 +219,4 @@ def strained(fit: Fit, finding: Finding) -> Candidate | None:
 
 
 def covariate_of(candidate: Candidate) -> str:
-    return candidate.covariate or COVARIATE.get(candidate.effect or "", candidate.effect or "")
+    return candidate.covariate or effect_class(candidate.effect or "").follows or candidate.effect or ""

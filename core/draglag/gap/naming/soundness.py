@@ -14,7 +14,7 @@ from draglag.gap.fitting.model import N_NUISANCES, base_prior
 from draglag.gap.fitting.noise import RUN_S, TREMOR_MM_S, scatter
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.naming.tries import shown_ripple
-from draglag.gap.results import COVARIATE
+from draglag.simulation.effects import effect_class
 
 # What single edges scatter by on sound panels beyond the touch noise, from none to the most (generated sound sessions).
 SOUND_EDGE_MM = (0.0, 0.05, 0.1)
@@ -110,7 +110,9 @@ def _follows_turn(fit: Fit) -> bool:
 
 def nameless_ripple(fit: Fit) -> Candidate | None:
     """A ripple that the touch events show, large enough for a name, where it may have none; edges show it less."""
-    return None if shown_ripple(fit) is None else Candidate(None, COVARIATE[RIPPLE], "offset", 0.0, 1, 1, 0.0)
+    if shown_ripple(fit) is None:
+        return None
+    return Candidate(None, effect_class(RIPPLE).follows, "offset", 0.0, 1, 1, 0.0)
 
 
 def follows_another_speed(fit: Fit) -> Candidate | None:

@@ -1,4 +1,5 @@
-"""Every effect the simulation knows, one file each. To add one, write its file and name it here."""
+"""Every effect the simulation knows, one file each. To add one, write its file and name it here; another package adds
+one by an entry point of the group ``draglag.effects`` (docs/effects.md)."""
 
 from __future__ import annotations
 
@@ -20,6 +21,7 @@ from draglag.simulation.effects.laser_bounce import LaserBounce
 from draglag.simulation.effects.laser_hysteresis import LaserHysteresis
 from draglag.simulation.effects.loss_of_contact import LossOfContact
 from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
+from draglag.simulation.effects.other_packages import effects_of_other_packages
 from draglag.simulation.effects.pitch_ripple import PitchRipple
 from draglag.simulation.effects.sample_hold import SampleHold
 from draglag.simulation.effects.scale_error import ScaleError
@@ -58,7 +60,10 @@ EFFECTS: dict[str, type[Effect]] = {
         LaggingLaw,
     )
 }
-"""Id → effect, in the order the design lists them."""
+"""Id → effect, in the order the design lists them, then those of other packages."""
+
+for _effect in effects_of_other_packages(EFFECTS):
+    EFFECTS[_effect.id] = _effect
 
 __all__ = [
     "EFFECTS",
@@ -67,10 +72,29 @@ __all__ = [
     "Effect",
     "Parameter",
     "TouchEvents",
+    "column_of",
+    "effect_class",
     "known_effects",
     "parse_effect",
     "parse_effects",
+    "twins_of",
 ]
+
+
+def effect_class(effect_id: str) -> type[Effect]:
+    """The effect of that id; the base class, which says nothing, for an id that is none."""
+    return EFFECTS.get(effect_id, Effect)
+
+
+def column_of(effect_id: str) -> str:
+    """Id of the effect whose signature stands for this one in a fit."""
+    return effect_class(effect_id).shares_column_of or effect_id
+
+
+def twins_of(effect_id: str) -> tuple[str, ...]:
+    """Ids of the other effects that move edges in the same way."""
+    same = column_of(effect_id)
+    return tuple(other for other in EFFECTS if other != effect_id and column_of(other) == same)
 
 
 def parse_effect(text: str) -> Effect:

@@ -23,6 +23,10 @@ class AccelerationLag(Effect):
 
     id: ClassVar[str] = "acceleration_lag"
     meaning: ClassVar[str] = "The latency grows in proportion to the tangential acceleration of the stylus."
+    follows: ClassVar[str] = "acceleration"
+    where: ClassVar[str] = "where the speed changes"
+    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    undone_in: ClassVar[str] = "law"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_s_per_mm_s2", "s per mm/s²", -5e-05, 5e-05, 2e-06),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

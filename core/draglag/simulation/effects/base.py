@@ -71,6 +71,21 @@ class Effect:
     meaning: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     confounded_with: ClassVar[tuple[Confounder, ...]] = ()
+    follows: ClassVar[str] = ""
+    """Covariate that its gap follows: speed, session_time, x, direction, kind_of_edge, acceleration, taps, frame …"""
+    where: ClassVar[str] = "everywhere"
+    """Where it acts, in words for the operator."""
+    per_term: ClassVar[float] = 1.0
+    """The first parameter over the size of its signature, for effects of one signature."""
+    size_is_the_term_s: ClassVar[bool] = True
+    """Whether the first parameter is proportional to the term's size (else the gap has a rule for it)."""
+    shares_column_of: ClassVar[str] = ""
+    """Id of the effect that moves edges in the same way: edges cannot tell the two apart."""
+    shown_apart_by: ClassVar[str] = ""
+    """The recording that would tell it from what looks alike, in words for the operator."""
+    undone_in: ClassVar[str] = ""
+    """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
+    speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
     order: ClassVar[int] = 0
     """Place in the stream of events: what happens nearer to the glass comes first."""
 

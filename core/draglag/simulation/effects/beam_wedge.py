@@ -22,6 +22,9 @@ class BeamWedge(Effect):
         "The apparent diameter of the stylus changes by this much from the left edge of the panel to "
         "the right, as in a beam that spreads."
     )
+    follows: ClassVar[str] = "x"
+    where: ClassVar[str] = "growing along the beam"
+    undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("across_mm", "mm", -5.0, 5.0, 1.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -19,6 +19,11 @@ class ClockDrift(Effect):
         "The laser's clock runs fast against the host's by a constant rate that nobody corrected, "
         "counted from the start of the session."
     )
+    follows: ClassVar[str] = "session_time"
+    where: ClassVar[str] = "growing with session time"
+    per_term: ClassVar[float] = 1e6
+    shown_apart_by: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
+    undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("drift_ppm", "ppm", -500.0, 500.0, 30.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

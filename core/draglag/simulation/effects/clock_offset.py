@@ -16,6 +16,8 @@ class ClockOffset(Effect):
 
     id: ClassVar[str] = "clock_offset"
     meaning: ClassVar[str] = "Every edge of the laser is stamped late by a constant that clock comparisons do not see."
+    follows: ClassVar[str] = "taps"
+    undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_s", "s", -0.1, 0.1, 0.005),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

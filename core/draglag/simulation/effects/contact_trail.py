@@ -18,6 +18,7 @@ class ContactTrail(Effect):
 
     id: ClassVar[str] = "contact_trail"
     meaning: ClassVar[str] = "The reported position trails the stylus by a fixed distance along its motion."
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("trail_mm", "mm", -3.0, 3.0, 0.5),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

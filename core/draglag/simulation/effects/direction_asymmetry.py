@@ -22,6 +22,10 @@ class DirectionAsymmetry(Effect):
         "The latency is larger by this much when the stylus moves down the screen than when it moves "
         "up: half is added one way and half taken off the other."
     )
+    follows: ClassVar[str] = "direction"
+    where: ClassVar[str] = "down against up"
+    shown_apart_by: ClassVar[str] = "circles whose centre lies 30 mm off the beam"
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("difference_s", "s", -0.05, 0.05, 0.006),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

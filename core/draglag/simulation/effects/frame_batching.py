@@ -18,6 +18,8 @@ class FrameBatching(Effect):
     meaning: ClassVar[str] = (
         "Touch frames are delivered in groups of this many, all stamped when the last of them arrives, 20 µs apart."
     )
+    follows: ClassVar[str] = "frame"
+    undone_in: ClassVar[str] = "stream"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("frames", "1", 1.0, 20.0, 2.0, whole=True),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -16,6 +16,7 @@ class FrameDrop(Effect):
 
     id: ClassVar[str] = "frame_drop"
     meaning: ClassVar[str] = "This share of the touch frames never arrives, each independently of the others."
+    follows: ClassVar[str] = "frame"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 0.0, 0.9, 0.1),)
     order: ClassVar[int] = 2
 

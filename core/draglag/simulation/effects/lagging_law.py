@@ -23,6 +23,10 @@ class LaggingLaw(Effect):
     meaning: ClassVar[str] = (
         "The latency follows the speed the stylus had some time before, not the speed at the reported position."
     )
+    follows: ClassVar[str] = "acceleration"
+    where: ClassVar[str] = "where the speed changes"
+    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    undone_in: ClassVar[str] = "law"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

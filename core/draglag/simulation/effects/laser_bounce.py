@@ -16,6 +16,8 @@ class LaserBounce(Effect):
 
     id: ClassVar[str] = "laser_bounce"
     meaning: ClassVar[str] = "After some edges the sensor chatters: it flips back and forth once within a short time."
+    follows: ClassVar[str] = "kind_of_edge"
+    undone_in: ClassVar[str] = "stream"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("share", "1", 0.0, 1.0, 0.1),
         Parameter("span_s", "s", 1e-05, 0.005, 0.001),

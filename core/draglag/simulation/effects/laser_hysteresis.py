@@ -17,6 +17,9 @@ class LaserHysteresis(Effect):
 
     id: ClassVar[str] = "laser_hysteresis"
     meaning: ClassVar[str] = "The sensor reports the return of the light later than its loss by a constant."
+    follows: ClassVar[str] = "kind_of_edge"
+    where: ClassVar[str] = "edges where the light returns"
+    undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.01, 0.01, 0.0018),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

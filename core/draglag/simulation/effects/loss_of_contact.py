@@ -19,6 +19,8 @@ class LossOfContact(Effect):
         "The digitiser loses the stylus now and then; the host fills each gap with a straight line at"
         " the usual rate (filled = 1) or leaves it (0)."
     )
+    follows: ClassVar[str] = "frame"
+    undone_in: ClassVar[str] = "stream"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("losses_per_min", "1/min", 0.0, 120.0, 6.0),
         Parameter("duration_s", "s", 0.02, 2.0, 0.15),

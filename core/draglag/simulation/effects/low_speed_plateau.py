@@ -18,6 +18,8 @@ class LowSpeedPlateau(Effect):
 
     id: ClassVar[str] = "low_speed_plateau"
     meaning: ClassVar[str] = "Below a speed the latency no longer grows: it is held at what it is at that speed."
+    follows: ClassVar[str] = "speed"
+    undone_in: ClassVar[str] = "law of speed"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("speed_mm_s", "mm/s", 1.0, 500.0, 125.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -25,6 +25,10 @@ class PitchRipple(Effect):
         "The position error is periodic in the electrode pitch: the error in each axis is a sine of "
         "the place along the other, as diamond electrodes make it."
     )
+    follows: ClassVar[str] = "x"
+    where: ClassVar[str] = "along the panel, periodic in the electrode pitch"
+    size_is_the_term_s: ClassVar[bool] = False
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_mm", "mm", -2.0, 2.0, 0.3),
         Parameter("pitch_mm", "mm", 1.0, 30.0, 5.0),

@@ -18,6 +18,8 @@ class SampleHold(Effect):
     meaning: ClassVar[str] = (
         "The host runs a loop at this rate and records the last event at every tick, stamped with the tick."
     )
+    follows: ClassVar[str] = "host_tick"
+    undone_in: ClassVar[str] = "stream"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_hz", "Hz", 10.0, 2000.0, 100.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -16,6 +16,11 @@ class ScaleError(Effect):
 
     id: ClassVar[str] = "scale_error"
     meaning: ClassVar[str] = "Reported positions are stretched about the middle of the panel by this share."
+    where: ClassVar[str] = "every edge, outwards or inwards"
+    shares_column_of: ClassVar[str] = "beam_width"
+    shown_apart_by: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
+    size_is_the_term_s: ClassVar[bool] = False
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

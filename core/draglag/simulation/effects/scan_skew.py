@@ -22,6 +22,9 @@ class ScanSkew(Effect):
         "The latency grows linearly across the panel in scan order: by this much from its left edge "
         "to its right, half of it either side of the mean."
     )
+    follows: ClassVar[str] = "x"
+    where: ClassVar[str] = "growing across the panel"
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("across_s", "s", -0.05, 0.05, 0.008),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -19,6 +19,9 @@ class SecondFilterMode(Effect):
 
     id: ClassVar[str] = "second_filter_mode"
     meaning: ClassVar[str] = "Above a switching speed the digitiser uses a second filter, slower by a constant."
+    follows: ClassVar[str] = "speed"
+    where: ClassVar[str] = "above a threshold of speed"
+    undone_in: ClassVar[str] = "law of speed"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("extra_s", "s", -0.05, 0.05, 0.006),
         Parameter("threshold_mm_s", "mm/s", 10.0, 2000.0, 300.0),

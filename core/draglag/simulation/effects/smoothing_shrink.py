@@ -23,6 +23,10 @@ class SmoothingShrink(Effect):
         "The low-pass behind the latency also shrinks curved paths; its mean delay is part of the "
         "latency, its shrinking is this effect."
     )
+    follows: ClassVar[str] = "normal_acceleration"
+    where: ClassVar[str] = "where the path bends"
+    size_is_the_term_s: ClassVar[bool] = False
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

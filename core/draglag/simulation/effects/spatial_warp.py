@@ -24,6 +24,10 @@ class SpatialWarp(Effect):
         "Reported heights are bent along the panel by a smooth quadratic: this much at its left and "
         "right edges, half of it the other way in the middle."
     )
+    follows: ClassVar[str] = "x"
+    where: ClassVar[str] = "along x, smoothly"
+    size_is_the_term_s: ClassVar[bool] = False
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amplitude_mm", "mm", -5.0, 5.0, 0.6),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

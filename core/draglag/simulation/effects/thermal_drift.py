@@ -20,6 +20,12 @@ class ThermalDrift(Effect):
     meaning: ClassVar[str] = (
         "The latency itself creeps, linearly with the time since the session began, for taps as for drags."
     )
+    follows: ClassVar[str] = "session_time"
+    where: ClassVar[str] = "growing with session time"
+    per_term: ClassVar[float] = -3600.0
+    shares_column_of: ClassVar[str] = "clock_drift"
+    shown_apart_by: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
+    undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("creep_s_per_h", "s/h", -0.5, 0.5, 0.04),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

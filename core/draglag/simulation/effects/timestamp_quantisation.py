@@ -16,6 +16,8 @@ class TimestampQuantisation(Effect):
 
     id: ClassVar[str] = "timestamp_quantisation"
     meaning: ClassVar[str] = "The stamps of touch events are rounded up to a multiple of a quantum."
+    follows: ClassVar[str] = "frame"
+    undone_in: ClassVar[str] = "stream"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("quantum_s", "s", 1e-06, 0.05, 0.004),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -1,0 +1,47 @@
+"""Effects that other packages bring: entry points of the group ``draglag.effects``."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Collection, Iterator
+from importlib.metadata import entry_points
+
+from draglag.simulation.effects.base import Effect
+
+GROUP = "draglag.effects"
+
+
+def effects_of_other_packages(known: Collection[str]) -> Iterator[type[Effect]]:
+    """Effects of installed packages, by name of their entry points; one that cannot be used is left out with a warning.
+
+    Args:
+        known: ids that are taken.
+    """
+    taken = set(known)
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        try:
+            effect = entry.load()
+            problem = _problem(effect, taken)
+        except Exception as error:  # whatever a stranger's module does on import
+            problem = f"{type(error).__name__}: {error}"
+        if problem:
+            warnings.warn(f"effect {entry.name} ({entry.value}) is left out: {problem}", stacklevel=2)
+            continue
+        taken.add(effect.id)
+        yield effect
+
+
+def _problem(effect: object, taken: Collection[str]) -> str:
+    """What keeps an object from being an effect; empty where nothing does."""
+    if not (isinstance(effect, type) and issubclass(effect, Effect)):
+        return "it is no subclass of draglag.simulation.effects.Effect"
+    missing = [name for name in ("id", "meaning", "parameters") if not getattr(effect, name, None)]
+    if missing:
+        return f"it has no {missing[0]}"
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", effect.id):
+        return f"its id {effect.id!r} is not of lower-case letters, digits and underscores"
+    if effect.id in taken:
+        return f"its id {effect.id} is taken"
+    effect.typical()  # within its own bounds
+    return ""
