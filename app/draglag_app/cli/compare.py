@@ -24,38 +24,24 @@ def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> N
     Example:
         draglag compare monday.h5 tuesday.h5 --report difference.html
     """
-    from draglag.analysis import analyze
     from draglag.curve.compare import curve_difference
-    from draglag.model_file import load_model
 
     if len(sessions) < 2:
         raise click.UsageError("Give at least two sessions.")
     if report is not None:
         refuse_existing(report)
-    curves: list[tuple[str, CurveFit]] = []
-    sources: list[Source] = []
-    with progress("Comparing") as tell:
+    curves: list[tuple[str, CurveFit, Source]] = []
+    with progress("Comparing") as report_progress:
         for k, path in enumerate(sessions):
-            if tell:
-                tell(k / len(sessions), path.name)
-            if path.suffix == ".json" and path.name != "session.json":
-                model = load_model(path)
-                curves.append((str(path), model.curve))
-                sources.append(model.source)
-                continue
-            data = load_session(path)
-            curve = analyze(data).curve
-            if curve is None:
-                raise EstimateError(f"{path}: no curve", "See draglag analyze for the verdict on its runs")
-            curves.append((str(path), curve))
-            sources.append(source_of(data))
+            if report_progress:
+                report_progress(k / len(sessions), path.name)
+            curves.append((str(path), *_curve_of(path)))
     first = curves[0][1]
-    apart = [(name, curve_difference(first, curve)) for name, curve in curves[1:]]
+    apart = [(name, curve_difference(first, curve)) for name, curve, _ in curves[1:]]
     result = {
         "first": curves[0][0],
         "curves": [
-            {"session": name, "simulated": source.simulated, **curve.to_dict()}
-            for (name, curve), source in zip(curves, sources, strict=True)
+            {"session": name, "simulated": source.simulated, **curve.to_dict()} for name, curve, source in curves
         ],
         "differences": [{"session": name, **(d.to_dict() if d else {"at": []})} for name, d in apart],
     }
@@ -63,9 +49,7 @@ def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> N
         from draglag.reproduction.drawings import comparison_page
 
         try:
-            report.write_text(
-                comparison_page([(*curve, source) for curve, source in zip(curves, sources, strict=True)]), "utf-8"
-            )
+            report.write_text(comparison_page(curves), "utf-8")
         except OSError as error:
             raise DataError(f"{report}: cannot be written ({error.strerror})", "Check the folder") from error
     if as_json:
@@ -85,3 +69,18 @@ def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> N
         word = "they differ" if difference.p_value < 0.05 else "no difference beyond chance"
         click.echo(f"{name} minus {curves[0][0]}: {word} ({chance})")
         click.echo(table(["speed mm/s", "difference ms", "95 % band ms"], rows, left=0) + "\n")
+
+
+def _curve_of(path: Path) -> tuple[CurveFit, Source]:
+    """The curve of a session or of a model, and what it is from. Raises EstimateError for a session without one."""
+    from draglag.analysis import analyze
+    from draglag.model_file import load_model
+
+    if path.suffix == ".json" and path.name != "session.json":
+        model = load_model(path)
+        return model.curve, model.source
+    data = load_session(path)
+    curve = analyze(data).curve
+    if curve is None:
+        raise EstimateError(f"{path}: no curve", "See draglag analyze for the verdict on its runs")
+    return curve, source_of(data)

@@ -13,7 +13,8 @@ from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unjudged
 from draglag.gap.wording import drift_in_analysis, headline
 from draglag.gap.workflow import MOST_EFFECTS, close_gap
 from draglag.model_file import save_model
-from draglag.simulation.effects import EFFECTS
+from draglag.recording import Session
+from draglag.simulation.effects import EFFECTS, known_effects
 from draglag_app.cli.common import (
     checksum,
     json_option,
@@ -78,13 +79,9 @@ def gap(
         draglag gap session.h5 --report gap.html
         draglag gap session.h5 --save-model extended.json
     """
-    unknown = [effect for effect in without if effect not in EFFECTS]
-    if unknown:
-        raise DataError(f"unknown effect {unknown[0]}", f"Known are {', '.join(EFFECTS)}")
-    if report is not None:
-        refuse_existing(report)
-    if model_path is not None:
-        refuse_existing(model_path)
+    known_effects(without)
+    for out in filter(None, (report, model_path)):
+        refuse_existing(out)
     data = load_session(session)
     strange = sorted(set(include) - {run.id for run in data.runs} - {"all"})
     if strange:
@@ -108,12 +105,7 @@ def gap(
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     if not as_json:
         _say(result, report)
-        if drift := drift_in_analysis(data, result):
-            click.echo(drift)
-        if without and result.verdict == "unexplained" and result.stopped_at is None:
-            click.echo(f"It may be what was left out of the library: {', '.join(without)}.")
-        if left := unjudged(data, result):
-            click.echo(left)
+        _say_more(data, result, without)
         if provisional:
             nothing = "No provisional term: nothing is unexplained that a smooth term would close."
             click.echo(nothing if unnamed is None else unnamed.words())
@@ -122,6 +114,16 @@ def gap(
                 "" if unnamed is None else ", without the provisional term: what has no name is no part of a model"
             )
             click.echo(f"Model: {model_path}{without_it}")
+
+
+def _say_more(data: Session, result: GapReport, without: tuple[str, ...]) -> None:
+    """What else one should know of the finding: a drift, effects and runs that were left out."""
+    if drift := drift_in_analysis(data, result):
+        click.echo(drift)
+    if without and result.verdict == "unexplained" and result.stopped_at is None:
+        click.echo(f"It may be what was left out of the library: {', '.join(without)}.")
+    if left := unjudged(data, result):
+        click.echo(left)
 
 
 def _say(result: GapReport, report: Path | None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from draglag.clocks import rate_words
 from draglag.gap.results import GapReport, Step, unexplained_in_words
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects import EFFECTS, title_of
 from draglag.verification import clock_drifts
 
 # Unit of an effect's parameter in code → unit people read, and how many of it make one of the former.
@@ -27,7 +27,7 @@ def size_in_words(step: Step) -> str:
 
 def cause_in_words(step: Step) -> str:
     """An effect, its twins and its size: "clock drift or thermal drift 24.9 ppm (23.7 to 26.2)"."""
-    names = " or ".join(effect.replace("_", " ") for effect in (step.effect, *step.indistinguishable_from))
+    names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))
     return f"{names} {size_in_words(step)}".rstrip()
 
 

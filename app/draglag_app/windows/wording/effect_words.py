@@ -8,34 +8,10 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects import EFFECTS, title_of
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
-EFFECT_NAMES = {
-    "clock_drift": QT_TRANSLATE_NOOP("Effect", "clock drift"),
-    "clock_offset": QT_TRANSLATE_NOOP("Effect", "clock offset"),
-    "low_speed_plateau": QT_TRANSLATE_NOOP("Effect", "low-speed plateau"),
-    "sample_hold": QT_TRANSLATE_NOOP("Effect", "sample and hold"),
-    "laser_hysteresis": QT_TRANSLATE_NOOP("Effect", "laser hysteresis"),
-    "beam_width": QT_TRANSLATE_NOOP("Effect", "beam width"),
-    "laser_bounce": QT_TRANSLATE_NOOP("Effect", "laser bounce"),
-    "spatial_warp": QT_TRANSLATE_NOOP("Effect", "spatial warp"),
-    "scale_error": QT_TRANSLATE_NOOP("Effect", "scale error"),
-    "direction_asymmetry": QT_TRANSLATE_NOOP("Effect", "direction asymmetry"),
-    "acceleration_lag": QT_TRANSLATE_NOOP("Effect", "acceleration lag"),
-    "contact_trail": QT_TRANSLATE_NOOP("Effect", "contact trail"),
-    "thermal_drift": QT_TRANSLATE_NOOP("Effect", "thermal drift"),
-    "frame_batching": QT_TRANSLATE_NOOP("Effect", "frame batching"),
-    "timestamp_quantisation": QT_TRANSLATE_NOOP("Effect", "coarse time stamps"),
-    "frame_drop": QT_TRANSLATE_NOOP("Effect", "dropped frames"),
-    "loss_of_contact": QT_TRANSLATE_NOOP("Effect", "loss of contact"),
-    "second_filter_mode": QT_TRANSLATE_NOOP("Effect", "second filter mode"),
-    "scan_skew": QT_TRANSLATE_NOOP("Effect", "scan skew"),
-    "pitch_ripple": QT_TRANSLATE_NOOP("Effect", "electrode ripple"),
-    "smoothing_shrink": QT_TRANSLATE_NOOP("Effect", "smoothing that shrinks"),
-    "beam_wedge": QT_TRANSLATE_NOOP("Effect", "beam wedge"),
-    "lagging_law": QT_TRANSLATE_NOOP("Effect", "lagging law"),
-}
+EFFECT_NAMES = {effect: title_of(effect) for effect in EFFECTS}
 # id → name, unit as shown, how many of it make one of the library's.
 _MS = (" ms", 1e3)
 PARAMETERS: dict[str, tuple[str, str, float]] = {
@@ -83,10 +59,8 @@ def _say(text: str) -> str:
 
 
 def effect_name(effect: str) -> str:
-    """An effect's name; of another package's effect its id in words; what is no effect stays as it is."""
-    if effect in EFFECT_NAMES:
-        return _say(EFFECT_NAMES[effect])
-    return effect.replace("_", " ") if effect in EFFECTS else effect
+    """An effect's name, in English where there is no other; what is no effect stays as it is."""
+    return _say(EFFECT_NAMES[effect]) if effect in EFFECT_NAMES else effect
 
 
 def effect_meaning(effect: str) -> str:

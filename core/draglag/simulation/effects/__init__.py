@@ -77,6 +77,7 @@ __all__ = [
     "known_effects",
     "parse_effect",
     "parse_effects",
+    "title_of",
     "twins_of",
 ]
 
@@ -84,6 +85,11 @@ __all__ = [
 def effect_class(effect_id: str) -> type[Effect]:
     """The effect of that id; the base class, which says nothing, for an id that is none."""
     return EFFECTS.get(effect_id, Effect)
+
+
+def title_of(effect_id: str) -> str:
+    """What people call the effect: "low-speed plateau"."""
+    return effect_class(effect_id).title or effect_id.replace("_", " ")
 
 
 def column_of(effect_id: str) -> str:

@@ -71,6 +71,8 @@ class Effect:
     meaning: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     confounded_with: ClassVar[tuple[Confounder, ...]] = ()
+    title: ClassVar[str] = ""
+    """What people call it; empty: its id in words."""
     follows: ClassVar[str] = ""
     """Covariate that its gap follows: speed, session_time, x, direction, kind_of_edge, acceleration, taps, frame …"""
     where: ClassVar[str] = "everywhere"

@@ -15,6 +15,7 @@ class FrameDrop(Effect):
     """Touch frames get lost."""
 
     id: ClassVar[str] = "frame_drop"
+    title: ClassVar[str] = "dropped frames"
     meaning: ClassVar[str] = "This share of the touch frames never arrives, each independently of the others."
     follows: ClassVar[str] = "frame"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 0.0, 0.9, 0.1),)

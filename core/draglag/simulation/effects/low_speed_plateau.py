@@ -17,6 +17,7 @@ class LowSpeedPlateau(Effect):
     """The digitiser's filter has a floor of speed."""
 
     id: ClassVar[str] = "low_speed_plateau"
+    title: ClassVar[str] = "low-speed plateau"
     meaning: ClassVar[str] = "Below a speed the latency no longer grows: it is held at what it is at that speed."
     follows: ClassVar[str] = "speed"
     undone_in: ClassVar[str] = "law of speed"

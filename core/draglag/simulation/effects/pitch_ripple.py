@@ -21,6 +21,7 @@ class PitchRipple(Effect):
     """Position errors repeat with the electrodes."""
 
     id: ClassVar[str] = "pitch_ripple"
+    title: ClassVar[str] = "electrode ripple"
     meaning: ClassVar[str] = (
         "The position error is periodic in the electrode pitch: the error in each axis is a sine of "
         "the place along the other, as diamond electrodes make it."

@@ -15,6 +15,7 @@ class SampleHold(Effect):
     """The host reads the last event in a loop."""
 
     id: ClassVar[str] = "sample_hold"
+    title: ClassVar[str] = "sample and hold"
     meaning: ClassVar[str] = (
         "The host runs a loop at this rate and records the last event at every tick, stamped with the tick."
     )

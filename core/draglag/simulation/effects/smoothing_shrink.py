@@ -19,6 +19,7 @@ class SmoothingShrink(Effect):
     """The digitiser's averaging cuts corners."""
 
     id: ClassVar[str] = "smoothing_shrink"
+    title: ClassVar[str] = "smoothing that shrinks"
     meaning: ClassVar[str] = (
         "The low-pass behind the latency also shrinks curved paths; its mean delay is part of the "
         "latency, its shrinking is this effect."

@@ -15,6 +15,7 @@ class TimestampQuantisation(Effect):
     """Touch stamps are coarse."""
 
     id: ClassVar[str] = "timestamp_quantisation"
+    title: ClassVar[str] = "coarse time stamps"
     meaning: ClassVar[str] = "The stamps of touch events are rounded up to a multiple of a quantum."
     follows: ClassVar[str] = "frame"
     undone_in: ClassVar[str] = "stream"
