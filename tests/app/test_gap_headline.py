@@ -1,5 +1,6 @@
 """The headline of a gap report does not call noise what the line below it says is beyond chance."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,8 +13,10 @@ from draglag.gap.finding.separate import not_seen
 from draglag.gap.fitting.state import Term
 from draglag.gap.results import GapReport, PassedOver, Step, unjudged
 from draglag.gap.wording import drift_in_analysis, headline
-from draglag.recording import ClockBounds
+from draglag.protocols import load_protocol
 from draglag.report.gap import _table
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
 from draglag_app.cli import cli
 from draglag_app.cli.gap import _say
 
@@ -107,15 +110,16 @@ def test_an_offset_shown_by_taps_has_no_gap_of_its_own(capsys):
         assert OFFSET.evidence in said
 
 
-def test_a_drift_refers_to_what_analyze_says_of_it():
-    late_s = 24.4e-6 * np.arange(0.0, 600.0, 10.0)
-    device_s = np.arange(0.0, 600.0, 10.0) + late_s
-    bound = ClockBounds("laser", device_s, device_s - late_s - 1e-5, device_s - late_s + 1e-5)
-    with_it = SimpleNamespace(clocks=(bound,), runs=())
-    found = replace(report("explained"), steps=(DRIFT,))
-    assert "the laser's clock run 24.4 ppm fast" in drift_in_analysis(with_it, found)
-    assert "no comparison" in drift_in_analysis(SimpleNamespace(clocks=(), runs=()), found)
-    assert drift_in_analysis(with_it, report("no_gap")) == ""
+def test_a_drift_refers_to_what_analyze_makes_of_it():
+    made = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("clock_drift=25")], seed=4)
+    found = replace(report("explained"), steps=(DRIFT,))  # 23.7 to 26.2 ppm
+    assert "sees the same drift" in drift_in_analysis(made, found)
+    assert re.search(r"stamps run 2[45]\.\d ppm fast", drift_in_analysis(made, found))
+    sound = simulate_session("screen-1", load_protocol("demo"), seed=4)
+    assert "sees another drift" in drift_in_analysis(sound, found)
+    bare = replace(made, clocks=(), runs=tuple(replace(run, sync=()) for run in made.runs))
+    assert "no comparison" in drift_in_analysis(bare, found)
+    assert drift_in_analysis(made, report("no_gap")) == ""
 
 
 def test_runs_that_the_fit_does_not_judge_by_are_told_with_the_reason():

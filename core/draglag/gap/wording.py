@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from draglag.clocks import rate_words
+import numpy as np
+
+from draglag.clocks import rate_words, remapped
+from draglag.errors import DataError
 from draglag.gap.results import GapReport, Step, unexplained_in_words
+from draglag.latency.on_clock import nearby
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, title_of
-from draglag.verification import clock_drifts
 
 # Unit of an effect's parameter in code → unit people read, and how many of it make one of the former.
 READ_AS = {
     "s": ("ms", 1e3), "s/h": ("ms/h", 1e3), "s per mm/s²": ("ms/(m/s²)", 1e6), "1": ("", 1.0), "1/min": ("/min", 1.0)
 }  # fmt: skip
 DRIFTS = ("clock_drift", "thermal_drift")
+FEWEST_STAMPS = 10  # for a rate
 
 
 def size_in_words(step: Step) -> str:
@@ -61,16 +65,43 @@ def _causes(report: GapReport, sizes: str) -> str:
 
 
 def drift_in_analysis(session: Session, report: GapReport) -> str:
-    """What ``analyze`` says of the laser's clock, where the gap report names a drift; otherwise empty."""
-    if not any(step.effect in DRIFTS for step in report.steps):
+    """What ``analyze`` makes of the drift that the gap report names; empty where it names none."""
+    step = next((step for step in report.steps if step.effect in DRIFTS), None)
+    if step is None:
         return ""
-    laser = next((drift for drift in clock_drifts(session) if drift.stream == "laser"), None)
-    if laser is None:
+    ppm = drift_of_stamps_ppm(session)
+    if ppm is None:
         return (
             "draglag analyze says nothing of this drift: the session holds no comparison of the laser's clock with "
             "the host's."
         )
+    _, (low, high) = next(iter(step.parameters.values()))
+    if step.effect == "clock_drift" and low <= ppm <= high:
+        return (
+            f"draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps run "
+            f"{rate_words(ppm)}. It takes that out before it estimates."
+        )
     return (
-        f"draglag analyze has the laser's clock run {rate_words(laser.ppm)} (± {1.96 * laser.se_ppm:.2f}) by its "
-        "comparison with the host's, which is in the stamps already: this drift is what remains."
+        f"draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run "
+        f"{rate_words(ppm)}."
     )
+
+
+def drift_of_stamps_ppm(session: Session) -> float | None:
+    """By how much the laser's stamps run fast against the session's own comparisons of clocks; None without any."""
+    if not session.clocks and not any(run.sync for run in session.runs):
+        return None
+    stamps, off = [], []
+    for run in session.runs:
+        if not len(run.laser.device_t_s):
+            continue
+        try:
+            mapped = remapped(run, nearby(run, session.clocks))
+        except DataError:
+            return None
+        stamps.append(mapped.laser.t_s)
+        off.append(run.laser.t_s - mapped.laser.t_s)
+    t_s = np.concatenate(stamps) if stamps else np.empty(0)
+    if t_s.size < FEWEST_STAMPS:
+        return None
+    return float(1e6 * np.polyfit(t_s - t_s.mean(), np.concatenate(off), 1)[0])

@@ -56,13 +56,23 @@ GAP = (
     ),
     QT_TRANSLATE_NOOP(
         "Library",
-        "draglag analyze has the laser's clock run {ppm} ppm fast (± {se}) by its comparison with the host's, which is "
-        "in the stamps already: this drift is what remains.",
+        "draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
+        "fast. It takes that out before it estimates.",
     ),
     QT_TRANSLATE_NOOP(
         "Library",
-        "draglag analyze has the laser's clock run {ppm} ppm slow (± {se}) by its comparison with the host's, which is "
-        "in the stamps already: this drift is what remains.",
+        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
+        "fast.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
+        "slow. It takes that out before it estimates.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
+        "slow.",
     ),
     # of an effect added by hand
     QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): shrinks"),
