@@ -9,13 +9,12 @@ from draglag.errors import DataError
 from draglag.gap.results import GapReport, Step, unexplained_in_words
 from draglag.latency.on_clock import nearby
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS, title_of
+from draglag.simulation.effects import EFFECTS, effect_class, title_of
 
 # Unit of an effect's parameter in code → unit people read, and how many of it make one of the former.
 READ_AS = {
     "s": ("ms", 1e3), "s/h": ("ms/h", 1e3), "s per mm/s²": ("ms/(m/s²)", 1e6), "1": ("", 1.0), "1/min": ("/min", 1.0)
 }  # fmt: skip
-DRIFTS = ("clock_drift", "thermal_drift")
 FEWEST_STAMPS = 10  # for a rate
 
 
@@ -66,7 +65,7 @@ def _causes(report: GapReport, sizes: str) -> str:
 
 def drift_in_analysis(session: Session, report: GapReport) -> str:
     """What ``analyze`` makes of the drift that the gap report names; empty where it names none."""
-    step = next((step for step in report.steps if step.effect in DRIFTS), None)
+    step = next((step for step in report.steps if step.covariate == "session_time"), None)
     if step is None:
         return ""
     ppm = drift_of_stamps_ppm(session)
@@ -76,7 +75,7 @@ def drift_in_analysis(session: Session, report: GapReport) -> str:
             "the host's."
         )
     _, (low, high) = next(iter(step.parameters.values()))
-    if step.effect == "clock_drift" and low <= ppm <= high:
+    if effect_class(step.effect).undone_in == "laser" and low <= ppm <= high:
         return (
             f"draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps run "
             f"{rate_words(ppm)}. It takes that out before it estimates."
