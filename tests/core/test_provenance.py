@@ -77,3 +77,10 @@ def test_json_says_whether_it_was_simulated(simulated: Session, tmp_path: Path, 
     write_session(simulated, tmp_path / "s.h5")
     ran = CliRunner().invoke(cli, [command[0], str(tmp_path / "s.h5"), *command[1:], "--json"])
     assert json.loads(ran.stdout)["simulated"] is True
+
+
+def test_the_terminal_says_whether_it_was_simulated(simulated: Session, measured: Session, tmp_path: Path) -> None:
+    for session, marked in ((simulated, True), (measured, False)):
+        write_session(session, tmp_path / f"{marked}.h5")
+        ran = CliRunner().invoke(cli, ["analyze", str(tmp_path / f"{marked}.h5")])
+        assert ran.stdout.startswith("SIMULATED · ") is marked

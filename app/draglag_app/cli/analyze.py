@@ -196,7 +196,8 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
     """The result for people: blocks of text."""
     rate = analysis.options.update_rate_hz
     stamps = "the kernel's stamps" if rate is None else f"a loop at {rate:g} Hz holding the last event"
-    blocks = [f"{analysis.session}: {analysis.options.estimator} estimator on {stamps}"]
+    mark = "SIMULATED · " if analysis.source is not None and analysis.source.simulated else ""
+    blocks = [f"{mark}{analysis.session}: {analysis.options.estimator} estimator on {stamps}"]
     if result["runs"]:
         blocks.append(_runs(result["runs"]))
     if analysis.curve is not None:

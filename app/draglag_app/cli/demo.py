@@ -66,7 +66,7 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
 
 def summary(session: Session, analysis: Analysis) -> list[str]:
     """A short table of what came out."""
-    lines = [f"{session.name}: {len(session.runs)} runs", "", "speed mm/s   latency ms   95 % interval"]
+    lines = [f"SIMULATED · {session.name}: {len(session.runs)} runs", "", "speed mm/s   latency ms   95 % interval"]
     for run in sorted(analysis.runs, key=lambda run: run.speed_mm_s or 0.0):
         numbers = run.to_dict()
         low_high = numbers.get("latency_ci95_ms")
