@@ -82,6 +82,7 @@ class OperatorWindow(QMainWindow):
         record.noted.connect(self.keyboard.give_back)
         self.header.lights_changed.connect(self._show_readiness)
         for changed in (self.space.settings_changed, self.space.protocol_changed):
+            changed.connect(self.record.forget_outcome)
             changed.connect(self._show_readiness)
         self.space.session_changed.connect(self._show_title)
         self._recording_changed(False)

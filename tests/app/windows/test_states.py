@@ -40,6 +40,8 @@ def test_a_start_that_fails_leaves_no_file_name_and_says_so(open_window: Callabl
     assert window.windowTitle() == "draglag"
     assert window.record.big.text() == "Nothing was recorded"
     assert "event9999" in window.record.small.text()
+    window.space.change_settings(rig=window.space.settings.rig.model_copy(update={"touch": "sim:"}))
+    assert window.record.big.text() == "Ready"  # what went wrong with the other touchscreen is over
 
 
 def test_it_is_not_ready_while_a_light_is_red(open_window: Callable) -> None:

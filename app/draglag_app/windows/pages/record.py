@@ -165,10 +165,14 @@ class RecordPage(QWidget):
             self._show_idle()
 
     def show_outcome(self, path: Path | None, problem: str) -> None:
-        """How a session ended that did not record all that was planned; until the next one begins."""
+        """How a session ended that did not record all that was planned; until the next or another rig."""
         if problem:
             title = self.tr("Nothing was recorded") if path is None else self.tr("Ended early")
             self._outcome = (title, in_words(problem))
+
+    def forget_outcome(self) -> None:
+        """Another rig or protocol was chosen: what happened with the one before says nothing of it."""
+        self._outcome = None
 
     def show_readiness(self, problems: list[str]) -> None:
         """What stands in the way of a measurement, a sentence each."""

@@ -82,9 +82,9 @@ class Effect:
     size_is_the_term_s: ClassVar[bool] = True
     """Whether the first parameter is proportional to the term's size (else the gap has a rule for it)."""
     shares_column_of: ClassVar[str] = ""
-    """Id of the effect that moves edges in the same way: edges cannot tell the two apart."""
+    """Id of the effect that moves edges in the same way: edges cannot distinguish the two."""
     shown_apart_by: ClassVar[str] = ""
-    """The recording that would tell it from what looks alike, in words for the operator."""
+    """The recording that would separate it from what looks alike, in words for the operator."""
     undone_in: ClassVar[str] = ""
     """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
     speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
