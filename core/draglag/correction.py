@@ -162,7 +162,7 @@ def corrected_touch(
             continue
         if undone_in == "laser" or item.id == "laser_bounce":
             left[item.id] = "it does not act on touch"
-        elif item.id == "thermal_drift":
+        elif EFFECTS[item.id].follows == "session_time":
             left[item.id] = "the events do not say how long the screen had been on"
         elif undone_in == "touch" and size[0] > 0:
             applied.append(item)
@@ -263,14 +263,17 @@ def _laser_without(
         shown = effect.edges(Edges(t, laser.light), rng)
         if shown.t_s.size == t.size:
             t = t - (shown.t_s - t)
-    width = np.full(host_s.size, diameter_mm)
+    width, higher = np.full(host_s.size, diameter_mm), np.zeros(host_s.size)
     for effect in effects:
-        width = effect.diameter(width, k)
+        width, higher = effect.diameter(width, k), effect.distance(higher, k)
     wider = np.interp(t + origin_s, host_s, width) - diameter_mm
-    across = np.maximum(np.abs(np.interp(t + origin_s, host_s, k.motion.vy_mm_s)), 1.0)
-    # A wider shadow begins earlier and ends later.
+    velocity = np.interp(t + origin_s, host_s, k.motion.vy_mm_s)
+    across = np.maximum(np.abs(velocity), 1.0)
+    # A wider shadow begins earlier and ends later; a beam that lies lower is reached later on the way down.
     early = np.clip(0.5 * wider / across, -LONGEST_SHIFT_S, LONGEST_SHIFT_S)
-    t = t + np.where(laser.light == 0, early, -early)
+    lower = -np.sign(velocity) * np.interp(t + origin_s, host_s, higher)
+    late = np.clip(lower / across, -LONGEST_SHIFT_S, LONGEST_SHIFT_S)
+    t = t + np.where(laser.light == 0, early, -early) - late
     moved = t + origin_s - laser.t_s
     device = laser.device_t_s + moved if laser.device_t_s.size == moved.size else laser.device_t_s
     return replace(laser, t_s=laser.t_s + moved, device_t_s=device)

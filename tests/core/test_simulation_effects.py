@@ -41,8 +41,14 @@ IDS = [
     "smoothing_shrink",
     "beam_wedge",
     "lagging_law",
+    "speed_adaptive_filter",
+    "prediction",
+    "deadband",
+    "warm_up",
+    "beam_bow",
+    "poll_grid",
 ]
-ON_LASER = {"clock_drift", "clock_offset", "laser_hysteresis", "beam_width", "laser_bounce", "beam_wedge"}
+ON_LASER = {"clock_drift", "clock_offset", "laser_hysteresis", "beam_width", "laser_bounce", "beam_wedge", "beam_bow"}
 
 
 def _rng(name=""):
@@ -107,7 +113,7 @@ def test_an_effect_changes_its_own_stream_and_leaves_the_other_alone(name):
     touch_same = all(np.array_equal(getattr(plain.touch, a), getattr(run.touch, a)) for a in ("t_s", "x_mm", "y_mm"))
     assert laser_same == (name not in ON_LASER)
     assert touch_same == (name in ON_LASER)
-    if name not in {"beam_width", "beam_wedge"}:
+    if name not in {"beam_width", "beam_wedge", "beam_bow"}:
         assert np.array_equal(before.edge_s, after.edge_s)
 
 
@@ -180,6 +186,17 @@ def test_thermal_drift_creeps_for_drags_and_taps():
         for e in ((), (parse_effect("thermal_drift=0.036"),))
     )
     assert warm.registered_s - taps.registered_s == pytest.approx(1e-5 * (taps.physical_s - 100), abs=2e-6)
+
+
+def test_warm_up_fades_for_drags_and_taps():
+    k, without, now = _reports("warm_up=0.012,time_constant_s=400")
+    assert now.latency_s - without.latency_s == pytest.approx(0.012 * np.exp(-k.session_s / 400))
+    taps, warm = (
+        simulate_taps(RIG, 50, start_s=350.0, rng=_rng(), effects=e, session_start_s=100.0)
+        for e in ((), (parse_effect("warm_up=0.012,time_constant_s=400"),))
+    )
+    extra = 0.012 * np.exp(-(taps.physical_s - 100) / 400)
+    assert warm.registered_s - taps.registered_s == pytest.approx(extra, abs=2e-6)
 
 
 def test_second_filter_mode_switches_at_its_threshold():
@@ -302,6 +319,21 @@ def test_lost_contact_is_filled_with_straight_lines_or_left():
     assert np.array_equal(np.flatnonzero(np.diff(left.contact_id)), np.flatnonzero(np.diff(left.t_s) > 0.009))
 
 
+def test_events_wait_for_the_next_poll():
+    frames = replace(EVENTS, t_s=3.0013 + np.arange(2000) * 0.00753)
+    polled = parse_effect("poll_grid=0.008,jitter_s=0").events(frames, _rng())
+    wait = polled.t_s - frames.t_s
+    assert wait.min() > -1e-6
+    assert wait.max() < 0.008 + 1e-6
+    assert wait.mean() == pytest.approx(0.004, abs=1e-4)
+    step = np.diff(polled.t_s)
+    assert set(np.round(step / 0.008, 3)) == {0.0, 1.0}  # frames are faster: now and then two come at once
+    assert np.mean(step < 1e-3) == pytest.approx(1 - 0.00753 / 0.008, abs=2e-3)
+    assert np.array_equal(polled.x_mm, frames.x_mm)
+    jittered = parse_effect("poll_grid=0.008,jitter_s=4e-5").events(frames, _rng())
+    assert np.std(jittered.t_s - polled.t_s) == pytest.approx(4e-5, rel=0.1)
+
+
 # what the laser effects do
 
 
@@ -350,6 +382,20 @@ def test_beam_width_and_wedge_change_the_shadow():
     assert _darkness_s("beam_width=-1") == pytest.approx(0.06, abs=1e-6)
     assert _darkness_s("beam_wedge=2", x0=509.2) == pytest.approx(0.08, abs=1e-6)
     assert _darkness_s("beam_wedge=2", x0=0.0) == pytest.approx(0.06, abs=1e-6)
+
+
+def _beam_crossed_mm(text, x0):
+    """Height at which the beam is crossed by the middle of a stylus that moves straight down at 100 mm/s."""
+    k = _kinematics(_straight(vy=100.0, x0=x0, y0=80.0))
+    flat = replace(IDEAL, beam=replace(IDEAL.beam, slope=0.0))
+    dark, light = shadow_edges(flat, k, (parse_effect(text),) if text else ()).t_s
+    return 80.0 + 100.0 * (0.5 * (dark + light) - k.session_s[0])
+
+
+def test_a_bowed_beam_lies_lower_in_the_middle_and_no_wider():
+    middle, quarter, end = (_beam_crossed_mm("beam_bow=0.8", x) - _beam_crossed_mm("", x) for x in (254.6, 127.3, 0.0))
+    assert (middle, quarter, end) == (pytest.approx(0.8), pytest.approx(0.6), pytest.approx(0.0, abs=1e-6))
+    assert _darkness_s("beam_bow=0.8", x0=254.6) == pytest.approx(0.07, abs=1e-6)
 
 
 # how effects are written

@@ -27,7 +27,10 @@ def shadow_edges(rig: Rig, k: Kinematics, effects: Sequence[Effect]) -> Edges:
     diameter = np.full(len(m.t_s), rig.stylus.diameter_mm)
     for effect in effects:
         diameter = effect.diameter(diameter, k)
-    clear = np.abs(beam_distance_mm(rig.beam, m.x_mm, m.y_mm)) - diameter / 2
+    distance = beam_distance_mm(rig.beam, m.x_mm, m.y_mm)
+    for effect in effects:
+        distance = effect.distance(distance, k)
+    clear = np.abs(distance) - diameter / 2
     lit = (clear >= 0) | ~m.in_contact
     i = np.flatnonzero(np.diff(lit.astype(np.int8)))
     crossing = (clear[i] >= 0) != (clear[i + 1] >= 0)  # otherwise the stylus came down on the beam, or left it

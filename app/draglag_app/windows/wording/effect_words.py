@@ -39,6 +39,16 @@ PARAMETERS: dict[str, tuple[str, str, float]] = {
     "across_s": (QT_TRANSLATE_NOOP("Effect", "across the panel"), *_MS),
     "across_mm": (QT_TRANSLATE_NOOP("Effect", "across the panel"), " mm", 1.0),
     "pitch_mm": (QT_TRANSLATE_NOOP("Effect", "pitch"), " mm", 1.0),
+    "amplitude_s": (QT_TRANSLATE_NOOP("Effect", "amplitude"), *_MS),
+    "bow_mm": (QT_TRANSLATE_NOOP("Effect", "bow"), " mm", 1.0),
+    "horizon_s": (QT_TRANSLATE_NOOP("Effect", "horizon"), *_MS),
+    "window_s": (QT_TRANSLATE_NOOP("Effect", "window"), *_MS),
+    "width_mm": (QT_TRANSLATE_NOOP("Effect", "width"), " mm", 1.0),
+    "kind": (QT_TRANSLATE_NOOP("Effect", "kind"), "", 1.0),
+    "fmin_hz": (QT_TRANSLATE_NOOP("Effect", "lowest cut-off"), " Hz", 1.0),
+    "beta_per_mm": (QT_TRANSLATE_NOOP("Effect", "rise of the cut-off"), " Hz/(mm/s)", 1.0),
+    "period_s": (QT_TRANSLATE_NOOP("Effect", "period"), *_MS),
+    "jitter_s": (QT_TRANSLATE_NOOP("Effect", "jitter"), " µs", 1e6),
     "time_constant_s": (QT_TRANSLATE_NOOP("Effect", "time constant"), *_MS),
 }
 _SIZE = re.compile(r"(?P<id>[a-z]\w*_\w+|share|frames) (?P<value>[-\d.e]+) \((?P<low>[-\d.e]+) to (?P<high>[-\d.e]+)\)")

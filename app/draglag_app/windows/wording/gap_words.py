@@ -13,6 +13,10 @@ from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 GAP = (
     # of the session, and of what was left
     QT_TRANSLATE_NOOP("Library", "a second beam position separates a wider shadow from a wrong scale"),
+    QT_TRANSLATE_NOOP("Library", "a session three times as long: a latency that settles stops, a drift goes on"),
+    QT_TRANSLATE_NOOP("Library", "a second beam height: a bent panel bends there too, a curved beam moves along"),
+    QT_TRANSLATE_NOOP("Library", "taps on the same clock: a clock's offset moves them, a prediction does not"),
+    QT_TRANSLATE_NOOP("Library", "a slow line with turns: there a deadband stands still, a trailing contact does not"),
     QT_TRANSLATE_NOOP("Library", "taps before and after the runs separate a drifting clock from a creeping latency"),
     QT_TRANSLATE_NOOP("Library", "a chirp or step whose speed changes quickly"),
     QT_TRANSLATE_NOOP("Library", "a slower chirp or step: no edge of those here could be placed surely"),
@@ -85,6 +89,9 @@ GAP = (
     QT_TRANSLATE_NOOP("Library", "edges where the light returns"),
     QT_TRANSLATE_NOOP("Library", "every edge, outwards or inwards"),
     QT_TRANSLATE_NOOP("Library", "growing along the beam"),
+    QT_TRANSLATE_NOOP("Library", "along the beam, most in the middle"),
+    QT_TRANSLATE_NOOP("Library", "fading with session time"),
+    QT_TRANSLATE_NOOP("Library", "where the stylus is slow or turns"),
     QT_TRANSLATE_NOOP("Library", "down against up"),
     QT_TRANSLATE_NOOP("Library", "growing across the panel"),
     QT_TRANSLATE_NOOP("Library", "along x, smoothly"),

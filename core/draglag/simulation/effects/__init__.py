@@ -7,12 +7,14 @@ from collections.abc import Collection, Iterable
 
 from draglag.errors import DataError
 from draglag.simulation.effects.acceleration_lag import AccelerationLag
-from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter, TouchEvents
+from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter, TouchEvents, each_contact
+from draglag.simulation.effects.beam_bow import BeamBow
 from draglag.simulation.effects.beam_wedge import BeamWedge
 from draglag.simulation.effects.beam_width import BeamWidth
 from draglag.simulation.effects.clock_drift import ClockDrift
 from draglag.simulation.effects.clock_offset import ClockOffset
 from draglag.simulation.effects.contact_trail import ContactTrail
+from draglag.simulation.effects.deadband import Deadband
 from draglag.simulation.effects.direction_asymmetry import DirectionAsymmetry
 from draglag.simulation.effects.frame_batching import FrameBatching
 from draglag.simulation.effects.frame_drop import FrameDrop
@@ -23,14 +25,18 @@ from draglag.simulation.effects.loss_of_contact import LossOfContact
 from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 from draglag.simulation.effects.other_packages import effects_of_other_packages
 from draglag.simulation.effects.pitch_ripple import PitchRipple
+from draglag.simulation.effects.poll_grid import PollGrid
+from draglag.simulation.effects.prediction import Prediction
 from draglag.simulation.effects.sample_hold import SampleHold
 from draglag.simulation.effects.scale_error import ScaleError
 from draglag.simulation.effects.scan_skew import ScanSkew
 from draglag.simulation.effects.second_filter_mode import SecondFilterMode
 from draglag.simulation.effects.smoothing_shrink import SmoothingShrink
 from draglag.simulation.effects.spatial_warp import SpatialWarp
+from draglag.simulation.effects.speed_adaptive_filter import SpeedAdaptiveFilter
 from draglag.simulation.effects.thermal_drift import ThermalDrift
 from draglag.simulation.effects.timestamp_quantisation import TimestampQuantisation
+from draglag.simulation.effects.warm_up import WarmUp
 
 EFFECTS: dict[str, type[Effect]] = {
     effect.id: effect
@@ -58,6 +64,12 @@ EFFECTS: dict[str, type[Effect]] = {
         SmoothingShrink,
         BeamWedge,
         LaggingLaw,
+        SpeedAdaptiveFilter,
+        Prediction,
+        Deadband,
+        WarmUp,
+        BeamBow,
+        PollGrid,
     )
 }
 """Id → effect, in the order the design lists them, then those of other packages."""
@@ -73,6 +85,7 @@ __all__ = [
     "Parameter",
     "TouchEvents",
     "column_of",
+    "each_contact",
     "effect_class",
     "known_effects",
     "parse_effect",

@@ -6,6 +6,7 @@ hooks of the chain it acts on. Every hook does nothing unless an effect says oth
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
@@ -52,6 +53,16 @@ class TouchEvents:
         return TouchEvents(self.t_s[which], self.x_mm[which], self.y_mm[which], self.contact_id[which])
 
 
+def each_contact(events: TouchEvents, change: Callable[[FloatArray, FloatArray], FloatArray]) -> TouchEvents:
+    """Events whose positions are ``change(t_s, xy_mm)`` of each contact by itself, (n,) and (n, 2)."""
+    xy = np.column_stack([events.x_mm, events.y_mm])
+    bounds = np.flatnonzero(np.diff(events.contact_id)) + 1
+    for own in np.split(np.arange(events.t_s.size), bounds):
+        if own.size:
+            xy[own] = change(events.t_s[own], xy[own])
+    return TouchEvents(events.t_s, xy[:, 0], xy[:, 1], events.contact_id)
+
+
 @dataclass(frozen=True)
 class Edges:
     """Edges of the laser sensor in session time, (m,) each; light 1 = the beam reaches the sensor from here on."""
@@ -90,6 +101,8 @@ class Effect:
     speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
     order: ClassVar[int] = 0
     """Place in the stream of events: what happens nearer to the glass comes first."""
+    settings: ClassVar[tuple[tuple[float, ...], ...]] = ()
+    """Thetas at which ``freed`` is worth trying: those of real screens, few. Empty where nothing is freed."""
 
     value: float
 
@@ -133,6 +146,10 @@ class Effect:
         """(n,) width of the stylus's shadow at every point of the motion."""
         return diameter_mm
 
+    def distance(self, distance_mm: FloatArray, k: Kinematics) -> FloatArray:
+        """(n,) signed distance of every point of the motion from the beam, positive below it."""
+        return distance_mm
+
     def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
         """The stream of laser edges, by the host's clock; the order in time need not be kept."""
         return edges
@@ -144,6 +161,11 @@ class Effect:
     def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
         """(n,) latency of taps made at session time t."""
         return latency_s
+
+    @classmethod
+    def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
+        """Positions (n, 2) of one contact as they were before the effect at the setting theta; times t_s (n,)."""
+        return xy_mm
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:

@@ -27,6 +27,7 @@ class SpatialWarp(Effect):
     follows: ClassVar[str] = "x"
     where: ClassVar[str] = "along x, smoothly"
     size_is_the_term_s: ClassVar[bool] = False
+    shown_apart_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
     undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amplitude_mm", "mm", -5.0, 5.0, 0.6),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
@@ -34,6 +35,11 @@ class SpatialWarp(Effect):
             "beam_wedge",
             "both change along the beam, one for the two sides alike and one for them apart",
             "none, if both kinds of edge were recorded on both sides; otherwise a longer run",
+        ),
+        Confounder(
+            "beam_bow",
+            "along one line a curved beam moves every edge as a quadratic bend of the panel's coordinates does",
+            "a second beam height",
         ),
     )
 

@@ -1,0 +1,43 @@
+"""The beam is curved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import Signature, View, column
+
+
+@dataclass(frozen=True)
+class BeamBow(Effect):
+    """The beam is curved."""
+
+    id: ClassVar[str] = "beam_bow"
+    meaning: ClassVar[str] = (
+        "The beam is curved: in the middle of the panel it lies lower by this much than the line through its places "
+        "at the panel's left and right edges."
+    )
+    follows: ClassVar[str] = "x"
+    where: ClassVar[str] = "along the beam, most in the middle"
+    shown_apart_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
+    undone_in: ClassVar[str] = "laser"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bow_mm", "mm", -3.0, 3.0, 0.3),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "spatial_warp",
+            "along one line a quadratic bend of the panel's coordinates moves every edge as a curved beam does",
+            "a second beam height",
+        ),
+    )
+
+    def distance(self, distance_mm: FloatArray, k: Kinematics) -> FloatArray:
+        u = 2 * k.motion.x_mm / k.width_mm - 1
+        return distance_mm - self.value * (1 - u**2)
+
+    @classmethod
+    def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        """The edges of a beam that lies lower by 1 mm in the middle. No signature: spatial_warp holds its column."""
+        return Signature(offset=column(1 - view.panel_x**2), theta=theta)
