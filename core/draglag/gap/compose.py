@@ -48,6 +48,7 @@ from draglag.simulation.effects import EFFECTS, column_of, effect_class, known_e
 
 STREAMS = (
     "sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact", "frame_drop",
+    "poll_grid", "deadband",
 )  # fmt: skip
 
 

@@ -129,7 +129,11 @@ def made(name: str, numbers: Mapping[str, float]) -> Effect:
 
 def held_s(effects: Sequence[Effect]) -> float:
     """By how much ticks and coarse clocks stamp events late, s: a fit to the repaired stamps has that in its law."""
-    late = {"sample_hold": lambda value: 0.5 / value, "timestamp_quantisation": lambda value: 0.5 * value}
+    late = {
+        "sample_hold": lambda value: 0.5 / value,
+        "timestamp_quantisation": lambda value: 0.5 * value,
+        "poll_grid": lambda value: 0.5 * value,
+    }
     return float(sum(late[effect.id](effect.value) for effect in effects if effect.id in late))
 
 

@@ -35,7 +35,7 @@ from draglag.simulation.rig import Rig
 Progress = Callable[[float, str], None]
 
 HELD = "sample_hold"
-REPAIRED = frozenset({"frame_batching", "timestamp_quantisation"})
+REPAIRED = frozenset({"frame_batching", "timestamp_quantisation", "poll_grid", "deadband"})
 SEED = 20260101
 MATCH_S = 0.15  # a simulated edge farther from the measured one is another crossing
 
@@ -197,8 +197,8 @@ def replay(
         raise EstimateError(f"{session.name}: the simulated hand never crosses the beam", "Check beam and calibration")
     tell(0.85, "estimating the simulated runs")
     simulated = {effect.id for effect in effects}
-    # Batches and coarse clocks are repaired before anything is estimated, in the simulation as in the measurement; a
-    # loop's delay is seen in the streams as they come.
+    # Batches, coarse clocks and the like are repaired before anything is estimated, in the simulation as in the
+    # measurement; a loop's delay is seen in the streams as they come.
     seen = gather(inspect(again)[1] if REPAIRED & simulated else again)
     measured = {data.run.id: data.estimate for data in (raw if raw is not None else fit.runs)}
     estimates = {data.run.id: data.estimate for data in seen}

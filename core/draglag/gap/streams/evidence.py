@@ -8,6 +8,7 @@ import numpy as np
 
 from draglag.gap.streams.fills import filled_losses
 from draglag.gap.streams.holding import first_of_repeats, hold, resolution_mm, still_uneven
+from draglag.gap.streams.polled import polled, unpolled
 from draglag.gap.streams.stamps import StreamEffect, batches, coarse_clock, drops, evened, share_interval, spread
 from draglag.gap.streams.unheld import unheld
 from draglag.recording import Run, Session
@@ -31,8 +32,14 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     if bounced is not None:
         found.append(bounced[0])
     step_mm = resolution_mm(touches)
+    waited = polled(touches)
     batched, held, coarse = batches(touches), hold(touches, step_mm), coarse_clock(touches)
-    if batched is not None:
+    if waited is not None:
+        # Its empty ticks, groups and uneven ages are those of its beat.
+        found.append(waited.effect)
+        runs = tuple(replace(r, touch=unpolled(r.touch, waited.effect.value, waited.frame_s)) for r in runs)
+        batched = held = coarse = None
+    elif batched is not None:
         found.append(batched)
         runs = tuple(replace(r, touch=spread(r.touch, round(batched.value))) for r in runs)
     elif coarse is not None:
@@ -48,7 +55,7 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
         runs = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
     dropped = drops(touches)
     told = held is None if coarse is None else not coarse.undone
-    if dropped is not None and batched is None and told:
+    if dropped is not None and batched is None and waited is None and told:
         sure = (1.0, 1.0) if coarse is None else (1 - UNSURE, 1 + UNSURE)
         low, high = (each * one for each, one in zip(sure, dropped.ci95, strict=True))
         found.append(replace(dropped, ci95=(low, min(high, 1.0))))

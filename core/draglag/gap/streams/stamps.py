@@ -110,7 +110,12 @@ def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
         longest_s = (1.5 if quantum_s < 0.45 * frame_s else 2.5) * frame_s
     frame_s = float(np.mean(typical[typical < longest_s]))
     count = np.concatenate([[0], np.cumsum(np.where(typical < longest_s, 1, np.round(typical / frame_s)))])
-    late = t - frame_s * count
+    return replace(touch, t_s=counted_out(t, count, frame_s, quantum_s))
+
+
+def counted_out(t_s: FloatArray, count: FloatArray, frame_s: float, quantum_s: float) -> FloatArray:
+    """Times (n,) of counted frames of an even clock, the slow course of the stamps kept."""
+    late = t_s - frame_s * count
     # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
     off = abs(frame_s / quantum_s - round(frame_s / quantum_s))
     beats = np.arange(1, SLOW_FRAMES + 1) / max(off, 1 / SLOWEST_FRAMES)
@@ -118,7 +123,7 @@ def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
     if np.ptp(np.quantile(late - slow, [0.01, 0.99])) > BEAT * quantum_s:
         slow = _running_mean(late, SLOW_FRAMES)  # not the beat alone: the frames' own rate wanders faster than that
     even = frame_s * count + slow
-    return replace(touch, t_s=np.maximum.accumulate(even + 1e-9 * np.arange(t.size)))
+    return np.asarray(np.maximum.accumulate(even + 1e-9 * np.arange(t_s.size)))
 
 
 def _running_mean(values: FloatArray, width: int) -> FloatArray:

@@ -50,6 +50,7 @@ class PollGrid(Effect):
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         period, phase = self.value, rng.uniform()
         polled = period * (np.ceil(events.t_s / period - phase) + phase)
-        jitter = np.clip(self.jitter_s * rng.standard_normal(polled.size), -0.4 * period, 0.4 * period)
+        # an arrival is never early
+        jitter = np.minimum(self.jitter_s * rng.standard_exponential(polled.size), 0.4 * period)
         late = np.maximum.accumulate(np.round(polled + jitter, 6))
         return TouchEvents(late, events.x_mm, events.y_mm, events.contact_id)

@@ -1,0 +1,100 @@
+"""A host's polling is seen in the stamps, apart from clocks that round, frames that are lost and loops that hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from draglag.exchange import read_exchange
+from draglag.gap.streams.evidence import inspect
+from draglag.recording import FloatArray, Session, TouchTrace
+from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects.base import TouchEvents
+
+SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+
+
+@pytest.fixture(scope="module")
+def sound() -> Session:
+    whole = read_exchange(SAMPLES / "none-A")
+    return replace(whole, runs=whole.runs[:6])
+
+
+def at_rate(touch: TouchTrace, rate_hz: float, jitter: float = 0.03) -> TouchTrace:
+    """The run seen by a panel of another rate, whose frames jitter by a share of their interval."""
+    t_s = np.arange(touch.t_s[0], touch.t_s[-1], 1 / rate_hz)
+    t_s = t_s + jitter / rate_hz * np.random.default_rng(1).standard_normal(t_s.size).clip(-3, 3)
+    x, y = (np.interp(t_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+    noise = np.random.default_rng(2).normal(0, 0.05, (2, t_s.size))
+    return TouchTrace(t_s, x + noise[0], y + noise[1], np.zeros(t_s.size, np.int64))
+
+
+def after(touch: TouchTrace, *texts: str) -> TouchTrace:
+    events = TouchEvents(touch.t_s, touch.x_mm, touch.y_mm, np.zeros(touch.t_s.size, np.int64))
+    for text in texts:
+        events = parse_effect(text).events(events, np.random.default_rng(7))
+    return TouchTrace(events.t_s, events.x_mm, events.y_mm, events.contact_id)
+
+
+def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
+    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "period_s"), [(100, 0.008), (133, 0.008), (240, 0.008), (120, 0.004), (240, 0.0025), (60, 0.012)]
+)
+def test_a_poll_is_named_with_its_period_and_jitter(sound: Session, rate_hz: float, period_s: float) -> None:
+    found, _ = inspect(with_touch(sound, lambda touch: after(at_rate(touch, rate_hz), f"poll_grid={period_s}")))
+    assert [f.effect for f in found] == ["poll_grid"]
+    for name, truth in (("period_s", period_s), ("jitter_s", 4e-5)):
+        value, (low, high) = found[0].parameters[name]
+        assert low <= value <= high
+        assert low < truth < high, name
+
+
+def test_a_poll_is_seen_although_contact_is_lost_now_and_then(sound: Session) -> None:
+    def lossy(touch: TouchTrace) -> TouchTrace:
+        polled = after(at_rate(touch, 133), "poll_grid=0.008")
+        lost = np.mod(polled.t_s, 4.0) < 0.1
+        return TouchTrace(polled.t_s[~lost], polled.x_mm[~lost], polled.y_mm[~lost])
+
+    assert [f.effect for f in inspect(with_touch(sound, lossy))[0]] == ["poll_grid"]
+
+
+@pytest.mark.parametrize("rate_hz", [100, 133, 240])
+def test_frames_have_their_own_times_again(sound: Session, rate_hz: float) -> None:
+    waited = with_touch(sound, lambda touch: after(at_rate(touch, rate_hz), "poll_grid=0.008"))
+    found, repaired = inspect(waited)
+    assert found[0].undone
+    for run, polled, original in zip(repaired.runs, waited.runs, sound.runs, strict=True):
+        frames_s: FloatArray = at_rate(original.touch, rate_hz).t_s
+        wait_s = polled.touch.t_s - frames_s
+        assert np.std(wait_s) == pytest.approx(0.008 / np.sqrt(12), rel=0.1)
+        off_s = run.touch.t_s - frames_s
+        assert np.std(off_s) < 0.03 / rate_hz + 2e-4  # the frames' own jitter stays
+        assert np.mean(off_s) == pytest.approx(np.mean(wait_s), abs=2e-5)  # the mean wait is a latency
+
+
+@pytest.mark.parametrize(
+    ("texts", "named", "jitter"),
+    [
+        (("timestamp_quantisation=0.008",), ["timestamp_quantisation"], 0.03),
+        (("frame_batching=2",), ["frame_batching"], 0.003),
+        (("frame_batching=3",), ["frame_batching"], 0.03),
+        (("frame_drop=0.15",), ["frame_drop"], 0.003),
+        (("frame_drop=0.15",), ["frame_drop"], 0.03),
+        (("sample_hold=80",), ["sample_hold"], 0.03),
+        (("sample_hold=250",), ["sample_hold"], 0.03),
+        (("poll_grid=0.001",), [], 0.03),  # as every USB host does: part of any latency
+        ((), [], 0.003),
+    ],
+)
+def test_what_else_shapes_stamps_is_no_poll(
+    sound: Session, texts: tuple[str, ...], named: list[str], jitter: float
+) -> None:
+    found, _ = inspect(with_touch(sound, lambda touch: after(at_rate(touch, 133, jitter), *texts)))
+    assert [f.effect for f in found] == named
