@@ -10,6 +10,7 @@ from draglag.gap.streams.fills import filled_losses
 from draglag.gap.streams.holding import first_of_repeats, hold, resolution_mm, still_uneven
 from draglag.gap.streams.polled import polled, unpolled
 from draglag.gap.streams.stamps import StreamEffect, batches, coarse_clock, drops, evened, share_interval, spread
+from draglag.gap.streams.standing import deadband
 from draglag.gap.streams.unheld import unheld
 from draglag.recording import Run, Session
 
@@ -32,13 +33,15 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     if bounced is not None:
         found.append(bounced[0])
     step_mm = resolution_mm(touches)
-    waited = polled(touches)
+    waited, stood = polled(touches), deadband(touches, step_mm)
     batched, held, coarse = batches(touches), hold(touches, step_mm), coarse_clock(touches)
+    if stood is not None:
+        held = None  # what repeats is no loop's, and no straight line
     if waited is not None:
         # Its empty ticks, groups and uneven ages are those of its beat.
         found.append(waited.effect)
         runs = tuple(replace(r, touch=unpolled(r.touch, waited.effect.value, waited.frame_s)) for r in runs)
-        batched = held = coarse = None
+        batched = coarse = held = None
     elif batched is not None:
         found.append(batched)
         runs = tuple(replace(r, touch=spread(r.touch, round(batched.value))) for r in runs)
@@ -59,6 +62,9 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
         sure = (1.0, 1.0) if coarse is None else (1 - UNSURE, 1 + UNSURE)
         low, high = (each * one for each, one in zip(sure, dropped.ci95, strict=True))
         found.append(replace(dropped, ci95=(low, min(high, 1.0))))
+    if stood is not None:
+        found.append(stood)
+        runs = tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
     lost, runs = filled_losses(runs, held is not None, step_mm)
     if lost is not None:
         found.append(lost)

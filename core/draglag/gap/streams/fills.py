@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from draglag.gap.streams.stamps import StreamEffect
-from draglag.recording import Run, TouchTrace
+from draglag.recording import FloatArray, Run, TouchTrace
 
+LEAST_EVENTS = 60  # of a run
 AROUND = 61  # events whose usual bend is told
+SMOOTH, SPEEDS = 7, 24  # events, and speeds of a session, over which a bend is averaged
+CALMER, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
 BY_CHANCE = 0.01  # stretches in a session that chance may make
 # Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
 TELLING, LEAST_USUAL = 4.0, 10.0
@@ -31,9 +34,10 @@ def filled_losses(
     n_events = sum(run.touch.t_s.size for run in runs)
     count, length_s, total_s = 0, [], 0.0
     out = []
-    for run in runs:
+    calm = _usual_at_speed([run.touch for run in runs]) if resolution_mm else {}
+    for index, run in enumerate(runs):
         t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
-        if t.size < 60:
+        if t.size < LEAST_EVENTS:
             out.append(run)
             continue
         # How far each event lies from the line between its neighbours at its own stamp: stamps are not quite even.
@@ -50,6 +54,7 @@ def filled_losses(
             even = _even(t)
             of_even = uniform_filter1d(np.array(off) ** 2 * even, AROUND, axis=1)
             usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
+            usual_mm2 = np.minimum(usual_mm2, calm[index])
             if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
                 out.append(run)  # where a slow path stays on one step, anything is a line
                 continue
@@ -89,6 +94,35 @@ def filled_losses(
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
+
+
+def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
+    """By run, the mean square bend (n,) mm² that is usual at the speed of each inner event, in all runs together.
+
+    A filter that averages over longer where the stylus is slow makes lines of its own, at one speed as a rule; what is
+    lost of a contact is lost at any.
+    """
+    bends, speeds = {}, {}
+    for index, touch in enumerate(touches):
+        t, x, y = touch.t_s, touch.x_mm, touch.y_mm
+        if t.size < LEAST_EVENTS:
+            continue
+        share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
+        even = _even(t)
+        square = sum((v[1:-1] - v[:-2] - share * (v[2:] - v[:-2])) ** 2 for v in (x, y)) / 2
+        weight = np.maximum(uniform_filter1d(even, SMOOTH), 1 / SMOOTH)
+        bends[index] = np.maximum(uniform_filter1d(square * even, SMOOTH) / weight, 1e-12)
+        length = uniform_filter1d(np.hypot(np.diff(x), np.diff(y)), SMOOTH)
+        speeds[index] = length[1:] / np.maximum(uniform_filter1d(np.diff(t), SMOOTH)[1:], 1e-9)
+    if not bends:
+        return {}
+    all_speeds, all_bends = np.concatenate(list(speeds.values())), np.concatenate(list(bends.values()))
+    limits = np.quantile(all_speeds, np.linspace(0, 1, SPEEDS + 1)[1:-1])
+    of_speed = np.digitize(all_speeds, limits)
+    level = np.array([np.quantile(all_bends[of_speed == k], CALMER) if np.any(of_speed == k) else np.inf
+                      for k in range(SPEEDS)])  # fmt: skip
+    level = minimum_filter1d(level, NEIGHBOURS)
+    return {index: level[np.digitize(speed, limits)] for index, speed in speeds.items()}
 
 
 def _even(t_s: np.ndarray) -> np.ndarray:

@@ -1,0 +1,105 @@
+"""A jump deadband is seen in positions that stand still, and neither it nor a smoothing filter is a loss of contact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from draglag.exchange import read_exchange
+from draglag.gap.streams.evidence import inspect
+from draglag.recording import FloatArray, Session, TouchTrace
+from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects.base import TouchEvents
+
+SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+
+
+@pytest.fixture(scope="module")
+def sound() -> Session:
+    return read_exchange(SAMPLES / "none-A")
+
+
+def at_rate(touch: TouchTrace, rate_hz: float, jitter: float = 0.03) -> TouchTrace:
+    """The run seen by a panel of another rate, whose frames jitter by a share of their interval."""
+    t_s = np.arange(touch.t_s[0], touch.t_s[-1], 1 / rate_hz)
+    t_s = t_s + jitter / rate_hz * np.random.default_rng(1).standard_normal(t_s.size).clip(-3, 3)
+    noise = np.random.default_rng(2).normal(0, 0.05, (2, t_s.size))
+    x, y = (np.interp(t_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+    return TouchTrace(t_s, x + noise[0], y + noise[1], np.zeros(t_s.size, np.int64))
+
+
+def after(touch: TouchTrace, text: str) -> TouchTrace:
+    events = TouchEvents(touch.t_s, touch.x_mm, touch.y_mm, np.zeros(touch.t_s.size, np.int64))
+    events = parse_effect(text).events(events, np.random.default_rng(7))
+    return TouchTrace(events.t_s, events.x_mm, events.y_mm, events.contact_id)
+
+
+def rounded(touch: TouchTrace, step_mm: float) -> TouchTrace:
+    x, y = (step_mm * np.round(values / step_mm) if step_mm else values for values in (touch.x_mm, touch.y_mm))
+    return replace(touch, x_mm=x, y_mm=y)
+
+
+def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
+    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
+
+
+@pytest.mark.parametrize("width_mm", [0.3, 0.5])
+@pytest.mark.parametrize(("step_mm", "jitter"), [(0.0, 0.003), (0.01, 0.03), (0.05, 0.03)])
+def test_a_jump_deadband_is_named_with_its_width(
+    sound: Session, width_mm: float, step_mm: float, jitter: float
+) -> None:
+    seen = with_touch(sound, lambda touch: rounded(after(at_rate(touch, 120, jitter), f"deadband={width_mm}"), step_mm))
+    found, repaired = inspect(seen)
+    assert [f.effect for f in found] == ["deadband"]
+    assert found[0].parameters["kind"][0] == 0
+    low, high = found[0].ci95
+    assert low < width_mm < high
+    assert high - low < 0.1 * width_mm
+    for run, raw in zip(repaired.runs, seen.runs, strict=True):
+        assert np.all((np.diff(run.touch.x_mm) != 0) | (np.diff(run.touch.y_mm) != 0))
+        kept = np.isin(raw.touch.t_s, run.touch.t_s)
+        assert np.array_equal(raw.touch.x_mm[kept], run.touch.x_mm)
+        assert kept.mean() > 0.3
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("deadband=0.2,kind=1", []),
+        ("deadband=0.4,kind=2", []),
+        ("sample_hold=80", ["sample_hold"]),
+        ("sample_hold=250", ["sample_hold"]),
+    ],
+)
+def test_other_deadbands_and_loops_that_hold_jump_by_no_width(sound: Session, text: str, named: list[str]) -> None:
+    found, _ = inspect(with_touch(sound, lambda touch: after(at_rate(touch, 120), text)))
+    assert [f.effect for f in found] == named
+
+
+def test_a_lost_contact_is_seen_behind_a_deadband(sound: Session) -> None:
+    def both(touch: TouchTrace) -> TouchTrace:
+        return after(after(at_rate(touch, 120), "deadband=0.3"), "loss_of_contact=20,duration_s=0.2")
+
+    found = {f.effect: f for f in inspect(with_touch(sound, both))[0]}
+    assert set(found) == {"deadband", "loss_of_contact"}
+    assert found["loss_of_contact"].value == pytest.approx(20, rel=0.35)
+
+
+@pytest.mark.parametrize("step_mm", [0.0, 0.01])
+def test_an_average_over_longer_at_low_speeds_loses_no_contact(sound: Session, step_mm: float) -> None:
+    def averaged(touch: TouchTrace) -> TouchTrace:
+        fast = at_rate(touch, 240)
+        t_s, xy = fast.t_s, np.column_stack([fast.x_mm, fast.y_mm])
+        before = np.searchsorted(t_s, t_s - 0.05)
+        speed: FloatArray = np.hypot(*(xy - xy[before]).T) / np.maximum(t_s - t_s[before], 1e-3)
+        window_s = np.select([speed < 150, speed < 400], [0.16, 0.08], 0.03)
+        begin, end = np.searchsorted(t_s, t_s - window_s, side="right"), np.arange(t_s.size) + 1
+        total = np.vstack([np.zeros(2), np.cumsum(xy, axis=0)])
+        x, y = ((total[end] - total[begin]) / (end - begin)[:, None]).T
+        return rounded(TouchTrace(t_s, x, y, fast.contact_id), step_mm)
+
+    assert inspect(with_touch(sound, averaged))[0] == ()
