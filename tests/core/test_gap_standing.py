@@ -23,12 +23,14 @@ def sound() -> Session:
     return read_exchange(SAMPLES / "none-A")
 
 
-def at_rate(touch: TouchTrace, rate_hz: float, jitter: float = 0.03) -> TouchTrace:
-    """The run seen by a panel of another rate, whose frames jitter by a share of their interval."""
+def at_rate(touch: TouchTrace, rate_hz: float, jitter: float = 0.03, speed: float = 1.0) -> TouchTrace:
+    """The run seen by a panel of another rate, whose frames jitter by a share of their interval, at a share of its
+    speed."""
     t_s = np.arange(touch.t_s[0], touch.t_s[-1], 1 / rate_hz)
     t_s = t_s + jitter / rate_hz * np.random.default_rng(1).standard_normal(t_s.size).clip(-3, 3)
+    own_s = touch.t_s[0] + speed * (t_s - touch.t_s[0])
     noise = np.random.default_rng(2).normal(0, 0.05, (2, t_s.size))
-    x, y = (np.interp(t_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+    x, y = (np.interp(own_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
     return TouchTrace(t_s, x + noise[0], y + noise[1], np.zeros(t_s.size, np.int64))
 
 
@@ -47,7 +49,7 @@ def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> 
     return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
 
 
-@pytest.mark.parametrize("width_mm", [0.3, 0.5])
+@pytest.mark.parametrize("width_mm", [0.3, 0.9])
 @pytest.mark.parametrize(("step_mm", "jitter"), [(0.0, 0.003), (0.01, 0.03), (0.05, 0.03)])
 def test_a_jump_deadband_is_named_with_its_width(
     sound: Session, width_mm: float, step_mm: float, jitter: float
@@ -58,12 +60,19 @@ def test_a_jump_deadband_is_named_with_its_width(
     assert found[0].parameters["kind"][0] == 0
     low, high = found[0].ci95
     assert low < width_mm < high
-    assert high - low < 0.1 * width_mm
+    assert high - low < 0.1 * width_mm + 1.5 * step_mm
     for run, raw in zip(repaired.runs, seen.runs, strict=True):
         assert np.all((np.diff(run.touch.x_mm) != 0) | (np.diff(run.touch.y_mm) != 0))
         kept = np.isin(raw.touch.t_s, run.touch.t_s)
         assert np.array_equal(raw.touch.x_mm[kept], run.touch.x_mm)
-        assert kept.mean() > 0.3
+        assert kept.mean() > 0.2
+
+
+def test_what_a_deadband_leaves_of_slow_runs_holds_no_fills(sound: Session) -> None:
+    def slow(touch: TouchTrace) -> TouchTrace:
+        return rounded(after(at_rate(touch, 120, speed=0.3), "deadband=0.3"), 0.01)
+
+    assert [f.effect for f in inspect(with_touch(sound, slow))[0]] == ["deadband"]
 
 
 @pytest.mark.parametrize(

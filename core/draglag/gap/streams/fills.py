@@ -13,6 +13,7 @@ from draglag.recording import FloatArray, Run, TouchTrace
 LEAST_EVENTS = 60  # of a run
 AROUND = 61  # events whose usual bend is told
 SMOOTH, SPEEDS = 7, 24  # events, and speeds of a session, over which a bend is averaged
+LARGE_MM2 = 1e6  # where nothing is known
 CALMER, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
 BY_CHANCE = 0.01  # stretches in a session that chance may make
 # Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
@@ -54,7 +55,7 @@ def filled_losses(
             even = _even(t)
             of_even = uniform_filter1d(np.array(off) ** 2 * even, AROUND, axis=1)
             usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
-            usual_mm2 = np.minimum(usual_mm2, calm[index])
+            usual_mm2 = np.minimum(usual_mm2, np.maximum(calm[index], resolution_mm**2 / 8))
             if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
                 out.append(run)  # where a slow path stays on one step, anything is a line
                 continue
@@ -110,8 +111,9 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
         share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
         even = _even(t)
         square = sum((v[1:-1] - v[:-2] - share * (v[2:] - v[:-2])) ** 2 for v in (x, y)) / 2
-        weight = np.maximum(uniform_filter1d(even, SMOOTH), 1 / SMOOTH)
-        bends[index] = np.maximum(uniform_filter1d(square * even, SMOOTH) / weight, 1e-12)
+        weight = uniform_filter1d(even, SMOOTH)
+        mean = uniform_filter1d(square * even, SMOOTH) / np.maximum(weight, 1 / SMOOTH)
+        bends[index] = np.where(weight > 0.5, mean, np.nan)
         length = uniform_filter1d(np.hypot(np.diff(x), np.diff(y)), SMOOTH)
         speeds[index] = length[1:] / np.maximum(uniform_filter1d(np.diff(t), SMOOTH)[1:], 1e-9)
     if not bends:
@@ -119,7 +121,7 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
     all_speeds, all_bends = np.concatenate(list(speeds.values())), np.concatenate(list(bends.values()))
     limits = np.quantile(all_speeds, np.linspace(0, 1, SPEEDS + 1)[1:-1])
     of_speed = np.digitize(all_speeds, limits)
-    level = np.array([np.quantile(all_bends[of_speed == k], CALMER) if np.any(of_speed == k) else np.inf
+    level = np.array([np.nanquantile(np.append(all_bends[of_speed == k], LARGE_MM2), CALMER)
                       for k in range(SPEEDS)])  # fmt: skip
     level = minimum_filter1d(level, NEIGHBOURS)
     return {index: level[np.digitize(speed, limits)] for index, speed in speeds.items()}

@@ -21,7 +21,8 @@ OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make posit
 OFF_PATH_MM = (0.02, 0.04, 0.08, 0.16)  # by how much a stylus may lie off the straight way between two jumps
 ROUNDED = 0.41  # standard deviation of a difference of two rounded coordinates, in steps
 FINEST_MM = 5e-4
-UNSURE = 0.25  # of a step of whole coordinates: rounding is no normal scatter
+UNSURE = 0.5  # of a step of whole coordinates: rounding is no normal scatter
+WHOLE, SHARE_WHOLE = 0.02, 0.95  # of a step; of the distances between coordinates
 STRAY = 1e-3  # share of events that may be anything
 SURE = 10.0  # nats
 WITHIN = 1.92  # nats below the best: not excluded at 95 %
@@ -39,6 +40,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     if not stood.size or not moved.size:
         return None
     at_random = sum(_of_share(behind.size, steps.size) for behind, steps in runs)
+    step_mm = step_mm or _fine_step_mm(touches)
     rounding_mm = max(ROUNDED * step_mm, FINEST_MM)
     narrowest = max(OF_STEPS * step_mm, NARROWEST_MM)
     if narrowest >= WIDEST_MM:
@@ -74,6 +76,16 @@ def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
     begin, end = fresh[last], fresh[last + 1]
     share = (touch.t_s[repeats] - touch.t_s[begin]) / np.maximum(touch.t_s[end] - touch.t_s[begin], 1e-9)
     return share * step[end - 1], step[step > 0]
+
+
+def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
+    """Step of coordinates that are whole steps but rarely the same; 0 where they are none."""
+    values = np.unique(np.round(np.concatenate([touch.x_mm for touch in touches]), 6))
+    apart = np.diff(values)
+    if not apart.size or apart.min() < FINEST_MM:
+        return 0.0
+    steps = apart / apart.min()
+    return float(apart.min()) if np.mean(np.abs(steps - np.round(steps)) < WHOLE) > SHARE_WHOLE else 0.0
 
 
 def _of_share(stood: int, moved: int) -> float:
