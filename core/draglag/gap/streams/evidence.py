@@ -12,7 +12,7 @@ from draglag.gap.streams.polled import polled, unpolled
 from draglag.gap.streams.stamps import StreamEffect, batches, coarse_clock, drops, evened, share_interval, spread
 from draglag.gap.streams.standing import deadband
 from draglag.gap.streams.unheld import unheld
-from draglag.recording import Run, Session
+from draglag.recording import Run, Session, TouchTrace
 
 STAMP_S = 1e-6  # to which edges are stamped
 STANDS_APART = 1e-4  # chance that the longest of a chatter lies so far beyond the next
@@ -56,12 +56,9 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
             even = None  # another beat was taken for theirs
         found.append(replace(held, undone=even is not None))
         runs = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
-    dropped = drops(touches)
     told = held is None if coarse is None else not coarse.undone
-    if dropped is not None and batched is None and waited is None and told:
-        sure = (1.0, 1.0) if coarse is None else (1 - UNSURE, 1 + UNSURE)
-        low, high = (each * one for each, one in zip(sure, dropped.ci95, strict=True))
-        found.append(replace(dropped, ci95=(low, min(high, 1.0))))
+    if batched is None and waited is None and told:
+        found += _dropped(touches, coarse is None)
     if stood is not None:
         found.append(stood)
         runs = tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
@@ -69,6 +66,17 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     if lost is not None:
         found.append(lost)
     return tuple(found), replace(session, runs=runs)
+
+
+def _dropped(touches: list[TouchTrace], sure: bool) -> list[StreamEffect]:
+    """Missing frames, if there are; ``sure``: whether stamps show which frame they are of."""
+    dropped = drops(touches)
+    if dropped is None:
+        return []
+    low, high = (
+        one if sure else share * one for share, one in zip((1 - UNSURE, 1 + UNSURE), dropped.ci95, strict=True)
+    )
+    return [replace(dropped, ci95=(low, min(high, 1.0)))]
 
 
 def _bounce(session: Session) -> tuple[StreamEffect] | None:

@@ -33,7 +33,8 @@ def filled_losses(
     """
     least = 4 if held else 3
     n_events = sum(run.touch.t_s.size for run in runs)
-    count, length_s, total_s = 0, [], 0.0
+    length_s: list[float] = []
+    total_s = 0.0
     out = []
     calm = _usual_at_speed([run.touch for run in runs]) if resolution_mm else {}
     for index, run in enumerate(runs):
@@ -63,23 +64,16 @@ def filled_losses(
                 straight = _likelier_lines(np.array(off), usual_mm2, even, resolution_mm, n_events)
         total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)
-        start = None
-        for k in range(straight.size + 1):
-            inside = k < straight.size and straight[k]
-            if inside and start is None:
-                start = k
-            elif not inside and start is not None:
-                if k - start >= least:
-                    count += 1
-                    length_s.append(float(t[k + 1] - t[start]))
-                    keep[start + 1 : k + 1] = False
-                start = None
+        for start, end in _stretches(straight, least):
+            length_s.append(float(t[end + 1] - t[start]))
+            keep[start + 1 : end + 1] = False
         if keep.all():
             out.append(run)
             continue
         ids = run.touch.contact_id[keep] if run.touch.contact_id.size == keep.size else run.touch.contact_id
         touch = TouchTrace(t[keep], x[keep], y[keep], ids, gaps_s=run.touch.gaps_s)
         out.append(replace(run, touch=touch))
+    count = len(length_s)
     if count < 4:
         return None, runs
     touching_s = max(total_s - sum(length_s), 1.0)  # contact is lost while there is contact
@@ -95,6 +89,13 @@ def filled_losses(
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
+
+
+def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:
+    """(begin, end) of every stretch of True values (n,) that is at least so long; end excluded."""
+    change = np.diff(straight.astype(np.int8), prepend=0, append=0)
+    ends = zip(np.flatnonzero(change > 0).tolist(), np.flatnonzero(change < 0).tolist(), strict=True)
+    return [(begin, end) for begin, end in ends if end - begin >= least]
 
 
 def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
