@@ -131,6 +131,7 @@ def test_a_drift_that_clock_comparisons_show_is_not_taken_out_twice(model: Laten
         ("direction_asymmetry", {"difference_s": 0.012}),
         ("laser_hysteresis", {"delay_s": 0.003}),
         ("beam_wedge", {"across_mm": 2.0}),
+        ("warm_up", {"amplitude_s": 0.03, "time_constant_s": 500.0}),
     ],
 )
 def test_what_is_taken_out_is_no_longer_found(effect: str, sizes: dict[str, float], model: LatencyModel) -> None:
@@ -143,6 +144,20 @@ def test_what_is_taken_out_is_no_longer_found(effect: str, sizes: dict[str, floa
         return float(fit_session(of, runs, [Term(effect)], start=fit_session(of, runs)).terms[0].sizes[0])
 
     assert abs(size(fixed)) < 0.15 * abs(size(session))
+
+
+def test_a_bowed_beam_is_straightened(model: LatencyModel) -> None:
+    straight, bowed = simulated(), simulated("beam_bow=2")
+    fixed, correction = corrected(bowed, with_effects(model, ModelEffect(id="beam_bow", parameters={"bow_mm": 2.0})))
+    assert [e.id for e in correction.applied] == ["beam_bow"]
+
+    def off_s(of: Session) -> float:
+        pairs = [(a.laser.t_s, b.laser.t_s) for a, b in zip(of.runs, straight.runs, strict=True)]
+        alike = [np.abs(a - b) for a, b in pairs if a.size == b.size]
+        return float(np.median(np.concatenate(alike)))
+
+    assert off_s(bowed) > 1e-3
+    assert off_s(fixed) < 0.2 * off_s(bowed)
 
 
 def test_laser_and_clock_leave_the_compensation_of_touch_alone(model: LatencyModel, drifting: Session) -> None:
