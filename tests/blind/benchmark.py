@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from . import workflow
-from .conditions import quick_tasks, tasks
-from .figure import draw
+from .conditions import Task, quick_tasks, tasks
+from .figure import draw, draw_reliability
 from .judge import Outcome
 from .pool import Unavailable, package_on_path, run_all
-from .score import failures, score, table
+from .realistic import quick_real_tasks, real_tasks
+from .score import WORLDS, score_worlds, table
 
 __all__ = ["Unavailable", "run_benchmark", "table"]
 
@@ -25,34 +26,53 @@ def run_benchmark(
     only: tuple[str, ...] = (),
     out: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
+    world: str = "both",
+    keep: Path | None = None,
+    engine: str | None = None,
 ) -> dict[str, Any]:
-    """Run the benchmark and return its figures; with `out`, write blind.json and blind.png there.
+    """Run the benchmark and return its figures; with `out`, write blind.json, a figure of each world and
+    reliability.png there.
 
+    world: plain, realistic or both. keep: folder whose sessions stay and are used again by the next run, with their
+    truth. engine: "module:function" that is handed a folder and returns a gap report, instead of this checkout's.
     Ctrl+C ends it with the sessions that are done: fewer ("sessions") than asked for ("asked").
 
     Raises Unavailable when there is no cluster where one is asked for, no workflow to judge, or nothing to do.
     """
-    chosen = quick_tasks(seed) if quick else tasks(sessions, seed, only)
+    chosen = choose(world, sessions, quick, seed, only)
     if not chosen:
         raise Unavailable(f"Nothing is called {' or '.join(only)}", "Name a kind (none, single, pair) or an effect")
-    why = workflow.missing()
+    why = None if engine else workflow.missing()
     if why:
         raise Unavailable(f"There is no workflow to judge: {why}", "Install the draglag of this checkout")
     package_on_path()
     outcomes: list[Outcome] = []
     try:
-        for outcome in run_all(chosen, jobs, scheduler):
+        for outcome in run_all(chosen, jobs, scheduler, keep and keep.resolve(), engine):
             outcomes.append(outcome)
             if progress:
                 progress(len(outcomes), len(chosen))
     except KeyboardInterrupt:
         if not outcomes:
             raise
-    outcomes.sort(key=lambda o: (o.kind, o.row, o.scale, o.seed))
-    summary = score(outcomes) | {"asked": len(chosen), "seed": seed, "failures": failures(outcomes)}
+    outcomes.sort(key=lambda o: (o.world, o.kind, o.row, o.scale, o.seed))
+    summary = score_worlds(outcomes) | {"asked": len(chosen), "seed": seed}
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         full = summary | {"outcomes": [asdict(o) for o in outcomes]}
         (out / "blind.json").write_text(json.dumps(full, indent=1))
-        draw(out / "blind.png", summary, outcomes)
+        for name, found in summary["worlds"].items():
+            draw(out / f"blind-{name}.png", found, [o for o in outcomes if o.world == name])
+        draw_reliability(out / "reliability.png", summary["worlds"])
     return summary
+
+
+def choose(world: str, sessions: int, quick: bool, seed: int, only: tuple[str, ...]) -> list[Task]:
+    """Tasks of the worlds asked for."""
+    out: list[Task] = []
+    for name in WORLDS if world == "both" else (world,):
+        if name == "plain":
+            out += quick_tasks(seed) if quick else tasks(sessions, seed, only)
+        else:
+            out += quick_real_tasks(seed) if quick else real_tasks(sessions, seed, only)
+    return out

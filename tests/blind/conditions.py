@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .physics.effects import LIBRARY, UNKNOWN, draw_value
+from .physics.filters import FILTERS
+from .physics.law import FORMS
 from .physics.rig import Profile, stream
 
 SCALES = (0.7, 1.0, 2.0)
@@ -35,19 +37,34 @@ class Task:
     """One session to make, hand over and judge."""
 
     kind: str
-    """none, single, faint (scale counts just-detectable sizes, not nominal ones), pair, triple, left_out or unknown."""
+    """none, single, faint (scale counts just-detectable sizes, not nominal ones), pair, triple, left_out, unknown, or
+    below (an effect too small to matter)."""
     row: str
     scale: float
     seed: int
     effects: dict[str, float] = field(default_factory=dict)
     excluded: tuple[str, ...] = ()
     floor: bool = True
+    world: str = "plain"
+    law_form: str | None = None
 
 
-def profile_for(effects: dict[str, float] | tuple[str, ...]) -> Profile:
+NEEDS_CHANGES_OF_SPEED = frozenset(
+    {"lagging_law", "acceleration_lag", "speed_adaptive_filter", "prediction", "alpha_beta_tracker"}
+)
+SCANS_HZ = 500.0  # of a panel with a filter in its controller
+
+
+def profile_for(
+    effects: dict[str, float] | tuple[str, ...], world: str = "plain", law_form: str | None = None
+) -> Profile:
     """Sessions in which the effects can be seen at all; the rest stays drawn."""
-    needs_changes_of_speed = {"lagging_law", "acceleration_lag"} & set(effects)
-    return Profile(varied_runs=True if needs_changes_of_speed else None)
+    return Profile(
+        varied_runs=True if NEEDS_CHANGES_OF_SPEED & set(effects) else None,
+        world=world,
+        law_form=law_form,
+        scan_hz=SCANS_HZ if set(FILTERS) & set(effects) else None,
+    )
 
 
 def sized(names: tuple[str, ...], scale: float, seed: int) -> dict[str, float]:
@@ -81,6 +98,10 @@ def tasks(sessions: int, seed: int, only: tuple[str, ...] = (), scales: tuple[fl
             out.append(Task(kind, row, scale, own, sized(chosen, scale, own), gone))
 
     add("none", "none", (), 1.0, 4 * sessions)
+    if not only or {"none", "none_other_law"} & set(only):
+        for k in range(sessions):
+            own = int(stream(seed, f"none other law {k}").integers(2**31))
+            out.append(Task("none", "none_other_law", 1.0, own, law_form=FORMS[k % 4]))  # not the last, Eq. 5
     for name in LIBRARY:
         for scale in scales:
             add("single", name, (name,), scale, sessions)

@@ -21,6 +21,27 @@ def draw(path: Path, summary: dict[str, Any], outcomes: list[Outcome]) -> None:
     figure.savefig(path, dpi=110)
 
 
+def draw_reliability(path: Path, worlds: dict[str, dict[str, Any]]) -> None:
+    """Write the reliability diagram to `path`: one panel a world."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.5 * max(len(worlds), 1), 5.5), layout="constrained")
+    for ax, (world, found) in zip(figure.subplots(1, len(worlds), squeeze=False)[0], worlds.items(), strict=True):
+        ax.set(title=f"First names in the {world} world", xlabel="stated probability", ylabel="share right")
+        ax.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+        ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, ls="--")
+        bins = found["reliability"]["bins"]
+        if not bins:
+            ax.text(0.5, 0.6, "no probability stated", ha="center", va="center", color="0.3")
+            continue
+        x, y = np.array([b["stated"] for b in bins]), np.array([b["rate"] for b in bins])
+        low, high = np.array([b["ci95"] for b in bins]).T
+        ax.errorbar(x, y, yerr=np.maximum([y - low, high - y], 0), fmt="o-", capsize=3)
+        for b in bins:
+            ax.annotate(f"{b['n']}", (b["stated"], b["rate"]), (5, -11), textcoords="offset points", fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
 def _power(ax: Any, power: list[dict[str, Any]]) -> None:
     ax.set(title="Right name first, against size", xlabel="size / just detectable", ylabel="rate", ylim=(-0.02, 1.02))
     if power:

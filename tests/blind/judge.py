@@ -6,20 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from . import workflow
-from .conditions import UNIDENTIFIABLE, Task, alike, profile_for
-from .physics.effects import EFFECTS, LIBRARY
-from .physics.session import Truth, make_session
-from .visibility import JUST_DETECTABLE, visibility
+from .conditions import UNIDENTIFIABLE, Task, alike
+from .known import Known
+from .making import kept_or_made, make_twin
+from .physics.effects import EFFECTS, REAL_LIBRARY
 
 
 @dataclass(frozen=True)
 class Outcome:
     """The verdict on one session.
 
-    `right` answers the kind's own question: nothing reported (none), the right name first (single, faint), all names
-    (pair, triple), owned up to (left_out, unknown). `named` are the library's ids in the order found; `spurious` those
-    of them that nothing hidden accounts for. `size`, of the least visible effect, counts just-detectable sizes; None
-    where the streams show it.
+    `right` answers the kind's own question: nothing reported (none), the right name first (single, faint), that or
+    nothing (below), all names (pair, triple), `unexplained` or a name that says the same (left_out, unknown).
+    `answer` is what was said: right name, wrong name, unexplained, quiet or refused; `fair` says whether it is a good
+    one, which quiet is too where nothing hidden makes a gap of interest. `probability` is the stated one of the first
+    name, where the report states one. `named` are the library's ids in the order found; `spurious` those
+    of them that nothing hidden accounts for. `size`, of the least visible effect, counts just-detectable sizes, in the
+    realistic world sizes of interest; None where the streams show it.
     """
 
     kind: str
@@ -39,58 +42,76 @@ class Outcome:
     gap_last_mm: float | None
     floor_mm: float | None
     seconds: float
+    world: str = "plain"
+    law_form: str = "double"
+    answer: str = ""
+    fair: bool = False
+    probability: float | None = None
+    displaced_mm: float | None = None
+    left_mm: float | None = None
 
 
-def run_task(task: Task) -> Outcome:
-    """Make the session (and its twin without the effects), run the workflow on the folder alone, judge."""
+def run_task(task: Task, keep: Path | None = None, engine: str | None = None) -> Outcome:
+    """Make the session (or find it in `keep`), run the workflow, or `engine`, on the folder alone, judge."""
     with tempfile.TemporaryDirectory(prefix="draglag-blind-") as name:
-        folder, profile = Path(name), profile_for(task.effects)
-        effects = dict(task.effects)
-        twin = make_session(folder / "twin", task.seed, {}, profile) if effects else None
-        truth = make_session(folder / "session", task.seed, effects, profile)
-        d = visibility(truth, twin) if twin and len(effects) == 1 else None
-        if twin and len(effects) > 1:
-            alone = [make_session(folder / key, task.seed, {key: value}, profile) for key, value in effects.items()]
-            d = min((seen for one in alone if (seen := visibility(one, twin)) is not None), default=None)
-        if task.kind == "faint" and twin and d:
-            effects = {key: value * task.scale * JUST_DETECTABLE / d for key, value in effects.items()}
-            truth = make_session(folder / "session", task.seed, effects, profile)
-            d = visibility(truth, twin)
-        report = workflow.close(folder / "session", task.excluded)
-        floor = report if twin is None else None
-        if twin and task.floor:
-            floor = workflow.close(folder / "twin", max_effects=0)
-    return judge(task, truth, report, floor, d)
+        scratch = Path(name)
+        made = kept_or_made(task, scratch, keep)
+        report = workflow.close(made.folder, task.excluded, engine=engine)
+        floor = None if made.known.effects else report
+        if made.known.effects and task.floor and engine is None:
+            make_twin(task, made, scratch / "twin")
+            floor = workflow.close(scratch / "twin", max_effects=0)
+    return judge(task, made.known, report, floor)
 
 
-def judge(task: Task, truth: Truth, report: dict[str, Any], floor: dict[str, Any] | None, d: float | None) -> Outcome:
-    """Compare a gap report with the truth of its session."""
-    hidden, early = truth.effects, truth.rig.taps_before > 0
-    steps = [step for step in report["steps"] if step.get("effect") in LIBRARY]
+def judge(task: Task, known: Known, report: dict[str, Any], floor: dict[str, Any] | None = None) -> Outcome:
+    """Compare a gap report (the JSON of `draglag gap`) with what is known of its session."""
+    hidden, early = known.effects, known.taps_before > 0
+    steps = [step for step in report.get("steps", ()) if step.get("effect") in REAL_LIBRARY]
     named = tuple(step["effect"] for step in steps)
-    accounted = set().union(*(alike(name, early) for name in hidden)) if hidden else set()
+    accounted = known.accepted.union(*(alike(name, early) for name in hidden))
     owned_up = report["verdict"] == "unexplained" or report.get("unexplained_by") is not None
     hits = {name: next((step for step in steps if _is(step, name, early)), None) for name in hidden}
-    if task.kind == "none":
-        right = not report["steps"] and report["verdict"] == "no_gap"
-    elif task.kind in ("single", "faint"):
-        (name,) = hidden
-        right = bool(steps) and _is(steps[0], name, early)
-        right = right or (name in UNIDENTIFIABLE and not steps and not owned_up)
-    elif task.kind in ("pair", "triple"):
-        right = all(hit is not None for hit in hits.values())
-    else:
-        right = owned_up and not named
+    answer = _answer(known, report, steps, owned_up)
+    right = _right(task.kind, known, report, answer, hits)
     # A law that follows what moves now has no delay to compare.
-    sized = {name: size for name, size in hidden.items() if not truth.variants.get(name, {}).get("present")}
+    sized = {name: size for name, size in hidden.items() if not known.variants.get(name, {}).get("present")}
     error, covered = _parameter_error(hits, sized)
+    stated = steps[0].get("probability") if steps else None
     return Outcome(
         task.kind, task.row, task.scale, task.seed, hidden, right, named,
         tuple(name for name in named if name not in accounted),
-        report["verdict"], report.get("unexplained_by"), None if d is None else d / JUST_DETECTABLE, error, covered,
+        str(report["verdict"]), report.get("unexplained_by"), known.size, error, covered,
         report.get("gap_first_mm"), report.get("gap_last_mm"), floor.get("gap_last_mm") if floor else None,
-        report["seconds"],
+        report.get("seconds", 0.0), task.world, known.law_form, answer,
+        right or (answer == "quiet" and not known.matters), None if stated is None else float(stated),
+        known.together.rms_mm if known.together else None, known.together.gap_mm if known.together else None,
     )  # fmt: skip
+
+
+def _answer(known: Known, report: dict[str, Any], steps: list[dict[str, Any]], owned_up: bool) -> str:
+    """What was said: a name goes before `unexplained`, which may stand with it."""
+    if steps:
+        first, early = steps[0], known.taps_before > 0
+        right = first["effect"] in known.accepted or any(_is(first, name, early) for name in known.effects)
+        return "right name" if right else "wrong name"
+    if owned_up:
+        return "unexplained"
+    return "quiet" if report["verdict"] == "no_gap" else "refused"
+
+
+def _right(
+    kind: str, known: Known, report: dict[str, Any], answer: str, hits: dict[str, dict[str, Any] | None]
+) -> bool:
+    """Whether the kind's own question is answered."""
+    if kind == "none":
+        return not report.get("steps") and report["verdict"] == "no_gap"
+    if kind in ("single", "faint", "below"):
+        may_be_quiet = kind == "below" or not UNIDENTIFIABLE.isdisjoint(known.effects)
+        return answer == "right name" or (may_be_quiet and answer == "quiet")
+    if kind in ("pair", "triple"):
+        return all(hit is not None for hit in hits.values())
+    return answer == "unexplained" or (kind == "unknown" and answer == "right name")
 
 
 def _is(step: dict[str, Any], name: str, taps_before: bool) -> bool:

@@ -28,13 +28,16 @@ class Unavailable(Exception):
         self.remedy = remedy
 
 
-def run_all(tasks: list[Task], jobs: int, scheduler: str | None = None) -> Iterator[Outcome]:
+def run_all(
+    tasks: list[Task], jobs: int, scheduler: str | None = None, keep: Path | None = None, engine: str | None = None
+) -> Iterator[Outcome]:
     """Outcomes as they come, in no order. One thread a worker: many small matrices, not a few large ones.
 
+    keep: folder of sessions that stay, and are used again; engine: what is judged instead of this checkout's workflow.
     Ctrl+C ends the workers at once.
     """
     if scheduler:
-        yield from _on_cluster(tasks, scheduler)
+        yield from _on_cluster(tasks, scheduler, keep, engine)
         return
     for name in THREADS:
         os.environ[name] = "1"
@@ -43,7 +46,7 @@ def run_all(tasks: list[Task], jobs: int, scheduler: str | None = None) -> Itera
         # Fresh interpreters, so that the setting above is read before numpy is loaded.
         pool = ProcessPoolExecutor(max(1, jobs), get_context("spawn"), _begin_worker, (scratch,))
         try:
-            pending = {pool.submit(run_task, task) for task in tasks}
+            pending = {pool.submit(run_task, task, keep, engine) for task in tasks}
             while pending:
                 done, pending = wait(pending, LOOK_S, FIRST_COMPLETED)
                 if asked.is_set():
@@ -79,7 +82,7 @@ def _begin_worker(scratch: str) -> None:
     tempfile.tempdir = scratch
 
 
-def _on_cluster(tasks: list[Task], address: str) -> Iterator[Outcome]:
+def _on_cluster(tasks: list[Task], address: str, keep: Path | None, engine: str | None) -> Iterator[Outcome]:
     if importlib.util.find_spec("distributed") is None:
         raise Unavailable(
             "Running on a cluster needs Dask, which is not installed", "Run: pip install 'draglag[cluster]'"
@@ -99,7 +102,7 @@ def _on_cluster(tasks: list[Task], address: str) -> Iterator[Outcome]:
             for path in sorted(package.rglob("*.py")):
                 packed.write(path, Path("blind") / path.relative_to(package))
         client.upload_file(str(archive))
-        futures = client.map(run_task, tasks, pure=False)
+        futures = client.map(run_task, tasks, keep=keep, engine=engine, pure=False)
         for future in distributed.as_completed(futures):
             yield future.result()
 

@@ -75,12 +75,12 @@ def test_ctrl_c_ends_it_and_its_workers():
 def test_what_was_done_before_ctrl_c_is_told(monkeypatch):
     done = Outcome("none", "none", 1.0, 1, {}, True, (), (), "no_gap", None, None, None, None, 0.2, 0.2, 0.2, 1.0)
 
-    def interrupted(chosen, jobs, scheduler):
+    def interrupted(chosen, jobs, scheduler, keep, engine):
         yield done
         raise KeyboardInterrupt
 
     monkeypatch.setattr(benchmark, "run_all", interrupted)
-    result = CliRunner().invoke(cli, ["blind", "--only", "none", "--sessions", "3"])
+    result = CliRunner().invoke(cli, ["blind", "--world", "plain", "--only", "none", "--sessions", "3"])
     assert result.exit_code == 1
-    assert "1 of 12 sessions were done" in result.stderr
+    assert "1 of 15 sessions were done" in result.stderr
     assert "False alarms" in result.stdout

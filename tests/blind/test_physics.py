@@ -129,7 +129,7 @@ def test_width_and_plateau(tmp_path, twin):
     assert 2 * np.concatenate(moved).mean() == pytest.approx(wide.rig.diameter_mm + 1.0, abs=0.02)
     flat = make_session(tmp_path / "flat", SEED, {"low_speed_plateau": 200.0}, CLEAN)
     slow = np.concatenate([d["latency_s"][d["speed_mm_s"] < 180] for d in flat.details.values()])
-    law = flat.rig.law
+    law = flat.rig.law.parameters
     at_200 = law["a1"] * np.exp(-law["a2"] * 200) + law["a4"] * np.exp(-law["a5"] * 200) + law["a7"]
     np.testing.assert_allclose(slow, at_200, atol=1e-6)
 

@@ -5,11 +5,13 @@ import math
 import pytest
 
 from blind.conditions import Task, alike, quick_tasks, tasks
+from blind.interval import interval
 from blind.judge import judge
+from blind.known import known_of
 from blind.physics.effects import LIBRARY
 from blind.physics.rig import Profile
 from blind.physics.session import make_session
-from blind.score import failures, interval, score, table
+from blind.score import failures, score, score_worlds, table
 
 
 def report(*names, verdict="explained", follows=None, alike_to=(), value=1.0):
@@ -30,7 +32,8 @@ def sessions(tmp_path_factory):
 
 
 def outcome(sessions, kind, names, said, size=10.0):
-    return judge(Task(kind, "+".join(names) or "none", 1.0, 5), sessions[names], said, {"gap_last_mm": 0.25}, 5 * size)
+    known = known_of(sessions[names], size=size)
+    return judge(Task(kind, "+".join(names) or "none", 1.0, 5), known, said, {"gap_last_mm": 0.25})
 
 
 def test_judgement_of_one_effect(sessions):
@@ -50,7 +53,7 @@ def test_a_law_that_follows_what_moves_now_has_no_delay_to_compare(tmp_path):
     for seed in range(1, 12):
         truth = make_session(tmp_path / str(seed), seed, {"lagging_law": 1.0}, profile)
         task = Task("single", "lagging_law", 1.0, seed)
-        made = judge(task, truth, report("lagging_law", value=1.2), {"gap_last_mm": 0.25}, 10.0)
+        made = judge(task, known_of(truth), report("lagging_law", value=1.2), {"gap_last_mm": 0.25})
         assert made.right
         errors.setdefault(truth.variants["lagging_law"]["present"], set()).add(made.parameter_error)
         if len(errors) == 2:
@@ -115,7 +118,7 @@ def test_score_and_table(sessions):
     assert summary["confusion"]["beam_width"] == {"beam_width": 1, "beam_wedge": 1}
     assert [p["hits"] for p in summary["power"]] == [0, 1]
     assert all(math.isfinite(p["rate"]) for p in summary["power"])
-    assert "beam_width" in table(summary)
+    assert "beam_width" in table(score_worlds(outcomes))
 
 
 def test_tasks_cover_every_effect_and_repeat_with_the_seed():

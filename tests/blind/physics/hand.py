@@ -1,11 +1,10 @@
 """A target moves, a hand follows it, the stylus's tip is where the hand is."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import bilinear, lfilter
 
+from .motion import Motion
 from .rig import Rig, RunPlan
 
 STEP_HZ = 2000.0
@@ -20,19 +19,6 @@ MULTISINE = np.array(
         (12.118, 0.035, 4.432), (16.720, 0.028, 2.672), (24.083, 0.024, 8.009),
     ]
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Motion:
-    """The tip through time, arrays (n,): host time, position, velocity, drag speed, acceleration along the motion."""
-
-    t_s: np.ndarray
-    x_mm: np.ndarray
-    y_mm: np.ndarray
-    vx_mm_s: np.ndarray
-    vy_mm_s: np.ndarray
-    speed_mm_s: np.ndarray
-    along_mm_s2: np.ndarray
 
 
 def move(rig: Rig, run: RunPlan, rng: np.random.Generator) -> Motion:
@@ -53,7 +39,7 @@ def move(rig: Rig, run: RunPlan, rng: np.random.Generator) -> Motion:
     # What a digitiser's tracker takes for the speed of the drag: of the movement without the tremor, over its window.
     # (Smoothing the speed, not the velocity: on a small fast circle that would read low.)
     speed = gaussian_filter1d(np.hypot(*drag), rig.speed_window_s * STEP_HZ, truncate=3.0)
-    return Motion(since + run.start_s, *tip, *drag, speed, np.gradient(speed, dt))
+    return Motion(since + run.start_s, *tip, *drag, speed, np.gradient(speed, dt), STEP_HZ)
 
 
 def _target(rig: Rig, run: RunPlan, since: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -80,9 +66,19 @@ def _target(rig: Rig, run: RunPlan, since: np.ndarray, rng: np.random.Generator)
         sense = 1.0 if run.clockwise else -1.0
         return centre_x + r * np.cos(phase), middle + sense * r * np.sin(phase)
     if run.protocol == "multisine":
-        signal = (MULTISINE[:, 1:2] * np.sin(MULTISINE[:, :1] * since + MULTISINE[:, 2:])).sum(axis=0)
-        return centre_x, middle + 0.2 * height / 1.6 * signal
-    return centre_x, middle + _steps(since, min(0.4 * height, 0.95 * (height / 2 - 10)), rng)
+        return centre_x, middle + multisine_mm(since, height)
+    return centre_x, middle + steps_mm(since, height, rng)
+
+
+def multisine_mm(since: np.ndarray, height_mm: float) -> np.ndarray:
+    """The paper's sum of sines about its middle, (n,), on a screen of this height."""
+    signal = (MULTISINE[:, 1:2] * np.sin(MULTISINE[:, :1] * since + MULTISINE[:, 2:])).sum(axis=0)
+    return np.asarray(0.2 * height_mm / 1.6 * signal)
+
+
+def steps_mm(since: np.ndarray, height_mm: float, rng: np.random.Generator) -> np.ndarray:
+    """Steps up and back about their middle, (n,), that stay on a screen of this height."""
+    return _steps(since, min(0.4 * height_mm, 0.95 * (height_mm / 2 - 10)), rng)
 
 
 def _steps(since: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:

@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from .digitiser import Panel
+from .digitiser import Panel, warmed
 from .rig import Rig, RunPlan, stream
+
+POLL_JITTER_S = 4e-5  # from the host's poll to its stamp
 
 Reports = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -37,6 +39,11 @@ def deliver(rig: Rig, panel: Panel, run: RunPlan, reports: Reports, seed: int) -
         last = np.searchsorted(group, group, side="right") - 1
         first = np.searchsorted(group, group, side="left")
         t = t[last] + (np.arange(len(t)) - first) * v["frame_batching"]["spacing_s"]
+    if "poll_grid" in e:
+        rng = stream(seed, f"poll {run.id}")
+        slot = _polled(t, e["poll_grid"], v["poll_grid"]["phase"])
+        newest = np.append(slot[1:] > slot[:-1], True)  # one report a poll: an older one is written over
+        t, x, y = slot[newest] + np.abs(rng.normal(0, POLL_JITTER_S, newest.sum())), x[newest], y[newest]
     if "timestamp_quantisation" in e:
         t = np.floor(t / e["timestamp_quantisation"] + 1e-9) * e["timestamp_quantisation"]
     if "sample_hold" in e:
@@ -47,6 +54,11 @@ def deliver(rig: Rig, panel: Panel, run: RunPlan, reports: Reports, seed: int) -
         good = held >= 0
         t, x, y = ticks[good], x[held[good]], y[held[good]]
     return t, x, y
+
+
+def _polled(t: np.ndarray, every_s: float, phase: float) -> np.ndarray:
+    """When the host asks next, for each report (n,)."""
+    return np.asarray((np.ceil(t / every_s - phase) + phase) * every_s)
 
 
 def _begins(share: float, mean_burst: float) -> float:
@@ -86,10 +98,14 @@ def taps(rig: Rig, panel: Panel, n: int, start_s: float, seed: int, name: str) -
     down = start_s + np.cumsum(rng.uniform(0.6, 0.8, n))
     physical = np.stack([down, down + rng.uniform(0.18, 0.25, n)], axis=1).ravel()
     is_down = np.tile([1.0, 0.0], n)
-    delay = rig.law["a7"] + rig.tap["release_s"] + rig.tap["touch_extra_s"] * is_down
+    delay = rig.law.asymptote_s + rig.tap["release_s"] + rig.tap["touch_extra_s"] * is_down
     delay = delay + e.get("thermal_drift", 0.0) * physical / 3600.0 + 0.5 * e.get("scan_skew", 0.0)
+    if "warm_up" in e:
+        delay = delay + warmed(e["warm_up"], panel.variants["warm_up"], physical)
     delay = delay + rng.normal(0, 1, 2 * n) * rig.tap["sd_s"] * np.where(is_down > 0, 1.25, 1.0)
     registered = physical + np.maximum(delay, 0.004)
+    if "poll_grid" in e:
+        registered = _polled(registered, e["poll_grid"], panel.variants["poll_grid"]["phase"])
     if "timestamp_quantisation" in e:
         registered = np.floor(registered / e["timestamp_quantisation"]) * e["timestamp_quantisation"]
     if "sample_hold" in e:

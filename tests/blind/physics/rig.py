@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .law import Law, draw_law
+from .real.beam import Sensor
+
 # name, width mm, height mm, width px, height px
 SCREENS = (
     ("tablet 10in", 217.0, 135.6, 1280, 800),
@@ -44,6 +47,12 @@ class Profile:
     losses: bool | None = None
     run_s: float | None = None
     n_speeds: int | None = None
+    world: str = "plain"
+    """plain or realistic: which hand, beam and screen."""
+    law_form: str | None = None
+    """One of `law.FORMS`, or "transport"; None is Eq. 5 in the plain world, and drawn in the realistic one."""
+    scan_hz: float | None = None
+    """At least this many scans a second go through the panel's filters, whatever it reports."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +71,7 @@ class RunPlan:
 class Rig:
     screen: tuple[str, float, float, int, int]
     diameter_mm: float
-    law: dict[str, float]
-    """a1, a4, a7 in seconds, a2, a5 in s/mm (Eq. 5)."""
+    law: Law
     rate_hz: float
     scan_jitter_s: float
     noise_mm: float
@@ -82,6 +90,15 @@ class Rig:
     taps_before: int
     taps_after: int
     tap: dict[str, float] = field(default_factory=dict)
+    world: str = "plain"
+    sensor: Sensor | None = None
+    """None: a beam without width, as the plain world has it."""
+    disc_mm: float | None = None
+    """Of the stylus itself, where the session states what a calibration on the beam made of it."""
+    beam_bow_mm: float = 0.0
+    step_mm: float = 0.0
+    scans_per_report: int = 1
+    missed_share: float = 0.0
 
 
 def draw_rig(seed: int, profile: Profile) -> Rig:
@@ -118,7 +135,7 @@ def draw_rig(seed: int, profile: Profile) -> Rig:
     return Rig(
         screen=screen,
         diameter_mm=float(rng.choice([5.0, 6.0, 7.0, 7.0, 8.0, 9.0])),
-        law={key: float(value) for key, value in law.items()},
+        law=_plain_law(seed, profile, law),
         rate_hz=float(rng.choice([85, 100, 110, 120, 133, 144, 165, 200])) * (1 + rng.normal(0, 3e-5)),
         scan_jitter_s=rng.uniform(0.00005, 0.00015) * min(profile.noise, 1.0),
         noise_mm=rng.uniform(0.1, 0.3) * profile.noise,
@@ -133,7 +150,7 @@ def draw_rig(seed: int, profile: Profile) -> Rig:
         beam_intercept_mm=intercept,
         sensor_s=55e-6,
         hand={key: float(value) for key, value in hand.items()},
-        plan=_draw_plan(
+        plan=draw_plan(
             stream(seed, "plan"), profile, width, height, slope * width / 2 + intercept, taps == "both", before
         ),
         taps_before=before,
@@ -146,7 +163,13 @@ def draw_rig(seed: int, profile: Profile) -> Rig:
     )
 
 
-def _draw_plan(
+def _plain_law(seed: int, profile: Profile, eq5: dict[str, float]) -> Law:
+    if profile.law_form in (None, "double"):
+        return Law("double", {key: float(value) for key, value in eq5.items()})
+    return draw_law(stream(seed, "law"), str(profile.law_form))
+
+
+def draw_plan(
     rng: np.random.Generator,
     profile: Profile,
     width: float,

@@ -3,16 +3,19 @@
 import gzip
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from . import host, laser
+from . import hand, host, laser
 from .digitiser import Panel, draw_variants, scan
-from .hand import move
-from .rig import Profile, Rig, draw_rig, stream
+from .filters import FILTERS
+from .motion import Motion
+from .real import moves
+from .real.rig import draw_real_rig
+from .rig import Profile, Rig, RunPlan, draw_rig, stream
 
 
 @dataclass(frozen=True)
@@ -30,51 +33,48 @@ class Truth:
     def to_dict(self) -> dict[str, Any]:
         rig = asdict(self.rig)
         return {
-            "seed": self.seed, "hidden_effects": self.effects, "variants": self.variants, "n_edges": self.n_edges,
+            "seed": self.seed, "world": self.rig.world, "law_form": self.rig.law.form,
+            "hidden_effects": self.effects, "variants": self.variants, "n_edges": self.n_edges,
             "rig": rig, "true_latency_ms": self.true_latency_ms,
         }  # fmt: skip
 
 
 def make_session(
-    out_dir: Path | str, seed: int, effects: Mapping[str, float] | None = None, profile: Profile | None = None
+    out_dir: Path | str | None,
+    seed: int,
+    effects: Mapping[str, float] | None = None,
+    profile: Profile | None = None,
 ) -> Truth:
-    """Write one session to `out_dir` and return its truth.
+    """Write one session to `out_dir` (None: nowhere) and return its truth.
 
     The same seed gives the same rig, hand and noise whatever the effects, so a session and its twin without
     the effect differ by the effect alone.
     """
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    effects = dict(effects or {})
-    rig = draw_rig(seed, profile or Profile())
-    name, width, height, width_px, height_px = rig.screen
+    effects, profile = dict(effects or {}), profile or Profile()
+    rig = (draw_real_rig if profile.world == "realistic" else draw_rig)(seed, profile)
     panel = Panel(effects, draw_variants(seed, effects, rig))
+    files: dict[str, tuple[str, str, tuple[np.ndarray, ...]]] = {}
     runs, latencies, details, n_edges = [], {}, {}, 0
     for run in rig.plan:
-        motion = move(rig, run, stream(seed, f"hand {run.id}"))
+        real = rig.world == "realistic"
+        motion = moves.move(rig, run, seed) if real else hand.move(rig, run, stream(seed, f"hand {run.id}"))
         tau, x, y, behind = scan(rig, panel, run, motion, seed)
         tau, x, y = host.deliver(rig, panel, run, (tau, x, y), seed)
         stamp, light, crossed = laser.edges(rig, panel, run, motion, seed)
-        _write(out / f"{run.id}.touch.csv.gz", "t_s,x_mm,y_mm", "%.6f,%.4f,%.4f", (tau, x, y))
-        _write(out / f"{run.id}.laser.csv.gz", "t_s,light", "%.7f,%d", (stamp, light))
+        files[f"{run.id}.touch.csv.gz"] = "t_s,x_mm,y_mm", "%.6f,%.4f,%.4f", (tau, x, y)
+        files[f"{run.id}.laser.csv.gz"] = "t_s,light", "%.7f,%d", (stamp, light)
         at_edges = np.interp(crossed, motion.t_s, behind)
         latencies[run.id] = float(1e3 * at_edges.mean()) if len(crossed) else None
+        if len(crossed) and set(effects) & set(FILTERS):
+            latencies[run.id] = 1e3 * _latency_behind_filters(rig, panel, run, motion, crossed, seed)
         n_edges += len(crossed)
         details[run.id] = {"edge_s": crossed, "latency_s": at_edges, "stamp_s": stamp, "touch": (tau, x, y)}
         details[run.id] |= {
             key: np.interp(crossed, motion.t_s, getattr(motion, key))
             for key in ("x_mm", "y_mm", "vx_mm_s", "vy_mm_s", "speed_mm_s", "along_mm_s2")
         }
-        runs.append(
-            {
-                "id": run.id,
-                "protocol": run.protocol,
-                "nominal_speed_mm_s": run.nominal_speed_mm_s,
-                "radius_mm": run.radius_mm,
-                "duration_s": run.duration_s,
-                "start_s": run.start_s,
-            }
-        )
+        public = ("id", "protocol", "nominal_speed_mm_s", "radius_mm", "duration_s", "start_s")
+        runs.append({key: getattr(run, key) for key in public})
     end = rig.plan[-1].start_s + rig.plan[-1].duration_s + 15.0
     blocks = [
         host.taps(rig, panel, rig.taps_before, 0.0, seed, "before"),
@@ -82,16 +82,40 @@ def make_session(
     ]
     taps = np.concatenate(blocks)
     if len(taps):
-        _write(out / "taps.csv.gz", "physical_s,registered_s,down", "%.6f,%.6f,%d", tuple(taps.T))
+        files["taps.csv.gz"] = "physical_s,registered_s,down", "%.6f,%.6f,%d", tuple(taps.T)
+    if out_dir is not None:
+        _write_all(Path(out_dir), rig, runs, files)
+    return Truth(seed, effects, panel.variants, rig, latencies, n_edges, details)
+
+
+def _latency_behind_filters(
+    rig: Rig, panel: Panel, run: RunPlan, motion: Motion, crossed: np.ndarray, seed: int
+) -> float:
+    """By how many seconds the trace without noise, shifted, comes closest to where the stylus was at the edges (k,)."""
+    clean = replace(rig, noise_mm=0.0, run_offset_sd_mm=0.0, step_mm=0.0)
+    t, _, y, _ = scan(clean, panel, run, motion, seed)
+    there = np.interp(crossed, motion.t_s, motion.y_mm)
+    middle, reach = 0.12, 0.12
+    for _ in range(4):
+        tries = np.linspace(middle - reach, middle + reach, 61)
+        away = [float(np.mean((np.interp(crossed + late, t, y) - there) ** 2)) for late in tries]
+        middle, reach = float(tries[int(np.argmin(away))]), reach / 15
+    return middle
+
+
+def _write_all(out: Path, rig: Rig, runs: list[dict[str, Any]], files: dict[str, Any]) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    for file, (header, form, columns) in files.items():
+        _write(out / file, header, form, columns)
+    name, width, height, width_px, height_px = rig.screen
     session = {
         "format": "draglag-exchange", "version": 1,
         "screen": {"name": name, "width_mm": width, "height_mm": height, "width_px": width_px, "height_px": height_px},
         "stylus_diameter_mm": rig.diameter_mm,
         "clock": "all times in seconds on the host's monotonic clock; y grows downwards",
-        "runs": runs, "taps": "taps.csv.gz" if len(taps) else None,
+        "runs": runs, "taps": "taps.csv.gz" if "taps.csv.gz" in files else None,
     }  # fmt: skip
     (out / "session.json").write_text(json.dumps(session, indent=1))
-    return Truth(seed, effects, panel.variants, rig, latencies, n_edges, details)
 
 
 def _write(path: Path, header: str, form: str, columns: tuple[np.ndarray, ...]) -> None:

@@ -1,0 +1,69 @@
+"""By how many mm each hidden effect moves the edges, and how much of that no law of the speed and no beam takes up.
+
+The session is made again without noise, rounding and missed passes, with the effect and without; the true law of the
+twin aligns both, and the difference of the edges' residuals is what the effect does.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .physics.rig import Profile
+from .physics.session import Truth, make_session
+from .visibility import law_columns, residuals
+
+OF_INTEREST_MM = 0.05
+FARTHEST_MM = 20.0  # an edge beside a hole of the trace says nothing of the effect
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """RMS over all edges: of what the effect moves (`rms_mm`), and of what is left of it behind Eq. 5 and a straight
+    beam (`gap_mm`). `taps_show`: taps and curve part by what the law takes up."""
+
+    rms_mm: float
+    gap_mm: float
+    taps_show: bool = False
+
+    @property
+    def matters(self) -> bool:
+        """Whether a quiet verdict misses something of interest."""
+        return (self.rms_mm if self.taps_show else self.gap_mm) >= OF_INTEREST_MM
+
+
+def displacements(
+    seed: int, effects: dict[str, float], profile: Profile
+) -> tuple[dict[str, Displacement], Displacement | None]:
+    """Of each effect alone, and of all together (None without any)."""
+    if not effects:
+        return {}, None
+    quiet = replace(profile, noise=0.0)
+    twin = make_session(None, seed, {}, quiet)
+    alone = {name: displaced_by(make_session(None, seed, {name: size}, quiet), twin) for name, size in effects.items()}
+    if len(effects) == 1:
+        return alone, next(iter(alone.values()))
+    return alone, displaced_by(make_session(None, seed, effects, quiet), twin)
+
+
+def displaced_by(truth: Truth, twin: Truth) -> Displacement:
+    """What everything hidden in `truth` does to the edges of its twin."""
+    with_it, without = residuals(truth, twin), residuals(twin, twin)
+    moved, columns = [], []
+    for run_id in with_it.keys() & without.keys():
+        (r1, at1), (r0, at0) = with_it[run_id], without[run_id]
+        _, i1, i0 = np.intersect1d(at1, at0, return_indices=True)
+        base, at = twin.details[run_id], at0[i0]
+        vy, v = base["vy_mm_s"][at], base["speed_mm_s"][at]
+        delta = r1[i1] - r0[i0]
+        good = np.abs(delta) < FARTHEST_MM
+        moved.append(delta[good])
+        shape = np.column_stack([law_columns(twin.rig, vy, v), np.ones_like(vy), base["x_mm"][at]])
+        columns.append(shape[good])
+    taps = twin.rig.taps_before + twin.rig.taps_after > 0
+    taps_show = taps and not {"clock_offset", "prediction"}.isdisjoint(truth.effects)
+    if not moved or sum(map(len, moved)) < 10:
+        return Displacement(0.0, 0.0, taps_show)
+    delta, shape = np.concatenate(moved), np.concatenate(columns)
+    shape = shape / np.maximum(np.linalg.norm(shape, axis=0), 1e-300)
+    left = delta - shape @ np.linalg.lstsq(shape, delta, rcond=1e-9)[0]
+    return Displacement(float(np.sqrt(np.mean(delta**2))), float(np.sqrt(np.mean(left**2))), taps_show)
