@@ -10,7 +10,7 @@ import numpy as np
 
 from .physics.rig import Profile
 from .physics.session import Truth, make_session
-from .visibility import law_columns, residuals
+from .visibility import TAP_PRECISION_S, law_columns, residuals
 
 OF_INTEREST_MM = 0.05
 FARTHEST_MM = 20.0  # an edge beside a hole of the trace says nothing of the effect
@@ -60,7 +60,9 @@ def displaced_by(truth: Truth, twin: Truth) -> Displacement:
         shape = np.column_stack([law_columns(twin.rig, vy, v), np.ones_like(vy), base["x_mm"][at]])
         columns.append(shape[good])
     taps = twin.rig.taps_before + twin.rig.taps_after > 0
-    taps_show = taps and not {"clock_offset", "prediction"}.isdisjoint(truth.effects)
+    taps_show = taps and any(
+        abs(truth.effects.get(name, 0.0)) > 2 * TAP_PRECISION_S for name in ("clock_offset", "prediction")
+    )
     if not moved or sum(map(len, moved)) < 10:
         return Displacement(0.0, 0.0, taps_show)
     delta, shape = np.concatenate(moved), np.concatenate(columns)

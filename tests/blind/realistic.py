@@ -14,11 +14,17 @@ NEEDS_SLOPE = frozenset({"lagging_law", "low_speed_plateau"})
 # Shares of the nominal size at which an effect is there and does not matter.
 BELOW = {
     "speed_adaptive_filter": 0.02, "prediction": 0.1, "deadband": 0.2, "warm_up": 0.05, "beam_bow": 0.15,
-    "poll_grid": 0.03,
 }  # fmt: skip
 
 MATTERS_MM, NEGLIGIBLE_MM = 0.1, 0.035
-LARGEST = 2.5  # times the drawn size: what screens have
+SPREAD = (0.7, 1.4)  # of sizes that matter, in nominal ones
+# How far screens and beams go (Hz, s, mm); nothing is made larger than that to matter.
+FARTHEST = {
+    "speed_adaptive_filter": 0.6, "prediction": 0.02, "deadband": 0.8, "warm_up": 0.03, "beam_bow": 0.8,
+    "poll_grid": 0.016, "first_order_iir": 0.06, "moving_average_by_speed": 0.24, "alpha_beta_tracker": 0.03,
+}  # fmt: skip
+POLLS_S = (0.004, 0.008, 0.008, 0.016)  # what hosts ask by
+MICROFRAME_S = 0.000125
 
 
 def real_tasks(sessions: int, seed: int, only: tuple[str, ...] = ()) -> list[Task]:
@@ -50,8 +56,16 @@ def _task(kind: str, row: str, seed: int, floor: bool = True) -> Task:
         return Task(kind, row, 1.0, seed, floor=floor, world="realistic", law_form=row.removeprefix("sound_"))
     forms = [form for form in FORMS if form != "constant" or row not in NEEDS_SLOPE]
     form = "transport" if row in SMOOTHING else str(stream(seed, "task's law").choice(forms))
-    scale = BELOW[row] if kind == "below" else 1.0
-    return Task(kind, row, scale, seed, sized((row,), scale, seed), floor=floor, world="realistic", law_form=form)
+    return Task(kind, row, 1.0, seed, _sizes(kind, row, seed), floor=floor, world="realistic", law_form=form)
+
+
+def _sizes(kind: str, row: str, seed: int) -> dict[str, float]:
+    rng = stream(seed, "task's size")
+    if row == "poll_grid":  # hosts ask at whole multiples of their bus's frames
+        return {row: MICROFRAME_S if kind == "below" else float(rng.choice(POLLS_S))}
+    if kind == "below":
+        return sized((row,), BELOW[row], seed)
+    return sized((row,), rng.uniform(*SPREAD) if row in NEW + REAL_UNKNOWN else 1.0, seed)
 
 
 def refitted(task: Task, gap_mm: float) -> dict[str, float] | None:
@@ -65,7 +79,8 @@ def refitted(task: Task, gap_mm: float) -> dict[str, float] | None:
     if task.kind == "below" and gap_mm > NEGLIGIBLE_MM:
         factor = 0.8 * NEGLIGIBLE_MM / gap_mm
     elif task.kind != "below" and name in NEW + REAL_UNKNOWN and gap_mm < MATTERS_MM:
-        factor = min(1.2 * MATTERS_MM / gap_mm, LARGEST)
+        most = FARTHEST[name] / abs(size)
+        factor = min(1.2 * MATTERS_MM / gap_mm, max(1 / most if EFFECTS[name].inverse else most, 1.0))
     else:
         return None
     return {name: size / factor if EFFECTS[name].inverse else size * factor}

@@ -81,7 +81,6 @@ UNKNOWN = tuple(name for name in PLAIN if not EFFECTS[name].in_library)
 NEW = tuple(name for name, hidden in EFFECTS.items() if hidden.realistic_only and hidden.in_library)
 REAL_LIBRARY = LIBRARY + NEW
 REAL_UNKNOWN = tuple(name for name, hidden in EFFECTS.items() if hidden.realistic_only and not hidden.in_library)
-"""Screens in no library. A name that says the same in other words is right all the same: see ACCEPTED."""
 
 ACCEPTED: dict[str, frozenset[str]] = {
     # A first-order low-pass is what the library calls by this name.

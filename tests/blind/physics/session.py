@@ -65,7 +65,7 @@ def make_session(
         files[f"{run.id}.laser.csv.gz"] = "t_s,light", "%.7f,%d", (stamp, light)
         at_edges = np.interp(crossed, motion.t_s, behind)
         latencies[run.id] = float(1e3 * at_edges.mean()) if len(crossed) else None
-        if len(crossed) and set(effects) & set(FILTERS):
+        if out_dir is not None and len(crossed) and set(effects) & set(FILTERS):
             latencies[run.id] = 1e3 * _latency_behind_filters(rig, panel, run, motion, crossed, seed)
         n_edges += len(crossed)
         details[run.id] = {"edge_s": crossed, "latency_s": at_edges, "stamp_s": stamp, "touch": (tau, x, y)}
