@@ -31,14 +31,14 @@ def kept_or_made(task: Task, scratch: Path, keep: Path | None) -> Made:
     """The session of a task: from `keep` where it lies there already, else made (there, or in `scratch`)."""
     if keep is None:
         return make(task, scratch / "session")[0]
-    folder, beside = keep / "sessions" / name_of(task), keep / "truth" / f"{name_of(task)}.json"
-    if beside.is_file():
-        data = json.loads(beside.read_text())
+    folder, label = keep / "sessions" / name_of(task), keep / "truth" / f"{name_of(task)}.json"
+    if label.is_file():
+        data = json.loads(label.read_text())
         if data["task"] == json.loads(json.dumps(asdict(task))):
             return Made(folder, _profile(task), from_json(data)[1])
     made, truth = make(task, folder)
-    beside.parent.mkdir(parents=True, exist_ok=True)
-    beside.write_text(json.dumps(to_json(task, truth, made.known), indent=1))
+    label.parent.mkdir(parents=True, exist_ok=True)
+    label.write_text(json.dumps(to_json(task, truth, made.known), indent=1))
     return made
 
 

@@ -50,7 +50,7 @@ EFFECTS: dict[str, Hidden] = {
     "smoothing_shrink": Hidden(0.035, "s", "a low-pass of this time constant that also shrinks circles"),
     "beam_wedge": Hidden(0.8, "mm", "the beam's apparent width grows by this across the screen", signed=True),
     "lagging_law": Hidden(0.060, "s", "the latency follows the speed of this long ago"),
-    # In no library: the workflow must own up to them.
+    # In no library: the workflow must leave them unexplained.
     "split_panel": Hidden(0.008, "s", "latency steps at a vertical line on the panel", signed=True, in_library=False),
     "split_offset": Hidden(0.6, "mm", "y steps at a vertical line on the panel", signed=True, in_library=False),
     "settling": Hidden(0.015, "s", "latency decays to its law over the first seconds of contact", in_library=False),
