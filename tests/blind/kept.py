@@ -6,6 +6,7 @@ With --reports, nothing runs: NAME.json there is what `draglag gap --json` print
 
 import argparse
 import json
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
@@ -30,6 +31,17 @@ def judge_kept(keep: Path, name: str, engine: str | None = None, reports: Path |
     return judge(task, known, workflow.close(keep / "sessions" / name, task.excluded, engine=engine))
 
 
+def _judge_all(options: argparse.Namespace, names: list[str]) -> list[Outcome]:
+    """Outcomes in the order of `names`; each is written to stderr as it comes, for there may be many."""
+    out, n = [], len(names)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        found = pool.map(judge_kept, [options.keep] * n, names, [options.engine] * n, [options.reports] * n)
+        for name, o in zip(names, found, strict=True):
+            print(f"{name}: {o.answer}, {o.seconds:.1f} s", file=sys.stderr)
+            out.append(o)
+    return out
+
+
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("keep", type=Path, metavar="DIR")
@@ -44,11 +56,7 @@ def main(argv: list[str] | None = None) -> int:
         names = [name for name in names if (options.reports / f"{name}.json").is_file()]
     if not names:
         parser.error(f"no session to score in {options.keep}; make some with draglag blind --keep")
-    n = len(names)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        outcomes = list(
-            pool.map(judge_kept, [options.keep] * n, names, [options.engine] * n, [options.reports] * n, chunksize=1)
-        )
+    outcomes = _judge_all(options, names)
     summary = score_worlds(outcomes)
     print(table(summary))
     for name, o in zip(names, outcomes, strict=True):
