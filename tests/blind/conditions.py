@@ -98,10 +98,7 @@ def tasks(sessions: int, seed: int, only: tuple[str, ...] = (), scales: tuple[fl
             out.append(Task(kind, row, scale, own, sized(chosen, scale, own), gone))
 
     add("none", "none", (), 1.0, 4 * sessions)
-    if not only or {"none", "none_other_law"} & set(only):
-        for k in range(sessions):
-            own = int(stream(seed, f"none other law {k}").integers(2**31))
-            out.append(Task("none", "none_other_law", 1.0, own, law_form=FORMS[k % 4]))  # not the last, Eq. 5
+    out += _other_laws(sessions, seed, only)
     for name in LIBRARY:
         for scale in scales:
             add("single", name, (name,), scale, sessions)
@@ -116,6 +113,15 @@ def tasks(sessions: int, seed: int, only: tuple[str, ...] = (), scales: tuple[fl
     for name in UNKNOWN:
         add("unknown", name, (name,), 1.0, sessions)
     return out
+
+
+def _other_laws(sessions: int, seed: int, only: tuple[str, ...]) -> list[Task]:
+    """Sessions without effects on screens whose law is not Eq. 5, the forms in turn."""
+    if only and {"none", "none_other_law"}.isdisjoint(only):
+        return []
+    seeds = [int(stream(seed, f"none other law {k}").integers(2**31)) for k in range(sessions)]
+    others = [form for form in FORMS if form != "double"]
+    return [Task("none", "none_other_law", 1.0, own, law_form=others[k % 4]) for k, own in enumerate(seeds)]
 
 
 def quick_tasks(seed: int) -> list[Task]:
