@@ -14,7 +14,8 @@ def draw(path: Path, summary: dict[str, Any], outcomes: list[Outcome]) -> None:
 
     figure = Figure(figsize=(14, 11), layout="constrained")
     axes = figure.subplots(2, 2, width_ratios=(1, 1.3))
-    _power(axes[0, 0], summary["power"])
+    realistic = any(o.world == "realistic" for o in outcomes)
+    _power(axes[0, 0], summary["power"], "0.05 mm RMS" if realistic else "just detectable")
     _gaps(axes[1, 0], outcomes)
     _recall(axes[0, 1], summary["rows"])
     _confusion(axes[1, 1], summary["confusion"])
@@ -42,8 +43,8 @@ def draw_reliability(path: Path, worlds: dict[str, dict[str, Any]]) -> None:
     figure.savefig(path, dpi=110)
 
 
-def _power(ax: Any, power: list[dict[str, Any]]) -> None:
-    ax.set(title="Right name first, against size", xlabel="size / just detectable", ylabel="rate", ylim=(-0.02, 1.02))
+def _power(ax: Any, power: list[dict[str, Any]], unit: str) -> None:
+    ax.set(title="Right name first, against size", xlabel=f"size / {unit}", ylabel="rate", ylim=(-0.02, 1.02))
     if power:
         x = [np.sqrt(max(p["from"], 0.25) * (p["to"] or 2 * p["from"])) for p in power]
         y = np.array([p["rate"] for p in power])

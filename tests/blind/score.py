@@ -31,7 +31,7 @@ QUESTIONS = {
     "unknown": "In no library: left unexplained",
     "below": "Too small to matter: right name, or nothing",
     "fair": "Fair answers of all sessions",
-    "spurious": "Sessions with a spurious name beside the hidden ones",
+    "spurious": "Sessions with a spurious name next to the hidden ones",
 }
 
 
@@ -124,7 +124,7 @@ def confusion(outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
             continue
         owned_up = o.verdict == "unexplained" or o.unexplained_by is not None
         said = o.named[0] if o.named else "unexplained" if owned_up else "nothing"
-        row = out.setdefault(o.row, {})
+        row = out.setdefault(f"{o.row}, small" if o.kind == "below" else o.row, {})
         row[said] = row.get(said, 0) + 1
     return out
 

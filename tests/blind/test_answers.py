@@ -123,6 +123,8 @@ def test_worlds_are_reported_apart():
     assert summary["worlds"]["plain"]["false_alarms"]["n"] == 1
     assert summary["worlds"]["plain"]["other_law"]["hits"] == 1
     assert summary["worlds"]["realistic"]["fair"]["hits"] == 1
+    small = score_worlds([judged(QUIET, "below", moved=SMALL)])["worlds"]["realistic"]
+    assert small["confusion"] == {"deadband, small": {"nothing": 1}}
     (row,) = summary["worlds"]["realistic"]["answers"]
     assert row["answers"] == {"right name": 1, "wrong name": 0, "unexplained": 0, "quiet": 1, "refused": 0}
     text = table(summary)

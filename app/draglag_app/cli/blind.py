@@ -18,7 +18,7 @@ from draglag_app.cli.common import json_option, print_json, progress
 @click.option("--sessions", type=click.IntRange(min=1), default=5, show_default=True, help="Sessions of each row.")
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on a cluster: its Dask scheduler, as tcp://host:8786.")
-@click.option("--quick", is_flag=True, help="About forty sessions of every kind, in a few minutes.")
+@click.option("--quick", is_flag=True, help="About forty plain sessions and thirty realistic ones, of every kind.")
 @click.option("--only", multiple=True, metavar="NAME", help="A kind (none, single, pair …) or an effect; repeatable.")
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of everything drawn.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write blind.json and figures.")
