@@ -5,11 +5,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from .conditions import Task, profile_for
-from .displacement import displacements
+from .displacement import Displacement, displacements
 from .known import Known, from_json, known_of, size_of_interest, to_json
 from .physics.rig import Profile
 from .physics.session import Truth, make_session
-from .realistic import refitted
+from .realistic import MATTERS_MM, refitted
 from .visibility import JUST_DETECTABLE, visibility
 
 
@@ -49,11 +49,7 @@ def make(task: Task, folder: Path) -> tuple[Made, Truth]:
         effects, size = _plain_size(task, profile)
         displaced, together = displacements(task.seed, effects, profile)
     else:
-        displaced, together = displacements(task.seed, effects, profile)
-        other = refitted(task, together.gap_mm) if together else None
-        if other:
-            effects = other
-            displaced, together = displacements(task.seed, effects, profile)
+        effects, displaced, together = _realistic_size(task, profile)
         size = size_of_interest(effects, together)
     truth = make_session(folder, task.seed, effects, profile)
     return Made(folder, profile, known_of(truth, displaced, together, size)), truth
@@ -61,6 +57,23 @@ def make(task: Task, folder: Path) -> tuple[Made, Truth]:
 
 def _profile(task: Task) -> Profile:
     return profile_for(task.effects, task.world, task.law_form)
+
+
+def _realistic_size(
+    task: Task, profile: Profile
+) -> tuple[dict[str, float], dict[str, Displacement], Displacement | None]:
+    """Effects of a task at sizes that matter, or do not where that is asked for, and what they move.
+
+    What cannot matter (a law takes it up at any size that occurs) stays as drawn.
+    """
+    effects = dict(task.effects)
+    displaced, together = displacements(task.seed, effects, profile)
+    other = refitted(task, together.gap_mm) if together else None
+    if other:
+        moved, in_all = displacements(task.seed, other, profile)
+        if task.kind == "below" or (in_all and in_all.gap_mm >= MATTERS_MM):
+            return other, moved, in_all
+    return effects, displaced, together
 
 
 def _plain_size(task: Task, profile: Profile) -> tuple[dict[str, float], float | None]:

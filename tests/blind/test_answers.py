@@ -188,6 +188,20 @@ def test_another_task_of_the_same_name_is_made_itself(short, tmp_path):
         assert made.known.effects == task.effects
 
 
+@pytest.mark.parametrize(("gap_mm", "grows"), [(0.15, True), (0.03, False)])
+def test_what_cannot_matter_keeps_its_size(short, tmp_path, monkeypatch, gap_mm, grows):
+    def displaced(seed, effects, profile):
+        moved = Displacement(1.0, gap_mm if effects["beam_bow"] > 0.5 else 0.02)
+        return {"beam_bow": moved}, moved
+
+    monkeypatch.setattr(making, "displacements", displaced)
+    task = Task("single", "beam_bow", 1.0, 4, {"beam_bow": 0.4}, world="realistic", law_form="power")
+    made, truth = making.make(task, tmp_path)
+    assert (made.known.effects["beam_bow"] > 0.5) == grows
+    assert truth.effects == made.known.effects
+    assert made.known.matters == grows
+
+
 def test_command_line_takes_world_keep_and_engine(tmp_path, monkeypatch):
     from blind import benchmark
 
