@@ -16,12 +16,13 @@ from scipy.special import stdtrit
 
 from draglag.beam import Lines, sides, stylus_diameter_mm
 from draglag.events import in_contact
+from draglag.latency.arrival import Arrival, set_back
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
 from draglag.latency.path import APART_S
 from draglag.latency.scan import Scan, scan
-from draglag.latency.track import Track, track_of
+from draglag.latency.track import Track, path_of, track_of
 from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
 from draglag.recording import FloatArray
 
@@ -69,6 +70,7 @@ class Solution:
 
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """The latency of a run by joint maximum likelihood, with its interval and verdict."""
+    ready, arrival = set_back(ready, path_of(ready))
     track = track_of(ready)
     coarse = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, track.path, track.losses_s)
     minima = coarse.minima()
@@ -99,7 +101,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
         extra.append("lost_contact")
     if best.tau_mm > 3 * track.path.noise_mm:
         extra.append("excess_scatter")
-    return common_flags(_describe(ready, blank, best), ready, best.edges, window_s, tuple(extra))
+    return common_flags(_describe(ready, blank, best, arrival), ready, best.edges, window_s, tuple(extra))
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
@@ -239,7 +241,7 @@ def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
     return Known(np.asfortranarray(bands), np.asfortranarray(extra))  # as LAPACK wants them
 
 
-def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimate:
+def _describe(ready: Prepared, blank: RunEstimate, best: Solution, arrival: Arrival) -> RunEstimate:
     latency_s, half_mm = best.latency_s, float(best.parameters[3])
     slope, middle = float(best.parameters[1]), float(best.parameters[2])
     lines = Lines(slope, slope, middle - half_mm, middle + half_mm)
@@ -261,8 +263,9 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
         lines,
     )
     ahead_s, spread_s = _by_tremor_s(best)
-    latency_s += ahead_s
-    se_s = float(np.hypot(best.se_s, spread_s))
+    late_s, late_se_s, by_chance_s = arrival.at_edges(best.edges.t_s + latency_s)
+    latency_s += ahead_s + late_s
+    se_s = float(np.linalg.norm([best.se_s, spread_s, late_se_s]))
     reach = float(stdtrit(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975)) * se_s
     x_mm = alignment.x_mm
     # Noise across the motion adds half its variance over the speed, which is taken off again. Tremor, which the path
@@ -279,7 +282,7 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution) -> RunEstimat
         speed_sd_mm_s=float(np.sqrt(max(float(np.var(speed)) - noise2, 0.0) + tremor2)),
         latency_s=latency_s,
         latency_se_s=se_s,
-        se_at_speed_s=best.se_s,
+        se_at_speed_s=float(np.linalg.norm([best.se_s, late_se_s, by_chance_s])),
         latency_ci95_s=(latency_s - reach, latency_s + reach),
         j0_per_edge_mm2=cost_without_shift(ready, best.edges, best.track.path.at(best.edges.t_s, 1)[:, 1]),
         j_per_edge_mm2=float(np.mean(best.residual_mm**2)),

@@ -8,7 +8,7 @@ import numpy as np
 
 from draglag.events import contact_losses
 from draglag.latency.estimate import Prepared
-from draglag.latency.path import Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import Events, Path, corner_of, events_of, smooth_path, spectrum_of
 from draglag.latency.tremor import Tremor, tremor_of
 from draglag.recording import FloatArray
 
@@ -47,10 +47,15 @@ class Track:
         return xy_mm, v_mm_s
 
 
+def path_of(ready: Prepared) -> Path:
+    """The smooth path of a run's touch events."""
+    return _path(events_of(ready.touch.t_s, ready.xy_mm))
+
+
 def track_of(ready: Prepared) -> Track:
     """The track of a run's touch events."""
     events = events_of(ready.touch.t_s, ready.xy_mm)
-    path = smooth_path(events, *corner_of(spectrum_of(events)))
+    path = _path(events)
     t_s = events.t_s
     v_mm_s = path.at(t_s, 1)
     speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
@@ -59,3 +64,7 @@ def track_of(ready: Prepared) -> Track:
     uneven = path.like(v_mm_s * relative[:, None])
     tremor = tremor_of(events, path, v_mm_s)
     return Track(path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
+
+
+def _path(events: Events) -> Path:
+    return smooth_path(events, *corner_of(spectrum_of(events)))
