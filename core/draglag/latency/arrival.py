@@ -11,16 +11,20 @@ lateness that the positions confirm, which rids the path of its noise, and the e
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from draglag.events import BATCHED, sample_interval_s
 from draglag.latency.estimate import Prepared
-from draglag.latency.path import LONGEST_FILL, Path, events_of
-from draglag.recording import FloatArray, TouchTrace
+from draglag.latency.path import LONGEST_FILL, events_of
+from draglag.latency.track import path_of
+from draglag.recording import FloatArray, IntArray, TouchTrace
 
-FEWEST = 40  # events in a stretch: fewer do not show a rhythm
-MOST = 0.75  # of the interval: reports later than that were counted wrongly
+FEWEST = 200  # events in a stretch: fewer do not show a rhythm
+SLIP = 0.5  # of the interval: a lasting step this large is a report that never came
+BESIDE = 40  # events on either side of such a step
+REFINED, SETTLED = 4, 0.02  # a path that was blurred by late stamps shows them in part
 LEAST_S = 1e-6  # of lateness: what a stamp of 1 us cannot show is none
 
 
@@ -52,24 +56,33 @@ def lateness_s(t_s: FloatArray) -> FloatArray:
     if t_s.size < FEWEST:
         return late_s
     slot = events_of(t_s, np.zeros((t_s.size, 2))).slot
-    starts = np.flatnonzero(np.append(True, np.diff(slot) > LONGEST_FILL))
-    for first, end in zip(starts, np.append(starts[1:], t_s.size), strict=True):
-        if end - first < FEWEST:
-            continue
-        piece_s, n = t_s[first:end] - t_s[first], slot[first:end] - slot[first]
-        n = n - n.mean()
-        off_s = piece_s - piece_s.mean() - n * float(n @ piece_s) / float(n @ n)
-        if off_s.std() < MOST * sample_interval_s(t_s):
-            late_s[first:end] = off_s
+    cuts = [0, *(1 + np.flatnonzero(np.diff(slot) > LONGEST_FILL)), t_s.size]
+    for first, end in pairwise(cuts):
+        if end - first >= FEWEST:
+            late_s[first:end] = _behind_s(t_s[first:end], slot[first:end], SLIP * sample_interval_s(t_s))
     return late_s
 
 
-def set_back(ready: Prepared, path: Path) -> tuple[Prepared, Arrival]:
-    """The run with each stamp set back by its lateness, as far as the positions confirm it, and that lateness.
+def _behind_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
+    """Stamps (n,) less the straight line through their slots, on both sides of a slip by lines of their own."""
+    if t_s.size < FEWEST:
+        return np.zeros(t_s.size)
+    n = slot - slot.mean()
+    off_s = t_s - t_s.mean()
+    off_s = off_s - n * float(n @ off_s) / float(n @ n)
+    total_s = np.concatenate([[0.0], np.cumsum(off_s)])
+    mean_s = (total_s[BESIDE:] - total_s[:-BESIDE]) / BESIDE
+    step_s = np.abs(mean_s[BESIDE:] - mean_s[:-BESIDE])
+    at = int(np.argmax(step_s))
+    if step_s[at] < slip_s:
+        return np.asarray(off_s)
+    cut = at + BESIDE
+    parts = (slice(None, cut), slice(cut, None))
+    return np.concatenate([_behind_s(t_s[part], slot[part], slip_s) for part in parts])
 
-    Args:
-        path: of the run as it is.
-    """
+
+def set_back(ready: Prepared) -> tuple[Prepared, Arrival]:
+    """The run with each stamp set back by its lateness, as far as the positions confirm it, and that lateness."""
     touch = ready.touch
     came_s = _came_s(ready)
     every_s = lateness_s(came_s)
@@ -77,18 +90,28 @@ def set_back(ready: Prepared, path: Path) -> tuple[Prepared, Arrival]:
     if every_s.std() < LEAST_S:
         return ready, none
     late_s = every_s[np.searchsorted(came_s, touch.t_s, side="right") - 1]
-    place_mm, v_mm_s = path.with_velocity(touch.t_s)
-    shown_mm = v_mm_s * late_s[:, None]
-    shown_mm = shown_mm - path.like(shown_mm).at(touch.t_s)  # the path follows what is slow
-    share = float(np.vdot(shown_mm, place_mm - ready.xy_mm) / max(float(np.vdot(shown_mm, shown_mm)), 1e-12))
-    share = min(max(share, 0.0), 1.0)
-    t_s = touch.t_s - share * late_s
-    if share == 0.0 or (np.diff(t_s) <= 0).any():
-        return ready, none
-    again = TouchTrace(t_s, touch.x_mm, touch.y_mm, touch.contact_id, gaps_s=touch.gaps_s)
+    share, again = 0.0, ready
+    for _ in range(REFINED):
+        more = _confirmed(again, late_s)
+        share, before = min(max(share + more, 0.0), 1.0), share
+        t_s = touch.t_s - share * late_s
+        if share == 0.0 or (np.diff(t_s) <= 0).any():
+            return ready, none
+        again = replace(ready, touch=TouchTrace(t_s, touch.x_mm, touch.y_mm, touch.contact_id, gaps_s=touch.gaps_s))
+        if abs(share - before) < SETTLED:
+            break
     # Where stamps scatter by what is lateness and by what is not, lateness is known by this much.
     unseen_s = float(every_s.std() * np.sqrt(share * (1 - share)))
-    return replace(ready, touch=again), Arrival(came_s - share * every_s, share * every_s, unseen_s)
+    return again, Arrival(came_s - share * every_s, share * every_s, unseen_s)
+
+
+def _confirmed(ready: Prepared, late_s: FloatArray) -> float:
+    """The share of the lateness (n,) by which the positions lag behind the path."""
+    path = path_of(ready)
+    place_mm, v_mm_s = path.with_velocity(ready.touch.t_s)
+    shown_mm = v_mm_s * late_s[:, None]
+    shown_mm = shown_mm - path.like(shown_mm).at(ready.touch.t_s)  # the path follows what is slow
+    return float(np.vdot(shown_mm, place_mm - ready.xy_mm) / max(float(np.vdot(shown_mm, shown_mm)), 1e-12))
 
 
 def _came_s(ready: Prepared) -> FloatArray:

@@ -22,7 +22,7 @@ from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
 from draglag.latency.path import APART_S
 from draglag.latency.scan import Scan, scan
-from draglag.latency.track import Track, path_of, track_of
+from draglag.latency.track import Track, track_of
 from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
 from draglag.recording import FloatArray
 
@@ -70,7 +70,7 @@ class Solution:
 
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """The latency of a run by joint maximum likelihood, with its interval and verdict."""
-    ready, arrival = set_back(ready, path_of(ready))
+    ready, arrival = set_back(ready)
     track = track_of(ready)
     coarse = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, track.path, track.losses_s)
     minima = coarse.minima()
