@@ -13,7 +13,7 @@ from .session import make_session
 BANDS_MM_S = ((0, 80), (80, 130), (130, 210), (210, 450), (450, 2000))
 
 
-def rows_of(job: tuple[int, str]) -> list[tuple[float, float, float, float]]:
+def rows_of(job: tuple[int, str] | tuple[int, str, float, float | None]) -> list[tuple[float, float, float, float]]:
     """Speed mm/s, error ms, lower and upper reach of the interval ms, of every run of one session."""
     session, truth = make_session(*job)
     out = []
@@ -44,9 +44,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sessions", type=int, default=6, help="of each form of the law")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--poll-ms", type=float, nargs="*", default=(0, 1, 8), help="of the bus, in turn; 0: none")
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
-    jobs = [(options.seed * 1000 + k, form) for k in range(options.sessions) for form in FORMS]
+    polls_s = [1e-3 * ms or None for ms in options.poll_ms]
+    jobs = [
+        (options.seed * 1000 + k, form, 25.0, polls_s[(k + j) % len(polls_s)])
+        for k in range(options.sessions)
+        for j, form in enumerate(FORMS)
+    ]
     with ProcessPoolExecutor(options.jobs) as pool:
         found = list(pool.map(rows_of, jobs))
     for form in FORMS:

@@ -14,19 +14,21 @@ CATCH_UP = 0.03  # of real time: where the latency falls faster than time passes
 
 @dataclass(frozen=True)
 class Panel:
-    """Digitiser: law (mm/s -> s), rate, noise (standard deviation a coordinate), steps its numbers come in, jitter."""
+    """Digitiser: law (mm/s -> s), rate, noise (standard deviation a coordinate), steps its numbers come in, jitter of
+    its scans, and how often the bus asks for reports (0: each comes at once)."""
 
     law: Law
     rate_hz: float
     noise_mm: float
     step_mm: float
     jitter_s: float
+    poll_s: float = 0.0
 
 
 def reports(
     rng: np.random.Generator, panel: Panel, motion: Motion, span_s: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps (m,), x and y (m,) of the reports, and the delay (n,) s of the noise-free trace of every step."""
+    """Stamps (m,), x and y (m,) of the reports, and the delay (n,) s with which they show the place of every step."""
     # A tracker follows the velocity over some 50 ms.
     v = gaussian_filter1d(motion.speed_mm_s, 0.05 * motion.step_hz, truncate=3.0)
     behind = np.maximum(panel.law(v), LEAST_DELAY_S)
@@ -38,7 +40,15 @@ def reports(
         np.interp(tau, shown_at, q) + panel.noise_mm * rng.normal(size=tau.size) for q in (motion.x_mm, motion.y_mm)
     )
     x, y = (np.round(q / panel.step_mm) * panel.step_mm for q in (x, y))
-    return tau, x, y, shown_at - motion.t_s
+    stamp = tau
+    if panel.poll_s:
+        phase_s = rng.uniform(0, panel.poll_s)
+        stamp = phase_s + np.ceil((tau - phase_s) / panel.poll_s) * panel.poll_s + rng.exponential(ARRIVAL_S, tau.size)
+        stamp = np.round(np.maximum.accumulate(stamp), 6)
+    return stamp, x, y, shown_at + np.interp(shown_at, tau, stamp - tau) - motion.t_s
+
+
+ARRIVAL_S = 4e-5  # scheduling of the host
 
 
 def edges(

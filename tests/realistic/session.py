@@ -13,16 +13,29 @@ DIAMETER_MM = 7.0
 SPEEDS_MM_S = (45.0, 55.0, 70.0, 90.0, 115.0, 140.0, 170.0, 200.0, 290.0, 420.0, 620.0, 900.0)
 
 
-def make_session(seed: int, form: str, duration_s: float = 25.0) -> tuple[Session, dict[str, float]]:
-    """One session of circles at twelve speeds; run id -> mean true latency over its edges, s."""
+MOST_A_POLL = 1.1  # reports
+SCAN_JITTER_S = 1e-4  # of digitisers on polled buses
+
+
+def make_session(
+    seed: int, form: str, duration_s: float = 25.0, poll_s: float | None = None
+) -> tuple[Session, dict[str, float]]:
+    """One session of circles at twelve speeds; run id -> mean true latency over its edges, s.
+
+    poll_s: of the bus that the reports come over; None: each comes at once.
+    """
     rng = np.random.default_rng([seed, 4711])
     sensor = Sensor(rng.uniform(0.15, 0.4), rng.uniform(0.2, 0.5), rng.uniform(0.005, 0.02))
+    law, rate_hz = draw_law(rng, form), float(rng.choice([90, 100, 120, 133, 166, 240]))
+    if poll_s is not None and poll_s * rate_hz > MOST_A_POLL:
+        poll_s = 0.001  # a bus that fits the digitiser
     panel = rig.Panel(
-        draw_law(rng, form),
-        float(rng.choice([90, 100, 120, 133, 166, 240])),
+        law,
+        rate_hz,
         rng.uniform(0.05, 0.2),
         rng.uniform(0.01, 0.1),
-        3e-5,
+        3e-5 if poll_s is None else SCAN_JITTER_S,
+        poll_s or 0.0,
     )
     beam = (float(np.tan(np.radians(rng.uniform(-1, 1)))), 130.0, 0.03 * rng.uniform(-1, 1))
     runs, truth, start_s = [], {}, 10.0

@@ -15,13 +15,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from draglag.events import BATCHED, sample_interval_s
+from draglag.events import BATCHED, median
 from draglag.latency.estimate import Prepared
 from draglag.latency.path import LONGEST_FILL, events_of
 from draglag.latency.track import path_of
 from draglag.recording import FloatArray, IntArray, TouchTrace
 
 FEWEST = 200  # events in a stretch: fewer do not show a rhythm
+MANY = 50  # intervals
 SLIP = 0.5  # of the interval: a lasting step this large is a report that never came
 BESIDE = 40  # events on either side of such a step
 REFINED, SETTLED = 4, 0.02  # a path that was blurred by late stamps shows them in part
@@ -55,11 +56,13 @@ def lateness_s(t_s: FloatArray) -> FloatArray:
     late_s = np.zeros(t_s.size)
     if t_s.size < FEWEST:
         return late_s
-    slot = events_of(t_s, np.zeros((t_s.size, 2))).slot
+    # Intervals on a coarse poll are one poll or two, whatever the scans': only many together show theirs.
+    dt_s = median(t_s[MANY:] - t_s[:-MANY]) / MANY
+    slot = events_of(t_s, np.zeros((t_s.size, 2)), dt_s).slot
     cuts = [0, *(1 + np.flatnonzero(np.diff(slot) > LONGEST_FILL)), t_s.size]
     for first, end in pairwise(cuts):
         if end - first >= FEWEST:
-            late_s[first:end] = _behind_s(t_s[first:end], slot[first:end], SLIP * sample_interval_s(t_s))
+            late_s[first:end] = _behind_s(t_s[first:end], slot[first:end], SLIP * dt_s)
     return late_s
 
 

@@ -69,13 +69,13 @@ class Events:
         return np.column_stack([np.interp(every, self.slot, column) for column in values.T])
 
 
-def events_of(t_s: FloatArray, xy_mm: FloatArray) -> Events:
-    """Events at increasing times t_s (n,), xy_mm (n, 2), numbered by the slots of an even grid.
+def events_of(t_s: FloatArray, xy_mm: FloatArray, dt_s: float | None = None) -> Events:
+    """Events at increasing times t_s (n,), xy_mm (n, 2), numbered by the slots of an even grid (of dt_s, if known).
 
     Of events that come together, as after a stall of the host, the last is in time and the others belong to the slots
     before it.
     """
-    dt_s = sample_interval_s(t_s)
+    dt_s = sample_interval_s(t_s) if dt_s is None else dt_s
     last = np.append(np.diff(t_s) > TOGETHER * dt_s, True)
     ends = np.flatnonzero(last)
     size = np.diff(np.append(-1, ends))
