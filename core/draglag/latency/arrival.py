@@ -44,7 +44,7 @@ class Arrival:
             return 0.0, 0.0, 0.0
         k = np.clip(np.searchsorted(self.t_s, at_s, side="right") - 1, 0, self.t_s.size - 2)
         after = np.clip((at_s - self.t_s[k]) / np.maximum(self.t_s[k + 1] - self.t_s[k], 1e-9), 0.0, 1.0)
-        share = np.bincount(k, 1 - after, self.t_s.size) + np.bincount(k + 1, after, self.t_s.size)
+        share: FloatArray = np.bincount(k, 1 - after, self.t_s.size) + np.bincount(k + 1, after, self.t_s.size)
         share /= at_s.size
         alone = float(np.sqrt(share @ share))
         return float(share @ self.late_s), self.unseen_s * alone, float(self.late_s.std()) * alone

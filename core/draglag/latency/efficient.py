@@ -21,6 +21,7 @@ from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
 from draglag.latency.path import APART_S
+from draglag.latency.pauses import NONE, Pauses, without_pauses
 from draglag.latency.scan import Scan, scan
 from draglag.latency.track import Track, track_of
 from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
@@ -90,6 +91,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
         plain = _on_track(best, replace(track, with_tremor=False))
         if plain.log_likelihood > best.log_likelihood:
             best = plain
+    best, pauses = _apart_from_pauses(ready, best)
     extra = []
     if any(
         best.log_likelihood - rival.log_likelihood < ALIAS_LOG_LIKELIHOOD
@@ -101,7 +103,14 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
         extra.append("lost_contact")
     if best.tau_mm > 3 * track.path.noise_mm:
         extra.append("excess_scatter")
-    return common_flags(_describe(ready, blank, best, arrival), ready, best.edges, window_s, tuple(extra))
+    return common_flags(_describe(ready, blank, best, arrival, pauses), ready, best.edges, window_s, tuple(extra))
+
+
+def _apart_from_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
+    """The solution from the edges outside the hand's pauses, and those inside."""
+    others, pauses = without_pauses(ready, best.track, best.latency_s, best.parameters[1:4])
+    apart = _solved(others, best.latency_s, best.track) if pauses.t_s.size else None
+    return (best, NONE) if apart is None else (apart, pauses)
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
@@ -241,31 +250,16 @@ def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
     return Known(np.asfortranarray(bands), np.asfortranarray(extra))  # as LAPACK wants them
 
 
-def _describe(ready: Prepared, blank: RunEstimate, best: Solution, arrival: Arrival) -> RunEstimate:
-    latency_s, half_mm = best.latency_s, float(best.parameters[3])
-    slope, middle = float(best.parameters[1]), float(best.parameters[2])
-    lines = Lines(slope, slope, middle - half_mm, middle + half_mm)
-    touch, n = ready.touch, best.edges.t_s.size
-    raw = [np.interp(best.edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
-    speed = best.speed_mm_s
-    alignment = Alignment(
-        best.edges.t_s,
-        raw[0],
-        raw[1],
-        best.xy_mm[:, 0],
-        best.xy_mm[:, 1],
-        best.side,
-        best.edges.falling,
-        best.residual_mm,
-        np.full(n, latency_s),
-        speed,
-        best.v_mm_s,
-        lines,
-    )
+def _describe(ready: Prepared, blank: RunEstimate, best: Solution, arrival: Arrival, pauses: Pauses) -> RunEstimate:
+    alignment, n = _alignment(ready, best), best.edges.t_s.size
+    speed = np.append(best.speed_mm_s, pauses.speed_mm_s)
     ahead_s, spread_s = _by_tremor_s(best)
-    late_s, late_se_s, by_chance_s = arrival.at_edges(best.edges.t_s + latency_s)
-    latency_s += ahead_s + late_s
-    se_s = float(np.linalg.norm([best.se_s, spread_s, late_se_s]))
+    outside_s = best.latency_s + ahead_s
+    shown_s = np.append(best.edges.t_s + best.latency_s, pauses.t_s + pauses.latency_s)
+    late_s, late_se_s, by_chance_s = arrival.at_edges(shown_s)
+    latency_s, se_s = pauses.mixed(outside_s, float(np.hypot(best.se_s, spread_s)), n)
+    by_pauses_s = latency_s - outside_s
+    latency_s, se_s = latency_s + late_s, float(np.hypot(se_s, late_se_s))
     reach = float(stdtrit(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975)) * se_s
     x_mm = alignment.x_mm
     # Noise across the motion adds half its variance over the speed, which is taken off again. Tremor, which the path
@@ -274,21 +268,41 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution, arrival: Arri
     mean = max(float(np.mean(speed + (3 * tremor2 - noise2) / (2 * np.maximum(speed, 10.0)))), 0.0)
     return replace(
         blank,
-        n_edges=n,
+        n_edges=speed.size,
         n_rejected=best.edges.n_rejected,
         speed_mm_s=mean,
         # Edges of one crossing share their windows: half as many independent speeds as edges.
-        speed_se_mm_s=float(np.sqrt(2 * noise2 / n)),
+        speed_se_mm_s=float(np.sqrt(2 * noise2 / speed.size)),
         speed_sd_mm_s=float(np.sqrt(max(float(np.var(speed)) - noise2, 0.0) + tremor2)),
         latency_s=latency_s,
         latency_se_s=se_s,
-        se_at_speed_s=float(np.linalg.norm([best.se_s, late_se_s, by_chance_s])),
+        se_at_speed_s=float(np.linalg.norm([best.se_s, late_se_s, by_chance_s, by_pauses_s])),
         latency_ci95_s=(latency_s - reach, latency_s + reach),
         j0_per_edge_mm2=cost_without_shift(ready, best.edges, best.track.path.at(best.edges.t_s, 1)[:, 1]),
         j_per_edge_mm2=float(np.mean(best.residual_mm**2)),
-        stylus_diameter_mm=stylus_diameter_mm(lines, float(x_mm.min()), float(x_mm.max())),
+        stylus_diameter_mm=stylus_diameter_mm(alignment.lines, float(x_mm.min()), float(x_mm.max())),
         stylus_diameter_se_mm=2 * float(np.sqrt(best.covariance[3, 3])),
         alignment=alignment,
+    )
+
+
+def _alignment(ready: Prepared, best: Solution) -> Alignment:
+    slope, middle, half_mm = (float(value) for value in best.parameters[1:4])
+    touch = ready.touch
+    raw = [np.interp(best.edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
+    return Alignment(
+        best.edges.t_s,
+        raw[0],
+        raw[1],
+        best.xy_mm[:, 0],
+        best.xy_mm[:, 1],
+        best.side,
+        best.edges.falling,
+        best.residual_mm,
+        np.full(best.edges.t_s.size, best.latency_s),
+        best.speed_mm_s,
+        best.v_mm_s,
+        Lines(slope, slope, middle - half_mm, middle + half_mm),
     )
 
 

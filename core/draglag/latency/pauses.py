@@ -1,0 +1,100 @@
+"""Edges that fall into a pause of the hand: each has a latency of its own, read off the trace directly.
+
+Where latency falls with speed, an edge at a fraction of the run's speed may come tens of milliseconds later than the
+others. It weighs nothing in a fit (a shift in time hardly moves it), looks like an outlier there, or bends the slope;
+in the mean over all edges it counts as much as any. So it is left out of the fit: the lines that the others make are
+where it happened, and the trace says when it shows that place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.events import in_contact, median
+from draglag.latency.estimate import Prepared
+from draglag.latency.track import Track
+from draglag.recording import FloatArray
+
+SLOW = 0.6  # of the run's usual speed: slower is a pause
+MOST = 0.1  # of the edges: a run with more is one of uneven speed, not one with pauses
+REACH_S = (-0.05, 0.2)  # from the latency of the others: where the trace is searched
+AROUND = 3  # events on either side: the velocity at a crossing
+SLOWEST_MM_S = 10.0  # below it, noise alone crosses a line several times
+
+
+@dataclass(frozen=True)
+class Pauses:
+    """Edges in pauses: at t_s (k,), their latencies, and speeds there; se_s: standard error of each latency."""
+
+    t_s: FloatArray
+    latency_s: FloatArray
+    se_s: FloatArray
+    speed_mm_s: FloatArray
+
+    def mixed(self, mean_s: float, se_s: float, n: int) -> tuple[float, float]:
+        """Mean latency and its standard error over n other edges, of which both are given, and those in pauses."""
+        share = n / (n + self.t_s.size)
+        own_s = float(np.sqrt(np.sum(self.se_s**2))) / (n + self.t_s.size)
+        pauses_s = float(self.latency_s.mean()) if self.t_s.size else 0.0
+        return share * mean_s + (1 - share) * pauses_s, float(np.hypot(share * se_s, own_s))
+
+
+NONE = Pauses(*(np.empty(0),) * 4)
+
+
+def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatArray) -> tuple[Prepared, Pauses]:
+    """The run without the edges that fell into pauses, and those.
+
+    Args:
+        latency_s: of the others. line: slope, middle and half width of the lines they make, mm.
+    """
+    t_s, touch = ready.edges.t_s, ready.touch
+    inside = in_contact(touch.t_s, t_s + latency_s, track.losses_s)
+    v_mm_s = track.path.at(t_s + latency_s, 1)
+    speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
+    slow = inside & (speed < SLOW * median(speed[inside])) if inside.any() else inside
+    if not slow.any() or np.count_nonzero(slow) > MOST * t_s.size:
+        return ready, NONE
+    slope, middle, half = line
+    off_mm = touch.y_mm - slope * touch.x_mm - middle
+    noise_mm = 1.4826 * median(np.abs(touch.y_mm - track.at(touch.t_s)[:, 1]))
+    found = []
+    for k in np.flatnonzero(slow):
+        crossing = _shown(touch.t_s, off_mm, half, t_s[k], bool(ready.edges.falling[k]), latency_s)
+        if crossing is not None:
+            own_s, across = crossing
+            found.append((k, own_s, noise_mm / max(across, SLOWEST_MM_S), speed[k]))
+    if not found:
+        return ready, NONE
+    which, own, se, at = (np.array(column) for column in zip(*found, strict=True))
+    keep = np.ones(t_s.size, bool)
+    keep[which] = False
+    others = replace(ready.edges, t_s=t_s[keep], falling=ready.edges.falling[keep])
+    return replace(ready, edges=others), Pauses(t_s[which], own, se, at)
+
+
+def _shown(
+    t_s: FloatArray, off_mm: FloatArray, half_mm: float, edge_s: float, falling: bool, latency_s: float
+) -> tuple[float, float] | None:
+    """After what time the trace (n,) across the beam shows where an edge happened, s, and how fast it goes there, mm/s.
+
+    The stylus enters the beam by its first rim and leaves it by its last one, so a line is crossed either way in one
+    direction only. Of several crossings the nearest to the others' latency counts; None without any.
+    """
+    first, end = np.searchsorted(t_s, edge_s + latency_s + np.array(REACH_S))
+    best: tuple[float, float] | None = None
+    for up in (True, False):
+        side = -1.0 if up == falling else 1.0
+        z = off_mm[first:end] - side * half_mm
+        if not up:
+            z = -z
+        for j in np.flatnonzero((z[:-1] < 0) & (z[1:] >= 0)):
+            k = first + int(j)
+            at_s = t_s[k] + (t_s[k + 1] - t_s[k]) * z[j] / (z[j] - z[j + 1])
+            low, high = max(k + 1 - AROUND, 0), min(k + AROUND, t_s.size - 1)
+            across = abs(off_mm[high] - off_mm[low]) / (t_s[high] - t_s[low])
+            if best is None or abs(at_s - edge_s - latency_s) < abs(best[0] - latency_s):
+                best = float(at_s - edge_s), float(across)
+    return best

@@ -1,0 +1,48 @@
+"""Edges in pauses of the hand count in a run's mean latency, however few they are."""
+
+import numpy as np
+import pytest
+
+from draglag.latency.estimate import estimate_run
+from draglag.recording import LaserTrace, Run, TouchTrace
+
+
+def circles_with_pauses(at_s: tuple[float, ...]) -> tuple[Run, float]:
+    """Circles of 44 mm at 190 mm/s across a beam of a hand that nearly stops at some times, on a screen whose latency
+    falls with speed; and the mean latency over all edges."""
+    rng = np.random.default_rng(5)
+    radius_mm, speed_mm_s, duration_s, step_s = 22.0, 190.0, 25.0, 2.5e-4
+    t_s = np.arange(-1.0, duration_s + 0.5, step_s)
+    rate = np.ones(t_s.size)
+    for centre_s in at_s:
+        rate *= 1 - 0.85 * np.clip((0.18 - np.abs(t_s - centre_s)) / 0.1, 0, 1)
+    angle = np.cumsum(rate) * step_s * speed_mm_s / radius_mm
+    x_mm, y_mm = 150 + 4 * t_s + radius_mm * np.cos(angle), 130 + radius_mm * np.sin(angle)
+    shown_s = t_s + 0.025 + 0.1 * (np.maximum(rate * speed_mm_s, 15.0) / 45.0) ** -0.8
+    scan_s = np.arange(0.05, duration_s, 1 / 133)
+    x, y = (np.interp(scan_s, shown_s, q) + 0.03 * rng.normal(size=scan_s.size) for q in (x_mm, y_mm))
+    lit_mm = np.abs(y_mm - 130) - 3.5
+    k = np.flatnonzero(np.diff(np.sign(lit_mm)) != 0)
+    k = k[(t_s[k] > 0.2) & (t_s[k] < duration_s - 0.3)]
+    edge_s = t_s[k] + step_s * lit_mm[k] / (lit_mm[k] - lit_mm[k + 1])
+    run = Run(
+        "run-01",
+        "circle",
+        0.0,
+        duration_s,
+        TouchTrace(scan_s, x, y),
+        LaserTrace(edge_s, (lit_mm[k + 1] > 0).astype(np.int64)),
+        nominal_speed_mm_s=speed_mm_s,
+        radius_mm=radius_mm,
+    )
+    return run, float(np.mean(np.interp(edge_s, t_s, shown_s) - edge_s))
+
+
+@pytest.mark.parametrize("at_s", [(), (8.6,), (8.9,), (9.3,)])
+def test_the_mean_holds_the_edges_in_pauses(at_s: tuple[float, ...]) -> None:
+    run, truth_s = circles_with_pauses(at_s)
+    found = estimate_run(run, 7.0)
+    assert found.latency_s is not None
+    assert found.latency_ci95_s is not None
+    assert found.latency_ci95_s[0] < truth_s < found.latency_ci95_s[1]
+    assert found.latency_s == pytest.approx(truth_s, abs=1.5e-4)
