@@ -44,8 +44,8 @@ class Arrival:
             return 0.0, 0.0, 0.0
         k = np.clip(np.searchsorted(self.t_s, at_s, side="right") - 1, 0, self.t_s.size - 2)
         after = np.clip((at_s - self.t_s[k]) / np.maximum(self.t_s[k + 1] - self.t_s[k], 1e-9), 0.0, 1.0)
-        share: FloatArray = np.bincount(k, 1 - after, self.t_s.size) + np.bincount(k + 1, after, self.t_s.size)
-        share /= at_s.size
+        parts = (np.bincount(at, weight, self.t_s.size) for at, weight in ((k, 1 - after), (k + 1, after)))
+        share: FloatArray = np.asarray(sum(parts), np.float64) / at_s.size
         alone = float(np.sqrt(share @ share))
         return float(share @ self.late_s), self.unseen_s * alone, float(self.late_s.std()) * alone
 
