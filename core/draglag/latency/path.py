@@ -33,9 +33,6 @@ NOISE_UP_TO_HZ = 7.0  # between the path and tremor there is only noise
 APART_S = 3.0  # edges further apart share no error
 LAG_STEP_S, LAG_POINTS = 0.005, 2048  # of the table of covariances
 QUIET_FROM_HZ = 14.0  # and above tremor
-# A smoother's bias is the same at every pass of a rhythm, while noise is another at each: averaged over ten edges or
-# more, noise counts a tenth.
-NOISE_SHARE = 0.1
 FILTERS_HZ = (2.0, 4.0, 8.0, 16.0)
 
 
@@ -129,8 +126,7 @@ def _slow(late_s: FloatArray) -> FloatArray:
 def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
     """The run's rhythm f₀ (0 where it has none), the corner of its path, Hz, and the noise there, mm²/Hz one-sided.
 
-    The corner makes Mallows' estimate of the error of a mean over edges least: what the filter takes from the path and
-    ``NOISE_SHARE`` of what it leaves of the noise.
+    The corner makes Mallows' estimate of the error least: what the filter takes from the path and leaves of the noise.
     """
     f, power = spectrum.f_hz, spectrum.power
     step = f[1]
@@ -150,7 +146,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
     used = f < top
     for _ in range(2):
         loss = 1 / (1 + at[:, None] / np.maximum(shape[None, used], 1e-30))
-        risk = (loss**2 * power[used]).sum(1) + 2 * NOISE_SHARE * noise * (1 - loss).sum(1)
+        risk = (loss**2 * power[used]).sum(1) + 2 * noise * (1 - loss).sum(1)
         corner = float(corners[int(np.argmin(risk))])
         beyond = (f > corner) & (f < max(top, 1.5 * corner))
         if np.count_nonzero(beyond) >= 5:
