@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from draglag.latency.path import Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import Path, corner_for_mean, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.track import independent_places
 from draglag.latency.tremor import tremor_of
 from draglag.recording import FloatArray
 
@@ -94,3 +95,42 @@ def test_a_slow_stream_shows_no_tremor() -> None:
     events = events_of(t_s, circle(t_s))
     path = smooth_path(events, *corner_of(spectrum_of(events)))
     assert tremor_of(events, path, path.at(t_s, 1)) is None
+
+
+def test_edges_that_share_events_count_as_one_place() -> None:
+    t_s = stamps(1)
+    path = path_of(t_s, circle(t_s) + NOISE_MM * np.random.default_rng(2).standard_normal((t_s.size, 2)))
+    apart_s = np.arange(1.0, 19.0, 3.1)
+    pairs_s = np.sort(np.concatenate([apart_s, apart_s + 1e-3]))
+    assert independent_places(path, apart_s) == pytest.approx(apart_s.size, rel=0.01)
+    assert independent_places(path, pairs_s) == pytest.approx(apart_s.size, rel=0.01)
+
+
+def test_a_mean_over_passes_keeps_a_harmonic_that_single_places_lose() -> None:
+    """Its phase is the same at each of 64 passes, whose mean it shifts by more than their noise."""
+    t_s = stamps(5, 40.0)
+    harmonic = 0.04 * np.cos(4 * OMEGA * t_s)[:, None] * np.ones(2)
+    noise = NOISE_MM * np.random.default_rng(6).standard_normal((t_s.size, 2))
+    events = events_of(t_s, circle(t_s) + harmonic + noise)
+    spectrum = spectrum_of(events)
+    rhythm_hz, corner_hz, power = corner_of(spectrum)
+    lost = []
+    for places in (1.0, 64.0):
+        path = smooth_path(events, rhythm_hz, corner_for_mean(spectrum, rhythm_hz, corner_hz, power, places), power)
+        kept = path.like(harmonic).at(t_s[600:-600])
+        lost.append(np.sqrt(np.mean((kept - harmonic[600:-600]) ** 2) / np.mean(harmonic**2)))
+    assert lost[1] < 0.25 < lost[0]
+
+
+def test_tremor_on_a_path_that_keeps_some_is_not_counted_twice() -> None:
+    t_s = stamps(3, 40.0)
+    tremor = 0.2 * np.sin(2 * np.pi * 9 * t_s)[:, None] * np.ones(2)
+    noise = 0.05 * np.random.default_rng(4).standard_normal((t_s.size, 2))
+    events = events_of(t_s, circle(t_s) + tremor + noise)
+    rhythm_hz, _, power = corner_of(spectrum_of(events))
+    low, high = (smooth_path(events, rhythm_hz, corner_hz, power) for corner_hz in (3.0, 9.0))
+    found = tremor_of(events, low, low.at(t_s, 1), high)
+    assert found is not None
+    at_s = t_s[600:-600]
+    error = high.at(at_s) + found.at(at_s) - circle(at_s) - tremor[600:-600]
+    assert np.sqrt(np.mean(error**2)) < 0.05

@@ -240,8 +240,8 @@ def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
     inside = row < m
     row = np.minimum(row, m - 1)
     lag_s = np.where(inside, edge_t_s[row] - edge_t_s, np.inf)
-    scale = track.path.excess_error(at_s, track.edges_of_trace_s)
-    bands = track.path.by_lag(lag_s) * scale[row] * scale
+    scale = track.mean_path.excess_error(at_s, track.edges_of_trace_s)
+    bands = track.mean_path.by_lag(lag_s) * scale[row] * scale
     if track.tremor is not None:
         bands += track.tremor.by_lag(lag_s, track.with_tremor)
     bands[0] += 1e-3 * bands[0].mean() + 1e-9

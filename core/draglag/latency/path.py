@@ -129,29 +129,51 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
     The corner makes Mallows' estimate of the error least: what the filter takes from the path and leaves of the noise.
     """
     f, power = spectrum.f_hz, spectrum.power
-    step = f[1]
-    peak = int(np.argmax(power))
-    rhythm = 0.0
-    if 1 < peak < f.size - 2:
-        a, b, c = np.log(power[peak - 1 : peak + 2])
-        rhythm = float(f[peak] + step * 0.5 * (a - c) / (a - 2 * b + c))
-        if rhythm < 3 * step:
-            rhythm = 0.0
+    rhythm = _rhythm_hz(spectrum)
     top = max(NOISE_UP_TO_HZ, 2.5 * rhythm)
-    between = (f > rhythm + 2 * step) & (f < top)
+    between = (f > rhythm + 2 * f[1]) & (f < top)
     noise = median(power[between]) / spectrum.median if between.any() else float(power.min())
-    start = max(1.15 * rhythm, rhythm + 2 * step, 3 * step)
-    corners = start * (max(12.0, 3 * rhythm) / start) ** np.linspace(0, 1, 30)
-    shape, at = _penalty(f, rhythm), _penalty_at_corner(corners, rhythm)
+    corners, loss = _corners(spectrum, rhythm)
     used = f < top
+    loss = loss[:, used]
     for _ in range(2):
-        loss = 1 / (1 + at[:, None] / np.maximum(shape[None, used], 1e-30))
         risk = (loss**2 * power[used]).sum(1) + 2 * noise * (1 - loss).sum(1)
         corner = float(corners[int(np.argmin(risk))])
         beyond = (f > corner) & (f < max(top, 1.5 * corner))
         if np.count_nonzero(beyond) >= 5:
             noise = median(power[beyond]) / spectrum.median
     return rhythm, corner, _noise_below(spectrum, corner, noise)
+
+
+def corner_for_mean(spectrum: Spectrum, rhythm_hz: float, corner_hz: float, noise: float, places: float) -> float:
+    """The corner, Hz, that a mean over so many independent places is best known by: not below that of single places.
+
+    What the filter takes from the path is harmonics of the rhythm, the same at every pass; noise is another at each.
+    """
+    corners, loss = _corners(spectrum, rhythm_hz)
+    used = spectrum.f_hz < max(NOISE_UP_TO_HZ, 2.5 * rhythm_hz)
+    loss, own = loss[:, used], np.maximum(spectrum.power[used] - noise, 0.0)
+    risk = (loss**2 * own).sum(1) + noise / places * ((1 - loss) ** 2).sum(1)
+    return max(corner_hz, float(corners[int(np.argmin(risk))]))
+
+
+def _rhythm_hz(spectrum: Spectrum) -> float:
+    f, power = spectrum.f_hz, spectrum.power
+    peak = int(np.argmax(power))
+    if not 1 < peak < f.size - 2:
+        return 0.0
+    a, b, c = np.log(power[peak - 1 : peak + 2])
+    rhythm = float(f[peak] + f[1] * 0.5 * (a - c) / (a - 2 * b + c))
+    return 0.0 if rhythm < 3 * f[1] else rhythm
+
+
+def _corners(spectrum: Spectrum, rhythm_hz: float) -> tuple[FloatArray, FloatArray]:
+    """The corners to choose from, Hz, (c,), and what each takes off at the spectrum's frequencies, (c, k)."""
+    f = spectrum.f_hz
+    start = max(1.15 * rhythm_hz, rhythm_hz + 2 * f[1], 3 * f[1])
+    corners = start * (max(12.0, 3 * rhythm_hz) / start) ** np.linspace(0, 1, 30)
+    at = _penalty_at_corner(corners, rhythm_hz)
+    return corners, 1 / (1 + at[:, None] / np.maximum(_penalty(f, rhythm_hz)[None], 1e-30))
 
 
 def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
@@ -276,8 +298,12 @@ class Path:
     def _kept(self) -> tuple[FloatArray, FloatArray]:
         """What the smoother lets through of each frequency."""
         f_hz = np.arange(LAG_POINTS // 2 + 1) / (LAG_POINTS * LAG_STEP_S)
-        shape = _penalty(f_hz, self.rhythm_hz)
-        return f_hz, 1 / (1 + shape / _penalty_at_corner(np.array([self.corner_hz]), self.rhythm_hz))
+        return f_hz, self.keeps(f_hz)
+
+    def keeps(self, f_hz: FloatArray) -> FloatArray:
+        """The share of each frequency that the smoother lets through."""
+        at = _penalty_at_corner(np.array([self.corner_hz]), self.rhythm_hz)
+        return 1 / (1 + _penalty(f_hz, self.rhythm_hz) / at)
 
     @property
     def speed_variance(self) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from draglag.events import contact_losses
 from draglag.latency.estimate import Prepared
-from draglag.latency.path import Events, Path, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import APART_S, Events, Path, corner_for_mean, corner_of, events_of, smooth_path, spectrum_of
 from draglag.latency.tremor import Tremor, tremor_of
 from draglag.recording import FloatArray
 
@@ -18,13 +18,16 @@ class Track:
     """The run's movement as the touch trace shows it.
 
     Attributes:
-        tremor: None where it cannot be seen. with_tremor: whether it counts as movement.
+        path: smoothed for single places: for velocities, and for what is noise.
+        mean_path: smoothed for the mean over the run's edges.
+        tremor: on ``mean_path``. None where it cannot be seen. with_tremor: whether it counts as movement.
         uneven: by how much the trace is ahead for each unit of dL/dln v (mm/s): velocity times the logarithm of the
             speed relative to ``usual_mm_s``, smoothed as the path is. Uneven speed puts harmonics of the rhythm on the
             trace, which the smoother takes off again in part; unaccounted, that shifts all edges together.
     """
 
     path: Path
+    mean_path: Path
     tremor: Tremor | None
     with_tremor: bool
     uneven: Path
@@ -41,10 +44,22 @@ class Track:
 
     def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position, with tremor if it counts, and velocity of the path, (m, 2) each."""
-        xy_mm, v_mm_s = self.path.with_velocity(t_s)
+        xy_mm, v_mm_s = self.mean_path.at(t_s), self.path.at(t_s, 1)
         if self.tremor is not None and self.with_tremor:
             xy_mm = xy_mm + self.tremor.at(t_s)
         return xy_mm, v_mm_s
+
+
+def independent_places(path: Path, t_s: FloatArray) -> float:
+    """How many independent places know their mean as well as those of the path at rising times t_s (m,) know theirs."""
+    m, variance = t_s.size, float(path.by_lag(np.zeros(1))[0])
+    shared = variance * max(m, 1)
+    for k in range(1, m):
+        lag_s = t_s[k:] - t_s[:-k]
+        if float(lag_s.min()) > APART_S:
+            break
+        shared += 2 * float(path.by_lag(lag_s).sum())
+    return max(m**2 * variance / max(shared, variance), 1.0)
 
 
 def path_of(ready: Prepared) -> Path:
@@ -55,15 +70,19 @@ def path_of(ready: Prepared) -> Path:
 def track_of(ready: Prepared) -> Track:
     """The track of a run's touch events."""
     events = events_of(ready.touch.t_s, ready.xy_mm)
-    path = _path(events)
+    spectrum = spectrum_of(events)
+    rhythm_hz, corner_hz, noise = corner_of(spectrum)
+    path = smooth_path(events, rhythm_hz, corner_hz, noise)
+    n = independent_places(path, ready.edges.t_s)
+    mean_path = smooth_path(events, rhythm_hz, corner_for_mean(spectrum, rhythm_hz, corner_hz, noise, n), noise)
     t_s = events.t_s
     v_mm_s = path.at(t_s, 1)
     speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
     usual = float(np.exp(np.mean(np.log(np.maximum(speed, 1e-3)))))
     relative = np.clip(np.log(np.maximum(speed, 1e-3) / usual), -1, 1)
-    uneven = path.like(v_mm_s * relative[:, None])
-    tremor = tremor_of(events, path, v_mm_s)
-    return Track(path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
+    uneven = mean_path.like(v_mm_s * relative[:, None])
+    tremor = tremor_of(events, path, v_mm_s, mean_path)
+    return Track(path, mean_path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
 
 
 def _path(events: Events) -> Path:

@@ -65,11 +65,12 @@ class Tremor:
         return self.speed2 * max(shared, 0.0) / m**2
 
 
-def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
+def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None = None) -> Tremor | None:
     """The tremor of a run; None where the touch rate cannot show any.
 
     Args:
         v_mm_s: (n, 2) the path's velocity at its events.
+        under: the path that it is added to, if another one, which may keep some tremor itself.
     """
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
@@ -93,14 +94,16 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray) -> Tremor | None:
     own = (squared[2] - floor_across)[inside]
     speed2 = max(float(((2 * np.pi * f_hz[inside]) ** 2 * own).sum()) * float(f_hz[1]), 0.0)
     finer = int(np.ceil(events.dt_s / FINEST_S))
-    fine = irfft(transform[:2] * gain, size * finer).T * finer
+    # Noise that a path with a high corner keeps is counted with that path.
+    rest = 1.0 if under is None else 1 - under.keeps(f_hz)
+    fine = irfft(transform[:2] * (gain * rest), size * finer).T * finer
     step_s = events.dt_s / finer
     points = 2 ** int(np.ceil(np.log2(2 * APART_S / step_s)))
     lag_hz = np.arange(points // 2 + 1) / (points * step_s)
     to_lag = 0.5 * lag_hz[1] * points
     unseen, whole = (
         tapered(irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), points)[: points // 2], step_s)
-        for one in (gain * floor, excess_across)
+        for one in (gain * floor * rest, excess_across * rest)
     )
     return Tremor(float(events.t_s[0]), step_s, fine[: n * finer], unseen, whole, speed2)
 
