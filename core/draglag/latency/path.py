@@ -152,7 +152,7 @@ def corner_for_mean(spectrum: Spectrum, rhythm_hz: float, corner_hz: float, nois
     """
     corners, loss = _corners(spectrum, rhythm_hz)
     used = spectrum.f_hz < max(NOISE_UP_TO_HZ, 2.5 * rhythm_hz)
-    loss, own = loss[:, used], np.maximum(spectrum.power[used] - noise, 0.0)
+    loss, own = loss[:, used], spectrum.power[used] - noise
     risk = (loss**2 * own).sum(1) + noise / places * ((1 - loss) ** 2).sum(1)
     return max(corner_hz, float(corners[int(np.argmin(risk))]))
 
