@@ -112,3 +112,14 @@ def test_an_average_over_longer_at_low_speeds_loses_no_contact(sound: Session, s
         return rounded(TouchTrace(t_s, x, y, fast.contact_id), step_mm)
 
     assert inspect(with_touch(sound, averaged))[0] == ()
+
+
+@pytest.mark.filterwarnings("error")
+def test_stamps_that_are_mostly_alike_are_neither_lost_nor_a_fault(sound: Session) -> None:
+    # 240 frames a second on a clock of 16 ms: three of four intervals are none.
+    def coarse(touch: TouchTrace) -> TouchTrace:
+        fast = at_rate(touch, 240.0)
+        return replace(fast, t_s=0.016 * np.floor(fast.t_s / 0.016))
+
+    seen, _ = inspect(with_touch(sound, coarse))
+    assert "loss_of_contact" not in [item.effect for item in seen]

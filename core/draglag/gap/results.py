@@ -56,9 +56,11 @@ class Step:
     extra_run: str = ""
     gain: float = 0.0  # deviance it saved after its price
     fit: Fit | None = field(default=None, repr=False)
+    probability: float | None = None  # that it is part of the explanation, where that is known
 
     def to_dict(self) -> dict[str, object]:
         gain = 1 - self.gap_after_mm / self.gap_before_mm if self.gap_before_mm > 0 else 0.0
+        known = {} if self.probability is None else {"probability": self.probability}
         return {
             "effect": self.effect,
             "indistinguishable_from": list(self.indistinguishable_from),
@@ -69,6 +71,7 @@ class Step:
             "gap_before_mm": self.gap_before_mm,
             "gap_after_mm": self.gap_after_mm,
             "extra_run": self.extra_run,
+            **known,
         }
 
 

@@ -57,6 +57,7 @@ class View:
     intercept_mm: float
     averaged: Averaged
     trace: Trace
+    law: Callable[[FloatArray], FloatArray]  # latency, s, at a speed, mm/s
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     """Test every library effect and every smooth term against the fit. ``without`` leaves library effects out."""
     items: list[tuple[str | None, str, str, Signature | None, FloatArray]] = []
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
-    gains_of_lines = _line_gains(fit, parts)
+    gains_of_lines = line_gains(fit, parts)
     for effect, make in SIGNATURES.items():
         if effect in without or (only is not None and effect not in only):
             continue
@@ -94,7 +94,7 @@ def find(fit: Fit, without: Collection[str] = (), only: Collection[str] | None =
     return Finding(ranked, min((c.p_value for c in ranked), default=1.0))
 
 
-def _line_gains(fit: Fit, parts: Scatter) -> LineGains:
+def line_gains(fit: Fit, parts: Scatter) -> LineGains:
     """Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
     white = fit.whiteners[fit.best]
     design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])

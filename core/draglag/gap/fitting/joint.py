@@ -19,6 +19,8 @@ from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData, undone
 from draglag.gap.traces.unwarped import Unwarped
 from draglag.recording import FloatArray, Session
+from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 from draglag.simulation.residual import Averaged, View
 
 RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
@@ -59,6 +61,14 @@ class Fit:
     @property
     def run_index(self) -> np.ndarray:
         return np.asarray(self.placed.run[self.use])
+
+
+def effects_in(fit: Fit) -> tuple[str, ...]:
+    """Ids of the effects in a fit, sorted: its terms, and a plateau of its law."""
+    named = [term.effect for term in fit.terms if term.effect in EFFECTS]
+    if fit.law.plateau_mm_s > 0:
+        named.append(LowSpeedPlateau.id)
+    return tuple(sorted(named))
 
 
 def restrict(view: View, use: np.ndarray) -> View:
@@ -168,7 +178,8 @@ def fit_session(
     components = likeliest(parts, state.residual[use], state.design[use], state.prior, begun)
     residual, design, prior = state.residual, state.design, state.prior
     whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
-    prior = np.concatenate([base_prior(law), np.full(design.shape[1] - base_prior(law).size, 1e-12)])
+    prior = state.prior.copy()
+    prior[: base_prior(law).size] = base_prior(law)
     prior[: law.at_bounds.size][law.at_bounds] = HELD  # what cannot move further must not be credited for it
     value = likelihoods(parts, residual[use], design[use], prior)
     values = [value(w.components) for w in whiteners]

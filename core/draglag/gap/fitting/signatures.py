@@ -11,14 +11,18 @@ from draglag.gap.fitting.model import Geometry, LawParameters, side_of
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, Effect
+from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 from draglag.simulation.residual import Averaged, Signature, View, column
 
-SIGNATURES = {
+COLUMNS = {
     name: effect.signatures
     for name, effect in EFFECTS.items()
     if effect.signatures.__func__ is not Effect.signatures.__func__  # type: ignore[attr-defined]
 }
 """Effects that residuals show."""
+
+SIGNATURES = {name: make for name, make in COLUMNS.items() if name != LowSpeedPlateau.id}
+"""Those of them that are fitted as terms; a plateau is part of the law."""
 
 BESIDE = 0.1  # of the panel's width
 JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
@@ -56,6 +60,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
         geometry.intercept_mm,
         averaged_of(placed),
         placed.trace,
+        law,
     )
 
 

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from draglag.gap.fitting.law_form import FORM_SD_S, LAW_FORM, LawForm
 from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.fitting.noise import timing_mm, touch_variances
 from draglag.gap.fitting.signatures import view_of
@@ -21,6 +22,7 @@ from draglag.simulation.residual import Signature, View
 LAGGING = "lagging_law"
 SHOWN = 3.0  # kind of a second filter whose times the touch events show
 FOLLOW_ACCELERATION = ("acceleration_lag", LAGGING)
+FREE = 1e-12  # precision of an effect's size: none
 ACCEL_UNKNOWN = 0.2
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
 FAR_S = 0.001  # moved by more, an edge lies where an effect of its place is another
@@ -38,13 +40,20 @@ class Term:
 
 
 def term_signature(term: Term, view: View) -> Signature:
-    """The signature of a term at its setting."""
-    return EFFECTS[term.effect].signature_at(term.theta, view)
+    """The signature of a term at its setting: an effect's, or that of the curve's own form."""
+    of = LawForm if term.effect == LAW_FORM else EFFECTS[term.effect]
+    return of.signature_at(term.theta, view)
 
 
 def shown_in_trace(term: Term) -> bool:
     """Whether it is a second filter that was undone in the traces, by its first setting."""
     return term.effect == "second_filter_mode" and term.theta[1:2] == (SHOWN,)
+
+
+def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
+    """Prior precision of a step of every term's sizes: the curve's own form must not trade places with Eq. 5."""
+    each = [FORM_SD_S**-2 if term.effect == LAW_FORM else FREE for term in terms]
+    return np.repeat(each, [c.shape[1] for c in columns]).astype(float)
 
 
 @dataclass(frozen=True)
@@ -87,7 +96,7 @@ def look(
     residual = residual_mm(placed, geometry) - total(signatures, terms, view, "offset")
     columns = [s.columns(view) for s in signatures]
     design = np.column_stack([-base_columns(placed, law), *columns])
-    prior = np.concatenate([base_prior(law), np.full(sum(c.shape[1] for c in columns), 1e-12)])
+    prior = np.concatenate([base_prior(law), prior_of(terms, columns)])
     settled = tuple(
         replace(t, theta=s.theta, sizes=t.sizes or (0.0,) * c.shape[1])
         for t, s, c in zip(terms, signatures, columns, strict=True)

@@ -129,8 +129,12 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
 
 
 def _even(t_s: np.ndarray) -> np.ndarray:
-    """1 at inner events (n,) that lie a frame from both neighbours, else 0: about a burst any path bends."""
-    frames = np.diff(t_s) / np.median(np.diff(t_s))
+    """1 at inner events (n,) that lie a frame from both neighbours, else 0: about a burst any path bends. None does
+    where a clock coarser than the frames stamps most of them alike."""
+    frame_s = float(np.median(np.diff(t_s)))
+    if frame_s <= 0:
+        return np.zeros(max(t_s.size - 2, 0))
+    frames = np.diff(t_s) / frame_s
     return np.asarray((np.abs(np.array([frames[:-1], frames[1:]]) - 1) < UNEVEN).all(axis=0), float)
 
 

@@ -96,9 +96,20 @@ class Effect:
     """Id of the effect that moves edges in the same way: edges cannot distinguish the two."""
     shown_apart_by: ClassVar[str] = ""
     """The recording that would separate it from what looks alike, in words for the operator."""
+    parts_taps_from_drags: ClassVar[bool] = False
+    """Whether its first parameter, s, is by how much drags are shown early against taps."""
+    needs: ClassVar[str] = ""
+    """What a session must have to show it: "taps", "changing speed", "width" (circles that travel along the beam),
+    "other stylus"; empty: any session."""
+    unseen_without: ClassVar[str] = ""
+    """In words, the recording that would show it."""
     undone_in: ClassVar[str] = ""
     """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
     speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
+    refitted_by: ClassVar[str] = ""
+    """Module that begins its refits, where a plain one at the best setting of its columns does not find it."""
+    uneven_ages: ClassVar[bool] = False
+    """Whether it leaves positions of uneven age behind, so that edges scatter in time."""
     order: ClassVar[int] = 0
     """Place in the stream of events: what happens nearer to the glass comes first."""
     settings: ClassVar[tuple[tuple[float, ...], ...]] = ()
@@ -158,6 +169,10 @@ class Effect:
         """(m,) what the laser's clock, believed to follow the host's, shows at session time t."""
         return t_s
 
+    def longest_wait_s(self, frame_s: float) -> float:
+        """How long an event may wait at most, s, from one every ``frame_s``: taps and drags need not wait alike."""
+        return 0.0
+
     def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
         """(n,) latency of taps made at session time t."""
         return latency_s
@@ -166,6 +181,11 @@ class Effect:
     def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Positions (n, 2) of one contact as they were before the effect at the setting theta; times t_s (n,)."""
         return xy_mm
+
+    @classmethod
+    def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature | None:
+        """What it moves at a known size, theta its parameters, for effects that taps give away; None: no edge."""
+        return None
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:

@@ -18,6 +18,9 @@ class ClockOffset(Effect):
     meaning: ClassVar[str] = "Every edge of the laser is stamped late by a constant that clock comparisons do not see."
     follows: ClassVar[str] = "taps"
     undone_in: ClassVar[str] = "laser"
+    needs: ClassVar[str] = "taps"
+    unseen_without: ClassVar[str] = "taps timed on the same clock show it"
+    parts_taps_from_drags: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_s", "s", -0.1, 0.1, 0.005),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -19,6 +19,8 @@ class ContactTrail(Effect):
     id: ClassVar[str] = "contact_trail"
     meaning: ClassVar[str] = "The reported position trails the stylus by a fixed distance along its motion."
     undone_in: ClassVar[str] = "touch"
+    needs: ClassVar[str] = "other stylus"
+    unseen_without: ClassVar[str] = "a fixed trail hides in the latency law: a tap or a second stylus shows it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("trail_mm", "mm", -3.0, 3.0, 0.5),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -35,6 +35,9 @@ class FrameBatching(Effect):
     )
     order: ClassVar[int] = 3
 
+    def longest_wait_s(self, frame_s: float) -> float:
+        return self.value * frame_s
+
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         n, size = len(events.t_s), round(self.value)
         first = int(rng.integers(size))  # where in a group the run begins

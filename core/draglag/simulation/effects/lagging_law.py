@@ -27,6 +27,9 @@ class LaggingLaw(Effect):
     where: ClassVar[str] = "where the speed changes"
     shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
     undone_in: ClassVar[str] = "law"
+    refitted_by: ClassVar[str] = "draglag.gap.proposing.delays"
+    needs: ClassVar[str] = "changing speed"
+    unseen_without: ClassVar[str] = "a chirp or step whose speed changes quickly"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

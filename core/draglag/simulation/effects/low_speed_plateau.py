@@ -10,6 +10,11 @@ import numpy as np
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
+
+SPEEDS = 8  # tried, from the slowest drags to FASTEST_MM_S
+FASTEST_MM_S = 300.0
+BEYOND_SLOWEST = 1.25  # it has to hold for more than the slowest run
 
 
 @dataclass(frozen=True)
@@ -21,6 +26,7 @@ class LowSpeedPlateau(Effect):
     meaning: ClassVar[str] = "Below a speed the latency no longer grows: it is held at what it is at that speed."
     follows: ClassVar[str] = "speed"
     undone_in: ClassVar[str] = "law of speed"
+    refitted_by: ClassVar[str] = "draglag.gap.proposing.plateau"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("speed_mm_s", "mm/s", 1.0, 500.0, 125.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -32,3 +38,13 @@ class LowSpeedPlateau(Effect):
 
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
         return np.maximum(speed_mm_s, self.value)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        slowest = BEYOND_SLOWEST * float(np.quantile(view.speed, 0.05))
+        return [cls.signature_at((float(v),), view) for v in np.geomspace(slowest, max(FASTEST_MM_S, slowest), SPEEDS)]
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        held = view.law(np.maximum(view.speed, theta[0])) - view.law(view.speed)
+        return Signature(latency=column(held), theta=theta, n_grid=SPEEDS)

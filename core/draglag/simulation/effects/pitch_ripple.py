@@ -30,6 +30,9 @@ class PitchRipple(Effect):
     where: ClassVar[str] = "along the panel, periodic in the electrode pitch"
     size_is_the_term_s: ClassVar[bool] = False
     undone_in: ClassVar[str] = "touch"
+    refitted_by: ClassVar[str] = "draglag.gap.proposing.ripple"
+    needs: ClassVar[str] = "width"
+    unseen_without: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_mm", "mm", -2.0, 2.0, 0.3),
         Parameter("pitch_mm", "mm", 1.0, 30.0, 5.0),

@@ -47,6 +47,9 @@ class PollGrid(Effect):
 
     jitter_s: float = 4e-5
 
+    def longest_wait_s(self, frame_s: float) -> float:
+        return self.value
+
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         period, phase = self.value, rng.uniform()
         polled = period * (np.ceil(events.t_s / period - phase) + phase)

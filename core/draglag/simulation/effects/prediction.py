@@ -25,6 +25,7 @@ class Prediction(Effect):
     )
     follows: ClassVar[str] = "normal_acceleration"
     shown_apart_by: ClassVar[str] = "taps on the same clock: a clock's offset moves them, a prediction does not"
+    parts_taps_from_drags: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("horizon_s", "s", 0.0, 0.1, 0.015),
         Parameter("window_s", "s", 0.005, 0.1, WINDOW_S),

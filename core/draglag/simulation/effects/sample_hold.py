@@ -21,6 +21,7 @@ class SampleHold(Effect):
     )
     follows: ClassVar[str] = "host_tick"
     undone_in: ClassVar[str] = "stream"
+    uneven_ages: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_hz", "Hz", 10.0, 2000.0, 100.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -35,6 +36,9 @@ class SampleHold(Effect):
         ),
     )
     order: ClassVar[int] = 5
+
+    def longest_wait_s(self, frame_s: float) -> float:
+        return 1 / self.value
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         if len(events.t_s) == 0:

@@ -22,6 +22,7 @@ class SecondFilterMode(Effect):
     follows: ClassVar[str] = "speed"
     where: ClassVar[str] = "above a threshold of speed"
     undone_in: ClassVar[str] = "law of speed"
+    refitted_by: ClassVar[str] = "draglag.gap.proposing.second_filter"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("extra_s", "s", -0.05, 0.05, 0.006),
         Parameter("threshold_mm_s", "mm/s", 10.0, 2000.0, 300.0),

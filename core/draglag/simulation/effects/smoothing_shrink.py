@@ -28,6 +28,7 @@ class SmoothingShrink(Effect):
     where: ClassVar[str] = "where the path bends"
     size_is_the_term_s: ClassVar[bool] = False
     undone_in: ClassVar[str] = "touch"
+    refitted_by: ClassVar[str] = "draglag.gap.proposing.low_pass"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -36,6 +37,9 @@ class SmoothingShrink(Effect):
             "circles of two radii at the same speed",
         ),
     )
+
+    def longest_wait_s(self, frame_s: float) -> float:
+        return 2 * self.value
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         """A first-order low-pass both ways: the gain of one of the full time constant, without its delay."""

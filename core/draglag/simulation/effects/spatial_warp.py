@@ -29,6 +29,8 @@ class SpatialWarp(Effect):
     size_is_the_term_s: ClassVar[bool] = False
     shown_apart_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
     undone_in: ClassVar[str] = "touch"
+    needs: ClassVar[str] = "width"
+    unseen_without: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amplitude_mm", "mm", -5.0, 5.0, 0.6),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

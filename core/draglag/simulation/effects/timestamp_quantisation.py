@@ -19,6 +19,7 @@ class TimestampQuantisation(Effect):
     meaning: ClassVar[str] = "The stamps of touch events are rounded up to a multiple of a quantum."
     follows: ClassVar[str] = "frame"
     undone_in: ClassVar[str] = "stream"
+    uneven_ages: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("quantum_s", "s", 1e-06, 0.05, 0.004),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -33,6 +34,9 @@ class TimestampQuantisation(Effect):
         ),
     )
     order: ClassVar[int] = 4
+
+    def longest_wait_s(self, frame_s: float) -> float:
+        return self.value
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         # a stamp that is a multiple already stays, whatever binary rounding made of it

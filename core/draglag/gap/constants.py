@@ -1,0 +1,77 @@
+"""Every constant of the posterior: its unit and meaning, and where it comes from.
+
+Origins: *physical* = from what hands, screens and sensors do; *derived* = follows from the model or the numerics;
+*judgement* = a prior belief, stated once; *calibrated* = sized on sessions, which are named.
+"""
+
+from __future__ import annotations
+
+SIZE_OF_INTEREST_MM = 0.05
+"""mm RMS over the edges. An effect that moves them by less is tolerated and not named. Physical: a tenth of a
+millimetre peak to peak, below what any compensation of a drag can use."""
+
+TOLERANCE_MM = 0.02
+"""mm RMS. Prior standard deviation of every smooth shape that is too small to matter. Judgement: 0.4 of the size of
+interest, so that two and a half of it are of interest."""
+
+NAMED_TOLERANCE_MM = 0.02
+"""mm RMS. The same for the columns of effects and for the curve's own form. Judgement."""
+
+SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
+"""mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: twice the size of interest to
+what a screen of use to anybody shows."""
+
+P_EFFECT = 0.02
+"""Prior probability of each effect of the library, shared by its settings. Judgement: one session in two has one."""
+
+P_LAW_FORM = 0.2
+"""Prior probability that the curve is not Eq. 5. Judgement: one screen in five."""
+
+P_SMOOTH = 0.0015
+"""Prior probability of each smooth term without a name. Judgement: some thirty of them, one session in twenty."""
+
+P_JUMP = 0.006
+"""Prior probability of each kind of jump without a name, shared by its places. Judgement."""
+
+P_UNSOUND = 0.003
+"""Prior probability of a session whose edges scatter by more than those of sound rigs. Judgement."""
+
+LAW_LENGTH = 0.45
+"""Of ln v. Length over which the curve's own form may change. Physical: laws change over factors of speed of 1.5."""
+
+LAW_KNOTS = 11
+"""Knots of the curve's own form, 0.2 to 0.3 of ln v apart: closer than its length. Derived."""
+
+MEMORY_S = 0.5
+"""s. How long a wandering lateness lasts. Physical: a hand's pressure and tilt change within half a second."""
+
+NUGGET_MM2 = 1e-6
+"""mm². Added to every variance, (1 µm)²: the rounding of the placing. Derived."""
+
+MOST_MEMBERS = 4
+"""Members a set may have before it is refitted; found effects stay and the search goes on. Derived: cost."""
+
+BEAM = 6
+"""Sets of each size that are extended. Derived: cost."""
+
+GIVEN_UP = 8.0
+"""nats. A size of sets whose best is by so much less probable than the best of all is not extended. Derived: e⁻⁸."""
+
+ROUNDS = 6
+"""Refits and new linearisations until the most probable set stays. Derived: cost; three are usual."""
+
+LEAST_EDGES = 0.85
+"""Share of the edges that a refit may not lose. Judgement: one that cannot place them is no rival."""
+
+LEAST_EDGES_OF_THE_LAW = 0.93
+"""The same for the curve's own form. Judgement."""
+
+STATED_AT_MOST = 0.99
+"""No probability is stated beyond it: fewer than a hundred sessions of a kind have been counted. Calibrated."""
+
+TOLERATED_SETTINGS = 4
+"""Settings of an effect whose columns are tolerated, evenly over its grid. Derived: neighbours are alike."""
+
+DETAIL = 0.35
+"""Share of a named effect's size below which an unnamed term of the same covariate is a detail of it. Calibrated:
+effects' columns are true to first order, on 28 plain single effects (fact sheet on the gap's evidence)."""

@@ -1,0 +1,87 @@
+"""The noise of a linearised session: one covariance a run, built of its parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from draglag.gap import constants
+from draglag.gap.fitting.noise import Scatter
+from draglag.gap.posterior.levels import Levels
+from draglag.recording import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class RunNoise:
+    """Parts of one run's covariance, (n, n) each or (n,), per unit of their level. common: (n, 3) columns of a latency,
+    an offset and an uneven following of the whole run; loose_s: by how much a run of changing speed may miss the law.
+    """
+
+    edges: IntArray
+    fixed: FloatArray
+    speed: FloatArray
+    tremor: FloatArray
+    common: FloatArray
+    loose_s: float
+    late: FloatArray
+    wander: FloatArray
+
+    def factor(self, levels: Levels) -> FloatArray:
+        """Lower Cholesky factor of the run's covariance, (n, n)."""
+        out = self.fixed + levels.speed**2 * self.speed + levels.tremor_mm_s**2 * self.tremor
+        if levels.wander_s:
+            out += levels.wander_s**2 * self.wander
+        common = self.common * np.array([np.hypot(levels.run_s, self.loose_s), levels.run_mm, levels.uneven])
+        out += common @ common.T
+        own = levels.edge_mm**2 + levels.late_s**2 * self.late + constants.NUGGET_MM2
+        out[np.diag_indices_from(out)] += own
+        return np.asarray(np.linalg.cholesky(out), np.float64)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of all runs."""
+
+    runs: tuple[RunNoise, ...]
+
+    def whitened(self, levels: Levels, columns: FloatArray) -> tuple[FloatArray, float]:
+        """Columns (m, k) made white under these levels, and ln |C|."""
+        out, log_det = np.empty_like(columns), 0.0
+        for run in self.runs:
+            factor = run.factor(levels)
+            out[run.edges] = solve_triangular(factor, columns[run.edges], lower=True, check_finite=False)
+            log_det += 2 * float(np.log(np.diag(factor)).sum())
+        return out, log_det
+
+
+def noise_of(parts: Scatter, t_s: FloatArray) -> Noise:
+    """The covariance's parts from a fit's scatter; t_s: (m,) times of its edges."""
+    return Noise(tuple(_of_run(parts, t_s, int(k)) for k in np.unique(parts.run)))
+
+
+def _of_run(parts: Scatter, t_s: FloatArray, k: int) -> RunNoise:
+    edges = np.flatnonzero(parts.run == k)
+    n = edges.size
+
+    def dense(band: FloatArray) -> FloatArray:
+        out = np.zeros((n, n))
+        row = np.arange(n)
+        for j in range(min(band.shape[0], n)):
+            at = row[: n - j]
+            out[at + j, at] = out[at, at + j] = band[j, edges[: n - j]]
+        return out
+
+    lever = parts.late_mm_s[edges]
+    apart_s = np.abs(np.subtract.outer(t_s[edges], t_s[edges]))
+    return RunNoise(
+        edges,
+        dense(parts.fixed_mm2),
+        dense(parts.speed_mm2),
+        dense(parts.tremor_s2),
+        np.column_stack([lever, np.ones(n), parts.uneven_mm[edges]]),
+        float(parts.loose_s[k]),
+        lever**2,
+        np.outer(lever, lever) * np.exp(-apart_s / constants.MEMORY_S),
+    )

@@ -1,0 +1,179 @@
+"""The search for the most probable explanation of a session: linearise, refit what is probable, compare, again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.errors import EstimateError
+from draglag.gap import constants
+from draglag.gap.fitting.joint import Fit, effects_in, fit_session, log_likelihood_on
+from draglag.gap.fitting.law_form import LAW_FORM, knots_over, split
+from draglag.gap.fitting.parameters import parameters_of
+from draglag.gap.fitting.state import Term
+from draglag.gap.posterior.members import UNNAMED
+from draglag.gap.posterior.pool import Names, Pool, compared, unsound_share
+from draglag.gap.proposing.proposals import refits_with, shown_by_traces
+from draglag.recording import Session
+from draglag.simulation.effects import EFFECTS
+
+DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
+PROPOSED = 3  # effects that are then refitted
+PROMISING = 5.0  # nats that one of those gains alone
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """All that was compared. fits: by the effects that they hold; the one of none is where it began."""
+
+    pool: Pool
+    fits: dict[Names, Fit]
+
+    @property
+    def base(self) -> Fit:
+        return next(iter(self.fits.values()))
+
+
+def judged(
+    session: Session,
+    first: Fit,
+    allowed: Collection[str],
+    unsure_ages: bool,
+    most_effects: int = constants.MOST_MEMBERS,
+    progress: Progress = lambda fraction, text: None,
+) -> Judgement:
+    """The posterior over explanations of a session, from a fit without effects."""
+    inside = effects_in(first)
+    fits: dict[Names, Fit] = {inside: first}
+    pool = compared([first], allowed, unsure_ages, most=most_effects)
+    if not inside and pool.probability_of(LAW_FORM) > DOUBT:
+        fits = {inside: with_own_form(session, first)}
+        pool = compared(list(fits.values()), allowed, unsure_ages, most=most_effects)
+    barred: set[str] = set()
+    proposed: set[Names] = set()
+    for k in range(constants.ROUNDS):
+        progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
+        wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
+        if wanted not in fits:
+            found = grown(session, fits, pool, wanted)
+            barred |= set() if wanted in found else {_last(pool, wanted, fits)}
+        elif wanted in proposed or not _in_doubt(pool) or len(wanted) >= most_effects:
+            break
+        else:
+            proposed.add(wanted)
+            found = _proposed(session, pool, fits, allowed, barred)
+            if not found:
+                break
+        fits |= found
+        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects)
+    return Judgement(pool, fits)
+
+
+def _last(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
+    """Of effects that cannot be fitted together, the one that says least alone."""
+    start = max((names for names in fits if set(names) <= set(wanted)), key=len)
+    return min(set(wanted) - set(start), key=lambda name: pool.alone(name))
+
+
+def with_own_form(session: Session, first: Fit) -> Fit:
+    """The fit with the curve's own form in its law, where the form can be fitted; else the fit itself."""
+    knots = knots_over(first.view.speed)
+    try:
+        free = fit_session(session, first.runs, (Term(LAW_FORM, knots),), False, None, first.law)
+        law = split(free.law, knots, np.array(free.terms[0].sizes), free.view.speed)
+        fit = fit_session(session, first.runs, (), False, None, law)
+    except (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError):
+        return first
+    enough = np.count_nonzero(fit.use) >= constants.LEAST_EDGES_OF_THE_LAW * np.count_nonzero(first.use)
+    return fit if enough else first
+
+
+def _effects_of(names: Names) -> Names:
+    """The library's effects of an explanation: what a refit is made of."""
+    return tuple(name for name in names if name in EFFECTS)
+
+
+def _probable(pool: Pool) -> list[Names]:
+    """Sets of effects that are probable enough to be refitted, the most probable first."""
+    sets: dict[Names, float] = {}
+    for names, p in pool.probabilities().items():
+        key = _effects_of(names)
+        sets[key] = sets.get(key, 0.0) + p
+    return [names for names in sorted(sets, key=lambda n: -sets[n]) if sets[names] > DOUBT]
+
+
+def _in_doubt(pool: Pool) -> bool:
+    """Whether something without a name, or scatter beyond that of sound rigs, is probable."""
+    unnamed = sum(p for names, p in pool.probabilities().items() if any(n.startswith(UNNAMED) for n in names))
+    return unnamed > DOUBT or unsound_share(pool, pool.best) > DOUBT
+
+
+def _leading(pool: Pool, wanted: Names) -> Names:
+    """The most probable explanation with exactly these effects, or the best of all."""
+    return next((names for names in pool.probabilities() if _effects_of(names) == wanted), pool.best)
+
+
+def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -> dict[Names, Fit]:
+    """Joint refits with these effects, grown one by one from the largest part of them that is there; without the last
+    ones where one cannot be fitted."""
+    names = max((names for names in fits if set(names) <= set(wanted)), key=len)
+    theta = pool.settings_of(_leading(pool, wanted))
+    base = next(iter(fits.values()))
+    out: dict[Names, Fit] = {}
+    for name in sorted(set(wanted) - set(names), key=lambda n: -pool.alone(n)):
+        before = (fits | out)[names]
+        fit = likeliest(refits_with(session, before, name, theta.get(name, ())), base, name)
+        if fit is None:
+            break
+        names = tuple(sorted((*names, name)))
+        out[names] = fit
+    return out
+
+
+def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
+    """The likeliest of several refits, on the edges that all have; without those that lost many, and those in which the
+    effect is none that its class allows."""
+    enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
+    options = [fit for fit in options if np.count_nonzero(fit.use) >= enough and _possible(effect, fit)]
+    if not options:
+        return None
+    both = np.logical_and.reduce([fit.use for fit in options])
+    return max(options, key=lambda fit: log_likelihood_on(fit, both))
+
+
+def _possible(effect: str, fit: Fit) -> bool:
+    """Whether the parameters lie within the bounds of the effect's class: a low-pass cannot swell."""
+    numbers = parameters_of(effect, fit)
+    for spec in EFFECTS[effect].parameters:
+        value = numbers[spec.name][0] if spec.name in numbers else spec.typical
+        if not spec.lower <= value <= spec.upper:
+            return False
+    leading = EFFECTS[effect].parameters[0]
+    return leading.name not in numbers or numbers[leading.name][0] != leading.lower
+
+
+def _proposed(
+    session: Session, pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]
+) -> dict[Names, Fit]:
+    """Refits with effects that columns show badly: the most promising, beside the best explanation and alone."""
+    base = next(iter(fits.values()))
+    empty = pool.found[pool.emptiest].log_mass
+    gain = {name: pool.alone(name) - empty for name in allowed if name not in barred}
+    order = sorted((n for n in gain if gain[n] > PROMISING), key=lambda n: -gain[n])[:PROPOSED]
+    order += [n for n in sorted(gain) if n not in order and shown_by_traces(base, n)]
+    inside = _effects_of(pool.emptiest)
+    kept = _effects_of(pool.best)
+    out: dict[Names, Fit] = {}
+    for name in order:
+        for others in dict.fromkeys((kept, inside)):
+            names = tuple(sorted({*others, name}))
+            if name in others or names in fits or names in out or others not in fits:
+                continue
+            theta = pool.settings_of(tuple(sorted({*pool.emptiest, name}))).get(name, ())
+            fit = likeliest(refits_with(session, fits[others], name, theta), base, name)
+            if fit is not None:
+                out[names] = fit
+    return out

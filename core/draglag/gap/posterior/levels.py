@@ -1,0 +1,77 @@
+"""How large the scatter may be: grids, priors and what sound rigs show, for each part of the noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from draglag.gap import constants
+
+
+@dataclass(frozen=True)
+class Part:
+    """Of one part of the noise: values tried, standard deviation of its half-normal prior, the most of a sound rig."""
+
+    values: tuple[float, ...]
+    prior_sd: float
+    sound: float
+
+
+PARTS = {
+    # Edges by themselves, mm: comparator, chatter, what the local fits leave.
+    "edge_mm": Part((0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45), 0.15, 0.14),
+    # Relative error of the speed that the law is asked at.
+    "speed": Part((0.0, 0.003, 0.006, 0.01, 0.015, 0.022, 0.03, 0.045), 0.02, 0.022),
+    # Error of that speed by tremor, mm/s: 0.1 mm at 9 Hz is 5 mm/s.
+    "tremor_mm_s": Part((0.0, 1.0, 2.0, 3.0, 4.5, 6.5, 9.0), 4.0, 6.5),
+    # Share by which a run follows its own changes of speed more or less than the law.
+    "uneven": Part((0.0, 0.1, 0.2, 0.3, 0.5), 0.2, 0.3),
+    # A latency, s, and an offset, mm, of each run: panels, and how the stylus is held.
+    "run_s": Part((0.0, 0.00015, 0.0003, 0.0005, 0.0008, 0.0012, 0.002), 0.0006, 0.0012),
+    "run_mm": Part((0.0, 0.02, 0.05, 0.1), 0.05, 0.1),
+    # Lateness of single reports and one that wanders, s: ages of reports.
+    "late_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
+    "wander_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
+}
+"""Values: steps of a factor 1.4 or so, finer than a session knows them. Priors and the most of sound rigs: physical
+(facts on hands, digitisers and sensors), checked on sound sessions of two generators."""
+
+UNSURE_AGE_SD_S = 0.002
+"""Prior standard deviation of both latenesses where the streams show held or rounded stamps: a tick is 8 to 16 ms."""
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Standard deviations of the parts of the noise beyond the touch noise."""
+
+    edge_mm: float = 0.05
+    speed: float = 0.01
+    tremor_mm_s: float = 2.0
+    uneven: float = 0.1
+    run_s: float = 0.0003
+    run_mm: float = 0.02
+    late_s: float = 0.0
+    wander_s: float = 0.0
+
+    def at(self, **changed: float) -> Levels:
+        return replace(self, **changed)
+
+    @property
+    def sound(self) -> bool:
+        """Whether no part is larger than sound rigs have."""
+        return all(getattr(self, name) <= part.sound * 1.001 for name, part in PARTS.items())
+
+    def within_sound(self) -> Levels:
+        changed: dict[str, Any] = {f.name: min(getattr(self, f.name), PARTS[f.name].sound) for f in fields(self)}
+        return replace(self, **changed)
+
+
+def log_prior(levels: Levels, unsure_ages: bool) -> float:
+    """Log prior of the levels; scatter beyond that of sound rigs is a hypothesis of its own."""
+    total = 0.0
+    for name, part in PARTS.items():
+        sd = UNSURE_AGE_SD_S if unsure_ages and name in ("late_s", "wander_s") else part.prior_sd
+        total -= 0.5 * (getattr(levels, name) / sd) ** 2
+    return total if unsure_ages or levels.sound else total + float(np.log(constants.P_UNSOUND))

@@ -1,0 +1,219 @@
+"""A session seen from one fit: the residual is linear in everything that may explain it.
+
+r = A b + T t + Σ X_j g_j + e: law, beam and nuisances b with their priors; tolerance t, everything smooth that is too
+small to matter; members j, g_j ~ N(0, s² I) in columns of 1 mm RMS; e the noise. Evidence has b, t and g integrated
+out (Rasmussen & Williams 2006, sections 2.3 and 2.7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from draglag.gap import constants
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.law_form import LAW_FORM, FlexibleLaw, basis, split
+from draglag.gap.fitting.model import LawParameters, base_prior
+from draglag.gap.fitting.noise import scatter
+from draglag.gap.posterior.covariance import Noise, noise_of
+from draglag.gap.posterior.levels import PARTS, Levels, log_prior
+from draglag.gap.posterior.members import Member, members_of, of_unit_rms, smooth_columns
+from draglag.recording import FloatArray, IntArray
+
+LEAST_PRECISION = 1e-9  # of parameters without a prior: 30 m and 30 ks
+ENOUGH = 0.5  # nats that one round over the levels still gains
+ROUNDS = 2  # over the levels
+
+
+@dataclass(frozen=True)
+class Linear:
+    """One linearisation on m edges.
+
+    Attributes: residual_mm (m,): of what is no member; base (m, p): A and T, with prior precision (p,); columns (m, q):
+    of all members, 1 mm RMS each; at: each member's columns.
+    """
+
+    fit: Fit
+    members: tuple[Member, ...]
+    residual_mm: FloatArray
+    base: FloatArray
+    precision: FloatArray
+    columns: FloatArray
+    at: tuple[IntArray, ...]
+    noise: Noise
+    unsure_ages: bool
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of the members beside base and tolerance, under one set of levels. gram (q, q), moment (q,);
+    base: log evidence of no member, with the levels' prior."""
+
+    levels: Levels
+    gram: FloatArray
+    moment: FloatArray
+    base: float
+
+
+def linearised(
+    fit: Fit, allowed: Sequence[str] | frozenset[str], unsure_ages: bool = False, edges: np.ndarray | None = None
+) -> Linear:
+    """The session seen from a fit. edges: mask over all placed edges, those to judge by; None for all of the fit's."""
+    keep = np.ones(fit.residual_mm.size, bool) if edges is None else edges[fit.use]
+    parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
+    members = [*_own(fit), *members_of(fit, parts, allowed)]
+    base, residual = _without_members(fit)
+    tolerance, precision = _tolerance(fit, members)
+    n_base = base.shape[1]
+    precision = np.concatenate([fit.prior[:n_base], precision])
+    if not keep.all():
+        whole = np.zeros(fit.use.size, bool)
+        whole[np.flatnonzero(fit.use)[keep]] = True
+        parts = scatter(fit.runs, fit.placed, whole, fit.blur_mm)
+    widths = [m.columns.shape[1] for m in members]
+    ends = np.cumsum([0, *widths])
+    return Linear(
+        fit,
+        tuple(members),
+        residual[keep],
+        np.column_stack([base, tolerance])[keep],
+        np.maximum(precision, LEAST_PRECISION),
+        np.column_stack([of_unit_rms(m.columns[keep]) for m in members]),
+        tuple(np.arange(a, b) for a, b in pairwise(ends)),
+        noise_of(parts, fit.placed.t_s[fit.use][keep]),
+        unsure_ages,
+    )
+
+
+def _own(fit: Fit) -> list[Member]:
+    """The effects of the fit as members at their settings."""
+    out, at = [], base_prior(fit.law).size
+    for term in fit.terms:
+        own = fit.design[:, at : at + len(term.sizes)]
+        at += len(term.sizes)
+        if term.effect != LAW_FORM:
+            out.append(Member(term.effect, term.theta, own, float(np.log(constants.P_EFFECT))))
+    return out
+
+
+def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Base columns (m, p) and the residual (m,) with the terms' own share put back, both about the Eq. 5 nearest to the
+    curve: what the curve has beyond it is the member ``law_form``."""
+    at = base_prior(fit.law).size
+    base, residual = fit.design[:, :at].copy(), fit.residual_mm.copy()
+    flexible = isinstance(fit.law, FlexibleLaw) and bool(fit.law.remainder_s)
+    knots = fit.law.knots if isinstance(fit.law, FlexibleLaw) else ()
+    sizes = np.array(fit.law.remainder_s) if isinstance(fit.law, FlexibleLaw) and flexible else np.zeros(0)
+    for term in fit.terms:
+        k = len(term.sizes)
+        own = np.array(term.sizes)
+        if term.effect == LAW_FORM:
+            knots, sizes = term.theta, own + (sizes if flexible else 0.0)
+        else:
+            residual += fit.design[:, at : at + k] @ own
+        at += k
+    if not sizes.size:
+        return base, residual
+    lever = fit.view.v_across * fit.view.stretch
+    now = LawParameters(fit.law.a1_s, fit.law.a2_s_mm, fit.law.a4_s, fit.law.a5_s_mm, fit.law.a7_s)
+    if fit.law.plateau_mm_s > 0:
+        return base, residual - lever * (basis(fit.view.speed, knots) @ sizes)
+    curve = split(now, knots, sizes, fit.view.speed)
+    whole = now(fit.view.speed) + basis(fit.view.speed, knots) @ sizes
+    residual -= lever * (whole - curve.nearest(fit.view.speed))
+    base[:, :5] = -lever[:, None] * curve.nearest.columns(fit.view.speed)
+    return base, residual
+
+
+def _tolerance(fit: Fit, members: Sequence[Member]) -> tuple[FloatArray, FloatArray]:
+    """Columns (m, k) of what is too small to matter and their prior precision (k,)."""
+    blocks = [(of_unit_rms(c), constants.TOLERANCE_MM) for c in smooth_columns(fit).values()]
+    by_name: dict[str, list[Member]] = {}
+    for member in members:
+        if member.named:
+            by_name.setdefault(member.name, []).append(member)
+    for settings in by_name.values():
+        step = max(1, len(settings) // constants.TOLERATED_SETTINGS)
+        blocks += [(of_unit_rms(m.columns), constants.NAMED_TOLERANCE_MM) for m in settings[::step]]
+    precision = [np.full(c.shape[1], sd**-2.0) for c, sd in blocks]
+    return np.column_stack([c for c, _ in blocks]), np.concatenate(precision)
+
+
+def normal(linear: Linear, levels: Levels) -> Normal:
+    """Normal equations of all members under these levels."""
+    p = linear.base.shape[1]
+    white, log_det = linear.noise.whitened(levels, np.column_stack([linear.base, linear.columns, linear.residual_mm]))
+    a, x, b = white[:, :p], white[:, p:-1], white[:, -1]
+    root, scale, value = _base_value(linear, a, b, log_det)
+    through = solve_triangular(root, scale[:, None] * (a.T @ np.column_stack([x, b])), lower=True)
+    ax, ab = through[:, :-1], through[:, -1]
+    return Normal(levels, x.T @ x - ax.T @ ax, x.T @ b - ax.T @ ab, value + log_prior(levels, linear.unsure_ages))
+
+
+def _base_value(
+    linear: Linear, a: FloatArray, b: FloatArray, log_det: float, extra: int = 0
+) -> tuple[FloatArray, FloatArray, float]:
+    """Cholesky factor of the scaled information, its scale, and the log evidence. extra: members' unit-prior columns
+    at the end of ``a``."""
+    precision = np.append(linear.precision, np.ones(extra))
+    information = a.T @ a
+    information[np.diag_indices_from(information)] += precision
+    scale = 1 / np.sqrt(np.diag(information))
+    root = np.asarray(np.linalg.cholesky(information * scale[:, None] * scale), np.float64)
+    half = solve_triangular(root, scale * (a.T @ b), lower=True)
+    value = -0.5 * float(b @ b - half @ half) - 0.5 * log_det
+    value += float(np.log(scale).sum() - np.log(np.diag(root)).sum() + 0.5 * np.log(precision).sum())
+    return root, scale, value
+
+
+def likeliest_levels(
+    linear: Linear,
+    chosen: Sequence[int] = (),
+    sizes_mm: Sequence[float] = (),
+    start: Levels | None = None,
+    sound: bool = False,
+) -> Levels:
+    """The levels of the noise that are likeliest with some members at their scales, by search along each level's grid.
+
+    sound: none beyond those of sound rigs.
+    """
+    own = [linear.columns[:, linear.at[i]] * s for i, s in zip(chosen, sizes_mm, strict=True)]
+    extra = sum(c.shape[1] for c in own)
+    data = np.column_stack([linear.base, *own, linear.residual_mm])
+    memo: dict[Levels, float] = {}
+
+    def value(levels: Levels) -> float:
+        if levels not in memo:
+            white, log_det = linear.noise.whitened(levels, data)
+            found = _base_value(linear, white[:, :-1], white[:, -1], log_det, extra)[2]
+            memo[levels] = found + log_prior(levels, linear.unsure_ages)
+        return memo[levels]
+
+    levels = start or Levels()
+    levels = levels.within_sound() if sound else levels
+    for _ in range(ROUNDS):
+        before = value(levels)
+        for name, part in PARTS.items():
+            grid = [x for x in part.values if not sound or x <= part.sound * 1.001]
+            levels = _along(levels, name, grid, value)
+        if value(levels) - before < ENOUGH:
+            break
+    return levels
+
+
+def _along(levels: Levels, name: str, grid: Sequence[float], value) -> Levels:  # type: ignore[no-untyped-def]
+    """The best along one level's grid, uphill from where it is."""
+    at = int(np.argmin(np.abs(np.array(grid) - getattr(levels, name))))
+    best = value(levels)
+    for way in (1, -1):
+        k = at + way
+        while 0 <= k < len(grid):
+            other = levels.at(**{name: grid[k]})
+            if value(other) <= best + 1e-9:
+                break
+            levels, best, k = other, value(other), k + way
+    return levels

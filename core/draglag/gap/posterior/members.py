@@ -1,0 +1,120 @@
+"""What an explanation may be made of: library effects, the curve's own form, smooth terms, jumps and levels."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from draglag.gap import constants
+from draglag.gap.finding.scan import line_gains
+from draglag.gap.fitting.joint import Fit, effects_in
+from draglag.gap.fitting.law_form import LAW_FORM, FlexibleLaw, LawForm, knots_over
+from draglag.gap.fitting.noise import Scatter
+from draglag.gap.fitting.signatures import COLUMNS, jumps, shape_free
+from draglag.recording import FloatArray
+from draglag.simulation.effects import column_of
+
+UNNAMED = "?"
+
+
+@dataclass(frozen=True)
+class Member:
+    """One thing that may be part of an explanation.
+
+    Attributes: name: an effect's id, ``law_form``, or ``?covariate:role`` of what has no name. theta: its setting.
+    columns: (m, k) mm. log_prior: of this member at this setting.
+    """
+
+    name: str
+    theta: tuple[float, ...]
+    columns: FloatArray
+    log_prior: float
+
+    @property
+    def named(self) -> bool:
+        return not self.name.startswith(UNNAMED)
+
+    @property
+    def covariate(self) -> str:
+        return self.name.removeprefix(UNNAMED).partition(":")[0]
+
+
+def members_of(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
+    """Everything that may be added to a fit, columns on its edges."""
+    return [*_effects(fit, parts, allowed), *_smooth(fit), *_jumps(fit), *_levels(fit), _law_form(fit)]
+
+
+def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
+    """Library effects at every setting; those that are in the fit at their own."""
+    gains = line_gains(fit, parts)
+    own, columns = effects_in(fit), {column_of(effect) for effect in allowed}
+    out = []
+    for effect, make in COLUMNS.items():
+        if effect in own or effect not in columns:
+            continue
+        made = make(fit.view, gains)
+        each = constants.P_EFFECT / max(len(made), *(one.n_grid for one in made), 1)
+        out += [Member(effect, one.theta, one.columns(fit.view), float(np.log(each))) for one in made]
+    return out
+
+
+def smooth_columns(fit: Fit) -> dict[tuple[str, str], FloatArray]:
+    """(covariate, role) → columns of a smooth term; latency by speed is the curve's own form."""
+    return {key: columns for key, columns in shape_free(fit.view).items() if key != ("speed", "latency")}
+
+
+def _smooth(fit: Fit) -> list[Member]:
+    prior = float(np.log(constants.P_SMOOTH))
+    return [
+        Member(f"{UNNAMED}{covariate}:{role}", (), columns, prior)
+        for (covariate, role), columns in smooth_columns(fit).items()
+    ]
+
+
+def _jumps(fit: Fit) -> list[Member]:
+    found = jumps(fit.view)
+    count: dict[tuple[str, str], int] = {}
+    for covariate, role, _ in found:
+        count[covariate, role] = count.get((covariate, role), 0) + 1
+    return [
+        Member(
+            f"{UNNAMED}{covariate}:{role}",
+            made.theta,
+            made.columns(fit.view),
+            float(np.log(constants.P_JUMP / count[covariate, role])),
+        )
+        for covariate, role, made in found
+    ]
+
+
+def _levels(fit: Fit) -> list[Member]:
+    """A latency of every run of its own; a latency or an offset by which way round the circles went."""
+    prior = float(np.log(constants.P_SMOOTH))
+    lever = fit.view.v_across * fit.view.stretch
+    runs = (fit.run_index[:, None] == np.unique(fit.run_index)).astype(float)
+    v, a = fit.placed.v_mm_s[fit.use], fit.placed.a_mm_s2[fit.use]
+    bends = v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]
+    turn = np.ones(lever.size)
+    for k in np.unique(fit.run_index):
+        own = fit.run_index == k
+        turn[own] = 1.0 if np.median(bends[own]) >= 0 else -1.0
+    return [
+        Member(f"{UNNAMED}run:latency", (), -lever[:, None] * runs, prior),
+        Member(f"{UNNAMED}turn:latency", (), -(lever * turn)[:, None], prior),
+        Member(f"{UNNAMED}turn:offset", (), turn[:, None], prior),
+    ]
+
+
+def _law_form(fit: Fit) -> Member:
+    own = next((term.theta for term in fit.terms if term.effect == LAW_FORM), ())
+    law = fit.law.knots if isinstance(fit.law, FlexibleLaw) else ()
+    knots = own or law or knots_over(fit.view.speed)
+    columns = LawForm.signature_at(knots, fit.view).columns(fit.view)
+    return Member(LAW_FORM, knots, columns, float(np.log(constants.P_LAW_FORM)))
+
+
+def of_unit_rms(columns: FloatArray) -> FloatArray:
+    """Columns (m, k) scaled together to 1 mm RMS."""
+    return np.asarray(columns / max(float(np.sqrt(np.mean(columns**2) * columns.shape[1])), 1e-12))

@@ -1,0 +1,172 @@
+"""Explanations compared, each at its own joint refit, on edges that all of them share and under the same noises."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from draglag.gap import constants
+from draglag.gap.fitting.joint import Fit, effects_in
+from draglag.gap.fitting.law_form import LAW_FORM
+from draglag.gap.posterior.levels import Levels
+from draglag.gap.posterior.linear import Linear, Normal, likeliest_levels, linearised, normal
+from draglag.gap.posterior.search import Explanation, Search, log_evidence, searched
+from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Found:
+    """An explanation at the linearisation where it is most probable."""
+
+    log_mass: float
+    search: Search
+    explanation: Explanation
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Fits of one session, and what every set of names is worth at the best of them.
+
+    Attributes: edges: mask over all placed edges, shared by all. found: sorted names → the explanation.
+    """
+
+    fits: tuple[Fit, ...]
+    edges: np.ndarray
+    found: dict[Names, Found]
+    unsure_ages: bool
+
+    @property
+    def best(self) -> Names:
+        return max(self.found, key=lambda names: self.found[names].log_mass)
+
+    @property
+    def emptiest(self) -> Names:
+        """The set with nothing but what is in every fit."""
+        return min(self.found, key=len)
+
+    @property
+    def total(self) -> float:
+        return float(logsumexp([f.log_mass for f in self.found.values()]))
+
+    def probabilities(self) -> dict[Names, float]:
+        """Of each set of names, the most probable first."""
+        total = self.total
+        each = {names: float(np.exp(f.log_mass - total)) for names, f in self.found.items()}
+        return dict(sorted(each.items(), key=lambda item: -item[1]))
+
+    def probability_of(self, name: str) -> float:
+        """That a name is part of the explanation."""
+        return sum(p for names, p in self.probabilities().items() if name in names)
+
+    def alone(self, name: str) -> float:
+        """Log mass of one name alone, −∞ where it was not looked at."""
+        found = self.found.get(tuple(sorted({*self.emptiest, name})))
+        return float("-inf") if found is None else found.log_mass
+
+    def settings_of(self, names: Names) -> dict[str, tuple[float, ...]]:
+        """The setting of each member of an explanation; empty for one that was not looked at."""
+        found = self.found.get(names)
+        if found is None:
+            return {}
+        members = [found.search.linear.members[i] for i in found.explanation.members]
+        return {member.name: member.theta for member in members}
+
+    def probability_of_anything(self) -> float:
+        """That anything beyond law, beam and noise is there, of whatever size."""
+        return sum(p for names, p in self.probabilities().items() if set(names) - {LAW_FORM})
+
+    def fit_of(self, names: Names) -> Fit:
+        return self.found[names].search.linear.fit
+
+
+def compared(
+    fits: Sequence[Fit],
+    allowed: Collection[str],
+    unsure_ages: bool,
+    without: Collection[str] = (),
+    most: int = constants.MOST_MEMBERS,
+) -> Pool:
+    """Everything that may explain the session, at each of its fits; the first is the one without effects.
+
+    A set that holds an effect of some fit is judged there too; a fit with an effect says nothing of sets without it.
+    """
+    edges = np.logical_and.reduce([fit.use for fit in fits])
+    linears = [linearised(fit, frozenset(allowed), unsure_ages, edges) for fit in fits]
+    levels: dict[Levels, None] = {}
+    for linear in linears:
+        levels |= dict.fromkeys(_likely_levels(linear, without, tuple(levels), most))
+    found: dict[Names, Found] = {}
+    for linear in linears:
+        search = searched(linear, _normals(linear, tuple(levels)), without, most)
+        for names, one in _by_names(search).items():
+            if names not in found or one.log_mass > found[names].log_mass:
+                found[names] = one
+    return Pool(tuple(fits), edges, found, unsure_ages)
+
+
+def _likely_levels(
+    linear: Linear, without: Collection[str], seeds: tuple[Levels, ...], most: int
+) -> tuple[Levels, ...]:
+    """Levels that are likely beside no member, and beside the best explanation under them; of sound rigs too."""
+    out: dict[Levels, None] = dict.fromkeys(seeds)
+    if not out:
+        out |= dict.fromkeys(_and_sound(linear, likeliest_levels(linear)))
+    tried: set[tuple[int, ...]] = {()}
+    for _ in range(2):
+        best = _own_best(searched(linear, _normals(linear, tuple(out)), without, most))
+        if best is None or best.members in tried:
+            break
+        tried.add(best.members)
+        levels = likeliest_levels(linear, best.members, best.scales_mm, next(iter(out)))
+        out |= dict.fromkeys(_and_sound(linear, levels))
+    return tuple(out)
+
+
+def _and_sound(linear: Linear, levels: Levels) -> tuple[Levels, ...]:
+    if levels.sound or linear.unsure_ages:
+        return (levels,)
+    return levels, likeliest_levels(linear, start=levels, sound=True)
+
+
+def _normals(linear: Linear, levels: Sequence[Levels]) -> tuple[Normal, ...]:
+    return tuple(normal(linear, one) for one in levels)
+
+
+def _own_best(search: Search) -> Explanation | None:
+    """The best explanation with all effects of the fit."""
+    by_names = _by_names(search)
+    return max(by_names.values(), key=lambda f: f.log_mass).explanation if by_names else None
+
+
+def _by_names(search: Search) -> dict[Names, Found]:
+    """Sets of names with all effects of the fit, their settings summed."""
+    fit = search.linear.fit
+    inside = set(effects_in(fit))
+    plateau = (LowSpeedPlateau.id,) if fit.law.plateau_mm_s > 0 else ()
+    prior = float(np.log(constants.P_EFFECT)) if plateau else 0.0
+    masses: dict[Names, float] = {}
+    best: dict[Names, Explanation] = {}
+    for explanation in search.explanations:
+        names = tuple(sorted((*search.names(explanation), *plateau)))
+        if not inside <= set(names):
+            continue
+        masses[names] = float(np.logaddexp(masses.get(names, -np.inf), explanation.log_mass))
+        if names not in best or explanation.log_mass > best[names].log_mass:
+            best[names] = explanation
+    return {names: Found(mass + prior, search, best[names]) for names, mass in masses.items()}
+
+
+def unsound_share(pool: Pool, names: Names) -> float:
+    """Probability that the edges scatter by more than those of sound rigs, given an explanation."""
+    found = pool.found[names]
+    search = found.search
+    if search.linear.unsure_ages:
+        return 0.0
+    each = log_evidence(search, found.explanation)
+    weights = np.exp(each - logsumexp(each))
+    return float(sum(w for w, one in zip(weights, search.normals, strict=True) if not one.levels.sound))

@@ -1,0 +1,120 @@
+"""What the posterior says: quiet, a set of names, or something without one; and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from draglag.gap import constants
+from draglag.gap.fitting.law_form import LAW_FORM
+from draglag.gap.posterior.members import UNNAMED
+from draglag.gap.posterior.pool import Names, Pool, unsound_share
+from draglag.gap.posterior.search import sizes_mm
+from draglag.simulation.effects import EFFECTS, effect_class
+
+SCATTER = "scatter"
+WORTH_ITS_SIZE = 0.01  # of probability: below it an explanation counts as it stands, whatever its members' sizes
+REPORTED = 0.95  # of the mass
+
+
+@dataclass(frozen=True)
+class Said:
+    """The verdict of a pool.
+
+    Attributes: verdict: no_gap | explained | unexplained. effects: those named. unexplained_by: covariate. probability:
+    of the verdict. explanations: sets of effects with their probabilities, ``unexplained`` for what has no name.
+    tolerated: members beyond chance that are too small to matter, with probability and size.
+    """
+
+    verdict: str
+    effects: Names
+    unexplained_by: str | None
+    probability: float
+    explanations: tuple[tuple[Names, float], ...]
+    tolerated: tuple[tuple[str, float, float], ...]
+
+
+def said(pool: Pool) -> Said:
+    """What of a pool is of interest."""
+    sets: dict[Names, float] = {}
+    leading: dict[Names, Names] = {}
+    for names, p in pool.probabilities().items():
+        reduced = _of_interest(pool, names) if p > WORTH_ITS_SIZE else _without_form(names)
+        unnamed = any(name.startswith(UNNAMED) for name in reduced)
+        key = ("unexplained",) if unnamed else reduced
+        sets[key] = sets.get(key, 0.0) + p
+        leading.setdefault(key, names)
+    unsound = unsound_share(pool, pool.best)
+    if unsound:
+        sets = {key: p * (1 - unsound) for key, p in sets.items() if key != ("unexplained",)}
+        sets["unexplained",] = 1 - sum(sets.values())
+        leading.setdefault(("unexplained",), pool.best)
+    ranked = sorted(sets.items(), key=lambda item: -item[1])
+    best, p = ranked[0]
+    names = leading[best]
+    verdict = "unexplained" if best == ("unexplained",) else "explained" if best else "no_gap"
+    by = None
+    if verdict == "unexplained":
+        by = _leading_covariate(pool, names)
+    shown, total = [], 0.0
+    for key, share in ranked:
+        shown.append((key, min(share, constants.STATED_AT_MOST)))
+        total += share
+        if total > REPORTED:
+            break
+    kept = _of_interest(pool, names)
+    # Where more follows what an effect follows, and has no name, the whole of it has none.
+    nameless = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
+    effects = tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in nameless)
+    return Said(verdict, effects, by, min(p, constants.STATED_AT_MOST), tuple(shown), _tolerated(pool, names))
+
+
+def _sizes(pool: Pool, names: Names) -> dict[str, float]:
+    found = pool.found[names]
+    return sizes_mm(found.search, found.explanation)
+
+
+def _without_form(names: Names) -> Names:
+    return tuple(name for name in names if name != LAW_FORM)
+
+
+def _of_interest(pool: Pool, names: Names) -> Names:
+    """The members that are large enough to matter, without the curve's form. An unnamed detail of what a named effect
+    follows is the effect's own: its columns are true to first order only."""
+    sizes = _sizes(pool, names)
+    follows = {effect_class(name).follows: sizes.get(name, 1.0) for name in names if name in EFFECTS}
+    out = []
+    for name in _without_form(names):
+        size = sizes.get(name, constants.SIZE_OF_INTEREST_MM)
+        whole = follows.get(name.removeprefix(UNNAMED).partition(":")[0], 0.0) if name.startswith(UNNAMED) else 0.0
+        in_data = name in EFFECTS and name in pool_effects(pool, names)
+        if in_data or (size >= constants.SIZE_OF_INTEREST_MM and size >= constants.DETAIL * whole):
+            out.append(name)
+    return tuple(out)
+
+
+def pool_effects(pool: Pool, names: Names) -> Names:
+    """Effects of a set whose whole size is not in columns: undone in the traces or part of the law."""
+    fit = pool.fit_of(names)
+    nonlinear = [term.effect for term in fit.terms if any(term.theta) and effect_class(term.effect).refitted_by]
+    return tuple(nonlinear)
+
+
+def _leading_covariate(pool: Pool, names: Names) -> str:
+    sizes = {n: s for n, s in _sizes(pool, names).items() if n.startswith(UNNAMED)}
+    if not sizes:
+        return SCATTER
+    return max(sizes, key=lambda n: sizes[n]).removeprefix(UNNAMED).partition(":")[0]
+
+
+def _tolerated(pool: Pool, names: Names) -> tuple[tuple[str, float, float], ...]:
+    kept = _of_interest(pool, names)
+    sizes = _sizes(pool, names)
+    return tuple(
+        (
+            name.removeprefix(UNNAMED).partition(":")[0],
+            min(pool.probability_of(name), constants.STATED_AT_MOST),
+            sizes[name],
+        )
+        for name in _without_form(names)
+        if name not in kept and name in sizes
+    )

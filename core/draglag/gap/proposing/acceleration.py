@@ -1,0 +1,30 @@
+"""A latency that follows the acceleration: from several sizes and windows, for the trace hides it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from draglag.gap.fitting.joint import Fit, most_promising
+from draglag.gap.fitting.state import Term
+from draglag.gap.proposing.plain import refit
+from draglag.gap.traces.edges import Placed
+from draglag.recording import Session
+from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S, AccelerationLag
+
+END_S = 0.3  # of a trace: three times what an acceleration behind it remembers
+
+
+def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
+    """One refit a window over which the panel may smooth the speed."""
+    own = AccelerationLag.id
+    options = [[*before.terms, Term(own, (lag, WINDOWS_S[0]), (lag,))] for lag in LAGS_S3_MM]
+    *others, begun = most_promising(before, options, before.law)
+    terms = [[*others, Term(own, (begun.theta[0], window_s), begun.sizes)] for window_s in WINDOWS_S]
+    return [refit(session, before, each, only=judged(before.placed, begun)) for each in terms]
+
+
+def judged(placed: Placed, term: Term) -> np.ndarray:
+    """Edges (m,) that are not about a trace's ends: an acceleration is taken from what comes before and after."""
+    at_s = placed.t_s + placed.latency_s
+    ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
+    return np.asarray((at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S))

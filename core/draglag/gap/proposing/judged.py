@@ -1,0 +1,21 @@
+"""Which edges a model can be judged by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from draglag.gap.fitting.state import Term
+from draglag.gap.proposing.own_way import own_way
+from draglag.gap.traces.edges import Placed
+
+
+def judged_by(placed: Placed, terms: Sequence[Term]) -> np.ndarray:
+    """Edges (m,) that a model with these terms can be judged by: not those where an effect leaves its size open."""
+    out = np.ones(len(placed), bool)
+    for term in terms:
+        own = own_way(term.effect)
+        if own is not None and hasattr(own, "judged"):
+            out &= own.judged(placed, term)
+    return out

@@ -1,0 +1,27 @@
+"""Refits with one more effect: they propose, evidence decides."""
+
+from __future__ import annotations
+
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.state import Term
+from draglag.gap.proposing.own_way import own_way
+from draglag.gap.proposing.plain import refit
+from draglag.recording import Session
+
+
+def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, ...]) -> list[Fit]:
+    """The model of ``before`` and one effect more: one fit, or several forms of the effect to choose from.
+
+    theta: the setting at which its columns explain most.
+    """
+    own = own_way(effect)
+    if own is not None and hasattr(own, "refits"):
+        return [fit for fit in own.refits(session, before, theta) if fit is not None]
+    fit = refit(session, before, [*before.terms, Term(effect, theta)])
+    return [] if fit is None else [fit]
+
+
+def shown_by_traces(before: Fit, effect: str) -> bool:
+    """Whether the touch events show the effect by themselves: then a refit is worth it whatever the edges say."""
+    own = own_way(effect)
+    return own is not None and hasattr(own, "shown_by_traces") and bool(own.shown_by_traces(before))

@@ -1,0 +1,125 @@
+"""A second filter: above a speed, in stretches that edges show, or in those that the touch events show."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+
+from draglag.errors import EstimateError
+from draglag.gap.fitting.joint import Fit, latency_of_terms, most_promising
+from draglag.gap.fitting.state import Term
+from draglag.gap.naming.stepped import Step, find_step
+from draglag.gap.naming.switching import (
+    LEAST_EDGES,
+    Switching,
+    away,
+    beyond_both,
+    find_switching,
+    later_of,
+    law_beside,
+    mistaken_s,
+    of_neither,
+    settled,
+)
+from draglag.gap.proposing.plain import refit
+from draglag.gap.traces.edges import Placed
+from draglag.gap.traces.run_data import as_shown
+from draglag.gap.traces.skips import Skips, find_skips
+from draglag.recording import Session
+from draglag.simulation.effects.second_filter_mode import SecondFilterMode
+
+OWN = SecondFilterMode.id
+LEFT_OVER = 0.03  # of a lateness undone: what is left is known to first order
+ROUNDS = 4
+BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
+
+
+def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
+    """One refit for every way in which edges or events show a second filter."""
+    skips = find_skips(as_shown(before.runs))
+    switching = find_switching(before)
+    step = find_step(before.runs, latency_of_terms(before)) if before.law.plateau_mm_s <= 0 else None
+    out = []
+    if step is not None or theta[1:2] == (0.0,):
+        out.append(_above_a_speed(session, before, theta, step))
+    if theta[1:2] == (1.0,):
+        out.append(refit(session, before, [*before.terms, Term(OWN, theta)]))
+    if switching is not None:
+        out.append(_switched(session, before, switching))
+    if skips is not None:
+        out.append(_skipping(session, before, skips))
+    return out
+
+
+def shown_by_traces(before: Fit) -> bool:
+    """Whether the touch events skip and stand still as a filter makes them that comes and goes."""
+    return find_skips(as_shown(before.runs)) is not None
+
+
+def judged(placed: Placed, term: Term) -> np.ndarray:
+    """Edges (m,) that are not about a switch: there a position is an average of both filters'."""
+    return away(placed, term.theta, term.sizes[0] if term.sizes else 0.0)
+
+
+def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
+    """A fit with a filter that comes and goes, without the edges next to a switch that show a mean of both filters."""
+    mode = next(t for t in fit.terms if t.effect == OWN)
+    mixed = of_neither(fit, mode.theta)
+    if not mixed.any():
+        return fit
+    only = judged(first.placed, mode) & ~mixed
+    return refit(session, first, fit.terms, fit.law, only) or fit
+
+
+def _above_a_speed(session: Session, before: Fit, theta: tuple[float, ...], step: Step | None) -> Fit | None:
+    """A filter that takes over above the likeliest speed: next to the one that single edges show, or between the two
+    runs whose latencies part."""
+    law, speeds = before.law, [v * theta[0] for v in BESIDE] if theta[1:2] == (0.0,) else []
+    size_s = SecondFilterMode.parameters[0].typical
+    if step is not None:
+        law, speeds, size_s = step.law, [*speeds, *step.thresholds_mm_s()], step.size_s
+    options = [[*before.terms, Term(OWN, (float(v), 0.0), (size_s,))] for v in speeds]
+    terms = most_promising(before, options, law)
+    fit = refit(session, before, terms, law, away(before.placed, terms[-1].theta, size_s))
+    if fit is None or beyond_both(fit, fit.terms[-1].theta[0], fit.terms[-1].sizes[0]):
+        return None
+    return fit
+
+
+def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
+    """The fit with a filter that comes and goes, its times settled beside the law."""
+    fit, law, theta, size_s = None, None, switching.theta, switching.size_s
+    for _ in range(ROUNDS):
+        only = away(before.placed, theta, size_s)
+        fit = refit(session, before, [*before.terms, Term(OWN, theta, (size_s,))], law, only)
+        if fit is None:
+            return None
+        size_s, last = fit.terms[-1].sizes[0], theta
+        theta = settled(fit, size_s, theta)
+        if (theta == last and law is not None) or len(theta) < 4:
+            break
+        with contextlib.suppress(EstimateError):
+            law = law_beside(fit, before.law.plateau_mm_s > 0)
+    return None if fit is None else without_mixed(session, before, fit)
+
+
+def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
+    """The fit with a second filter undone in the traces, where they show it; what is left of its lateness is fitted,
+    and undone again until little is."""
+    fit, theta = None, skips.theta
+    for _ in range(ROUNDS):
+        law, last = (None, before) if fit is None else (fit.law, fit)
+        only = away(last.placed, theta, theta[0])
+        later = later_of(last.placed, theta)
+        if np.count_nonzero(only & later & before.use) < LEAST_EDGES:
+            only &= ~later  # the lateness is what skips show
+        found = refit(session, before, [*before.terms, Term(OWN, theta, (0.0,))], law, only)
+        if found is None:
+            return fit
+        fit, left_s, mistaken = found, found.terms[-1].sizes[0], mistaken_s(found, theta)
+        if abs(left_s) < LEFT_OVER * theta[0] and not mistaken:
+            break
+        # In a stretch of a stretch the filter has let go again; as long as some are mistaken, they make the size.
+        theta = (theta[0] if mistaken else theta[0] + left_s, *theta[1:2], *sorted((*theta[2:], *mistaken)))
+    return fit

@@ -1,0 +1,134 @@
+"""The posterior over explanations: its evidence against the textbook's formula, and what it makes of known sessions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from draglag.exchange import read_exchange
+from draglag.gap import constants
+from draglag.gap.fitting.law_form import basis, knots_over, remainder_rms_s, split
+from draglag.gap.fitting.model import LawParameters
+from draglag.gap.posterior.closing import Closing, close_by_posterior
+from draglag.gap.posterior.covariance import Noise, RunNoise
+from draglag.gap.posterior.levels import Levels, log_prior
+from draglag.gap.posterior.linear import Linear, normal
+from draglag.gap.posterior.members import Member, of_unit_rms
+from draglag.gap.posterior.search import searched, sizes_mm
+from draglag.protocols import load_protocol
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
+
+SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+LEVELS = Levels(edge_mm=0.1, late_s=0.0005)
+
+
+def linear(rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Member, ...]) -> Linear:
+    """A session of one run: a constant as its base, no tolerance."""
+    n = residual_mm.size
+    zero = np.zeros((n, n))
+    lever = rng.uniform(50, 300, n)
+    noise = RunNoise(np.arange(n), 0.01 * np.eye(n), zero, zero, np.zeros((n, 3)), 0.0, lever**2, zero)
+    columns = np.column_stack([of_unit_rms(m.columns) for m in members])
+    at = tuple(np.array([k]) for k in range(len(members)))
+    fit = cast("object", SimpleNamespace())
+    return Linear(fit, members, residual_mm, np.ones((n, 1)), np.array([4.0]), columns, at, Noise((noise,)), False)  # type: ignore[arg-type]
+
+
+def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_model() -> None:
+    """Base and members integrated out by hand: r ~ N(0, C + A P⁻¹ Aᵀ + Σ s² x xᵀ) (Rasmussen & Williams, eq. 2.30)."""
+    rng = np.random.default_rng(1)
+    n = 40
+    members = tuple(Member(name, (), rng.standard_normal((n, 1)), np.log(0.02)) for name in ("one", "two"))
+    residual_mm = 0.3 * members[0].columns[:, 0] + 0.1 * rng.standard_normal(n)
+    seen = linear(rng, residual_mm, members)
+    run = seen.noise.runs[0]
+    covariance = run.factor(LEVELS) @ run.factor(LEVELS).T + seen.base @ seen.base.T / seen.precision
+    found = {e.members: e for e in searched(seen, (normal(seen, LEVELS),)).explanations}
+    constant = multivariate_normal(np.zeros(n), covariance).logpdf(residual_mm) + log_prior(LEVELS, False)
+    for k in range(2):
+        x = seen.columns[:, [k]]
+        each = [
+            multivariate_normal(np.zeros(n), covariance + s**2 * x @ x.T).logpdf(residual_mm) for s in constants.SLAB_MM
+        ]
+        mass = logsumexp(each) - np.log(len(each)) + log_prior(LEVELS, False) + np.log(0.02)
+        gained = mass - constant
+        assert found[k,].log_mass - found[()].log_mass == pytest.approx(gained, abs=1e-6)
+    assert found[0,].log_mass > found[()].log_mass > found[1,].log_mass
+
+
+def test_the_size_of_a_member_is_that_of_its_share_of_the_residual() -> None:
+    rng = np.random.default_rng(2)
+    member = Member("one", (), rng.standard_normal((200, 1)), np.log(0.02))
+    seen = linear(rng, 0.4 * of_unit_rms(member.columns)[:, 0] + 0.1 * rng.standard_normal(200), (member,))
+    search = searched(seen, (normal(seen, LEVELS),))
+    assert search.names(search.best) == ("one",)
+    assert sizes_mm(search, search.best)["one"] == pytest.approx(0.4, abs=4 * 0.15 / np.sqrt(200))
+
+
+def test_a_curve_of_another_form_is_split_into_its_nearest_eq_5_and_a_remainder() -> None:
+    v = np.geomspace(40, 900, 300)
+    logistic_s = 0.03 + 0.05 / (1 + (v / 200) ** 4)
+    start = LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03)
+    knots = knots_over(v)
+    sizes = np.linalg.lstsq(basis(v, knots), logistic_s - start(v), rcond=1e-6)[0]
+    law = split(start, knots, sizes, v)
+    np.testing.assert_allclose(law(v), logistic_s, atol=2e-4)
+    assert remainder_rms_s(law, v) > 1e-3  # no two exponentials follow it
+    assert remainder_rms_s(law.nearest, v) == 0.0
+
+
+def closed(*effects: str) -> Closing:
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind == "circle")
+    protocol = demo.model_copy(update={"runs": runs, "taps": None})
+    hidden = [parse_effect(text) for text in effects]
+    return close_by_posterior(simulate_session("screen-1", protocol, effects=hidden, seed=3))
+
+
+@pytest.fixture(scope="module")
+def drifting() -> Closing:
+    return closed("clock_drift=60")
+
+
+def test_a_drifting_clock_is_named_with_its_size_and_the_gap_closes(drifting: Closing) -> None:
+    assert drifting.verdict == "explained"
+    (step,) = drifting.steps
+    # Without taps a creeping latency moves every edge alike.
+    assert {step.effect, *step.indistinguishable_from} == {"clock_drift", "thermal_drift"}
+    low, high = step.parameters["drift_ppm"][1]
+    assert low < 60.0 < high
+    assert drifting.gap_first_mm is not None
+    assert drifting.gap_last_mm is not None
+    assert drifting.noise_floor_mm is not None
+    assert drifting.gap_last_mm < 0.5 * drifting.gap_first_mm
+    assert drifting.gap_last_mm < 1.6 * drifting.noise_floor_mm  # what noise leaves in single sessions
+    assert drifting.law.adequate
+
+
+def test_no_probability_is_stated_beyond_what_was_counted(drifting: Closing) -> None:
+    assert drifting.probability is not None
+    assert 0.4 < drifting.probability <= constants.STATED_AT_MOST  # two names share it
+    json = drifting.to_dict()
+    assert json["explanations"][0]["effects"] == ["clock_drift"]  # type: ignore[index]
+    assert json["steps"][0]["probability"] <= constants.STATED_AT_MOST  # type: ignore[index]
+
+
+def test_a_sound_session_is_quiet() -> None:
+    found = close_by_posterior(read_exchange(SAMPLES / "none-A"))
+    assert (found.verdict, found.steps) == ("no_gap", ())
+    assert found.gap_last_mm == found.gap_first_mm
+
+
+def test_a_session_without_data_says_what_it_lacks() -> None:
+    session = read_exchange(SAMPLES / "none-A")
+    poor = close_by_posterior(replace(session, runs=session.runs[:2]))
+    assert poor.verdict is None
+    assert any("at least 5 are needed" in words for words in poor.missing)
