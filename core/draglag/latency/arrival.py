@@ -2,9 +2,9 @@
 
 A digitiser scans evenly; a bus that is polled every millisecond, or every eight, and the host's scheduling put off each
 report by an amount of its own. The trace shows the stylus where it was by that much earlier, so it belongs to the
-latency of the edges it falls on, and the mean over few edges keeps some of it. Stamps tell it up to a constant: how far
+latency of the edges it falls on, and the mean over few edges keeps some of it. Stamps show it up to a constant: how far
 each lies from an even rhythm. But where the scans themselves are uneven the stamps are right as they are; the positions
-tell which: a late report lags behind the path by speed times lateness. So each stamp is set back by the share of its
+show which: a late report lags behind the path by speed times lateness. So each stamp is set back by the share of its
 lateness that the positions confirm, which rids the path of its noise, and the edges get back what they met.
 """
 
@@ -24,7 +24,7 @@ from draglag.recording import FloatArray, IntArray, TouchTrace
 FEWEST = 200  # events in a stretch: fewer do not show a rhythm
 MANY = 50  # intervals
 SLIP = 0.5  # of the interval: a lasting step this large is a report that never came
-BESIDE = 40  # events on either side of such a step
+AROUND = 40  # events on either side of such a step
 REFINED, SETTLED = 4, 0.02  # a path that was blurred by late stamps shows them in part
 LEAST_S = 1e-6  # of lateness: what a stamp of 1 us cannot show is none
 
@@ -52,7 +52,7 @@ class Arrival:
 
 def lateness_s(t_s: FloatArray) -> FloatArray:
     """By how much each of the rising stamps (n,) lies behind an even rhythm, of mean 0 over each stretch without gaps;
-    0 where there is no rhythm to tell from."""
+    0 where there is no rhythm to read."""
     late_s = np.zeros(t_s.size)
     if t_s.size < FEWEST:
         return late_s
@@ -74,12 +74,12 @@ def _behind_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
     off_s = t_s - t_s.mean()
     off_s = off_s - n * float(n @ off_s) / float(n @ n)
     total_s = np.concatenate([[0.0], np.cumsum(off_s)])
-    mean_s = (total_s[BESIDE:] - total_s[:-BESIDE]) / BESIDE
-    step_s = np.abs(mean_s[BESIDE:] - mean_s[:-BESIDE])
+    mean_s = (total_s[AROUND:] - total_s[:-AROUND]) / AROUND
+    step_s = np.abs(mean_s[AROUND:] - mean_s[:-AROUND])
     at = int(np.argmax(step_s))
     if step_s[at] < slip_s:
         return np.asarray(off_s)
-    cut = at + BESIDE
+    cut = at + AROUND
     parts = (slice(None, cut), slice(cut, None))
     return np.concatenate([_behind_s(t_s[part], slot[part], slip_s) for part in parts])
 

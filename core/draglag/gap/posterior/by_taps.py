@@ -127,7 +127,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Creep:
     """
     even = {effect.id: 1 / len(effects) for effect in effects}
     if session.taps is None:
-        return Creep(even, "no taps to tell a clock from a latency")
+        return Creep(even, "no taps to distinguish a clock from a latency")
     ends = _ends(session.taps, min(run.t_s[0] for run in fit.runs))
     if ends is None:
         return _by_level(session, fit, effects, even)
@@ -147,7 +147,7 @@ def _by_level(session: Session, fit: Fit, effects: tuple[Effect, ...], even: dic
     assert session.taps is not None
     summary = summarise_taps(session.taps).get("release")
     if summary is None or summary.n < FEWEST:
-        return Creep(even, "too few releases to tell a clock from a latency")
+        return Creep(even, "too few releases to distinguish a clock from a latency")
     origin_s = min(run.t_s[0] for run in fit.runs)
     when_s = np.array([float(np.median(session.taps.registered_s)) - origin_s])
     off = {e.id: summary.median_s - fit.law.a7_s - float(e.tap_latency(np.zeros(1), when_s)[0]) for e in effects}

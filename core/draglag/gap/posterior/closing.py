@@ -36,7 +36,7 @@ from draglag.simulation.effects import EFFECTS, Effect, effect_class, known_effe
 MOST_EFFECTS = 4
 BY_TAPS = "taps"  # what a step follows that edges do not show
 OPEN_FORM = 0.1  # probability of a curve that is not Eq. 5, from which on its asymptote is open
-SHARED = 0.1  # of the probability: an effect that holds so much of it cannot be told apart
+SHARED = 0.1  # of the probability: an effect that holds so much of it cannot be distinguished
 UNFITTED = (
     "edges that no law can be fitted to: touch or laser misses a large part of most runs, or they are not of one drag"
 )
@@ -209,7 +209,7 @@ def step_of(
     after: Fit,
     last: Fit,
 ) -> Step:
-    """One effect as a step, with those it cannot be told from and the run that would tell them apart."""
+    """One effect as a step, with those it cannot be distinguished from and the run that would separate them."""
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
     creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike))
     effect = creep.best if len(alike) > 1 else alike[0]

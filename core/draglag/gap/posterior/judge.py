@@ -158,7 +158,7 @@ def _possible(effect: str, fit: Fit) -> bool:
 def _proposed(
     session: Session, pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]
 ) -> dict[Names, Fit]:
-    """Refits with effects that columns show badly: the most promising, beside the best explanation and alone."""
+    """Refits with effects that columns show badly: the most promising, added to the best explanation and alone."""
     base = next(iter(fits.values()))
     empty = pool.found[pool.emptiest].log_mass
     gain = {name: pool.alone(name) - empty for name in allowed if name not in barred}

@@ -50,7 +50,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of the members beside base and tolerance, under one set of levels. gram (q, q), moment (q,);
+    """Normal equations of the members given base and tolerance, under one set of levels. gram (q, q), moment (q,);
     base: log evidence of no member, with the levels' prior."""
 
     levels: Levels

@@ -112,7 +112,7 @@ def compared(
 def _likely_levels(
     linear: Linear, without: Collection[str], seeds: tuple[Levels, ...], most: int
 ) -> tuple[Levels, ...]:
-    """Levels that are likely beside no member, and beside the best explanation under them; of sound rigs too."""
+    """Levels that are likely with no member, and with the best explanation under them; of sound rigs too."""
     out: dict[Levels, None] = dict.fromkeys(seeds)
     if not out:
         out |= dict.fromkeys(_and_sound(linear, likeliest_levels(linear)))

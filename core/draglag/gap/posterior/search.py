@@ -1,6 +1,6 @@
 """Which sets of members explain a linearised session, and how probable each is.
 
-The evidence of one more member beside a set is a closed form in the eigenvalues of its own normal equations, given the
+The evidence of one more member given a set is a closed form in the eigenvalues of its own normal equations, given the
 set: all members and all their scales are weighed at once.
 """
 
@@ -36,7 +36,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Search:
-    """All explanations looked at beside one linearisation, under some levels of the noise."""
+    """All explanations looked at from one linearisation, under some levels of the noise."""
 
     linear: Linear
     normals: tuple[Normal, ...]
@@ -156,7 +156,7 @@ def _given(
 
 
 def _gain(one: Normal, held: tuple[IntArray, FloatArray, FloatArray], at: IntArray) -> FloatArray:
-    """Log evidence that members (c,) of columns ``at`` (c, k) add beside those held, for each scale, (c, scales)."""
+    """Log evidence that members (c,) of columns ``at`` (c, k) add to those held, for each scale, (c, scales)."""
     own, root, half = held
     gram = one.gram[at[:, :, None], at[:, None, :]]
     moment = one.moment[at]

@@ -11,7 +11,7 @@ from draglag.gap.proposing.plain import refit
 from draglag.recording import Session
 from draglag.simulation.effects.smoothing_shrink import SmoothingShrink
 
-SETTLED = 0.03  # of a time constant: what is left of it beside its setting is known to first order
+SETTLED = 0.03  # of a time constant: what is left of it at its setting is known to first order
 ROUNDS = 4
 KINDS: tuple[tuple[float, ...], ...] = ((), (1.0,))  # one that looks back only, and one that looks both ways
 

@@ -32,7 +32,7 @@ from draglag.simulation.effects.second_filter_mode import SecondFilterMode
 OWN = SecondFilterMode.id
 LEFT_OVER = 0.03  # of a lateness undone: what is left is known to first order
 ROUNDS = 4
-BESIDE = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
+NEAR = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
@@ -75,7 +75,7 @@ def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
 def _above_a_speed(session: Session, before: Fit, theta: tuple[float, ...], step: Step | None) -> Fit | None:
     """A filter that takes over above the likeliest speed: next to the one that single edges show, or between the two
     runs whose latencies part."""
-    law, speeds = before.law, [v * theta[0] for v in BESIDE] if theta[1:2] == (0.0,) else []
+    law, speeds = before.law, [v * theta[0] for v in NEAR] if theta[1:2] == (0.0,) else []
     size_s = SecondFilterMode.parameters[0].typical
     if step is not None:
         law, speeds, size_s = step.law, [*speeds, *step.thresholds_mm_s()], step.size_s
@@ -88,7 +88,7 @@ def _above_a_speed(session: Session, before: Fit, theta: tuple[float, ...], step
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
-    """The fit with a filter that comes and goes, its times settled beside the law."""
+    """The fit with a filter that comes and goes, its times settled along with the law."""
     fit, law, theta, size_s = None, None, switching.theta, switching.size_s
     for _ in range(ROUNDS):
         only = away(before.placed, theta, size_s)
