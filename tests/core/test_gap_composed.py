@@ -10,7 +10,7 @@ import pytest
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import Gap, GapReport, Model, close_gap, find, name, shrinkage
-from draglag.gap.naming.provisional import provisional_term
+from draglag.gap.provisional import provisional_term
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session

@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError, EstimateError
-from draglag.gap.naming.provisional import provisional_term
+from draglag.gap.constants import MOST_EFFECTS
+from draglag.gap.provisional import provisional_term
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unjudged
 from draglag.gap.wording import drift_in_analysis, headline
-from draglag.gap.workflow import MOST_EFFECTS, close_gap
+from draglag.gap.workflow import close_gap
 from draglag.model_file import save_model
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects

@@ -4,12 +4,10 @@
 """
 
 from draglag.gap.compose import Gap, Model, Shrinkage, find, name, shrinkage
-from draglag.gap.finding.scan import Finding
 from draglag.gap.results import GapReport, Step
 from draglag.gap.workflow import close_gap
 
 __all__ = [
-    "Finding",
     "Gap",
     "GapReport",
     "Model",

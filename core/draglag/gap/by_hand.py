@@ -1,80 +1,59 @@
-"""An effect chosen by a person, added to a finished gap report: refitted, judged on held-out runs, looked at again."""
+"""An effect chosen by a person, added to a finished gap report by the same comparison as every other."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
-from draglag.gap.compose import STREAMS, Gap, Model, Shrinkage, shrinkage, theta_of
-from draglag.gap.finding.scan import Finding, find
+from draglag.gap.compose import Gap, Model, Shrinkage, shown_by_streams, shrinkage, with_one_more
+from draglag.gap.constants import STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm
-from draglag.gap.fitting.joint import Fit
-from draglag.gap.fitting.model import LawParameters
+from draglag.gap.fitting.joint import Fit, effects_in
 from draglag.gap.fitting.parameters import parameters_of, where_of
-from draglag.gap.fitting.signatures import SIGNATURES
-from draglag.gap.fitting.state import Term
-from draglag.gap.naming.doubts import covariate_of, left_out, still_there
-from draglag.gap.naming.refits import PLATEAU, SAME_MODEL_BETTER, gained, refit
-from draglag.gap.naming.soundness import excess_between_runs, excess_scatter
-from draglag.gap.naming.tries import fit_judged
+from draglag.gap.fitting.signatures import COLUMNS
+from draglag.gap.posterior.judge import Judgement
+from draglag.gap.posterior.pool import Pool, compared
+from draglag.gap.posterior.verdict import said
 from draglag.gap.results import GapReport, Step
+from draglag.gap.steps import deviance_gained
 from draglag.gap.streams.evidence import inspect
+from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, twins_of
 
-BY_HAND = tuple(effect for effect in EFFECTS if column_of(effect) in (*SIGNATURES, PLATEAU))
-
-SEARCHES = 4  # from where the last one ended
-OF_THE_STREAMS = ("frame", "host_tick")  # seen before any fit, which does not change them
+BY_HAND = tuple(effect for effect in EFFECTS if column_of(effect) in COLUMNS)
+OF_THE_STREAMS = (STALLS_FOLLOW, "host_tick")  # seen before any fit, which does not change them
 
 
 @one_blas_thread
 def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
-    """The report with one more effect, its size fitted jointly with the rest.
+    """The report with one more effect, refitted jointly with the rest; its probability is that of the comparison with
+    all that was compared before.
 
     The step says how the gap on held-out runs changed, with its interval, whether or not it shrank.
 
     Raises DataError for an effect that cannot be added, EstimateError when the model cannot be fitted with it.
     """
     before = report.last
-    if before is None or report.finding is None:
+    if before is None or report.judgement is None:
         raise EstimateError(f"{report.session}: there is no model to add to", "; ".join(report.missing) or "Try again")
     session = report.judged(session)
-    term = column_of(effect)
-    there = {column_of(step.effect) for step in report.steps}
-    if effect not in BY_HAND:
-        raise DataError(f"{effect} cannot be fitted to edges", f"Choose one of {', '.join(BY_HAND)}")
-    if term in there:
-        raise DataError(f"{effect} is in the model already, or one like it", "Choose another effect")
-    repaired = inspect(session)[1] if there & set(STREAMS) else session
-    plateau = before.law.plateau_mm_s > 0 or effect == PLATEAU
-    terms = list(before.terms) if effect == PLATEAU else [*before.terms, Term(term, theta_of(before, term))]
+    _check(report, before, effect)
+    repaired = inspect(session)[1] if any(shown_by_streams(step.effect) for step in report.steps) else session
+    old = report.judgement
     try:
-        fit = fit_judged(repaired, before, terms, plateau)
+        fit = with_one_more(repaired, before, column_of(effect), old.pool.unsure_ages)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(f"the model cannot be fitted with {effect}: {problem}", "Choose another effect") from None
-    finding = find(fit, without=left_out(frozenset(EFFECTS)) | there | {term})
-    # The model's own search may have stopped short: an effect is not credited for that.
-    without = before if effect == PLATEAU else _searched_from(fit.law, repaired, before)
-    changed = shrinkage(_gap(session, without, report.finding), _gap(session, fit, finding))
-    low, high = changed.change_ci95_mm
-    step = Step(
-        effect,
-        parameters_of(effect, fit),
-        where_of(effect, fit),
-        effect_class(effect).follows,
-        next((c.p_value for c in report.finding.candidates if c.effect == term), 1.0),
-        f"added by hand; held-out gap changed by {low:+.3f} to {high:+.3f} mm (95 %): {changed.verdict}",
-        changed.before_mm,
-        changed.after_mm,
-        twins_of(effect),
-        effect_class(effect).shown_apart_by,
-        fit=fit,
-    )
-    left = _left(report, fit, finding, changed)
+    fits = {**old.fits, effects_in(fit): fit}
+    pool = compared(list(fits.values()), frozenset(EFFECTS), old.pool.unsure_ages)
+    changed = shrinkage(_gap(session, before, old.pool), _gap(session, fit, pool))
+    step = _step(effect, before, fit, pool, changed)
+    left = _left(report, fit, old.pool.unsure_ages, changed)
     settled = [replace(s, parameters=parameters_of(s.effect, fit) or s.parameters) for s in report.steps]
     verdict = "unexplained" if left else "explained"
     if not left and report.verdict == "no_gap" and changed.verdict != "shrinks":
@@ -86,36 +65,50 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         noise_floor_mm=floor_mm(fit),
         gap_last_mm=gap_mm(fit),
         unexplained_by=left,
-        p_value=finding.p_value,
+        explanations=said(pool).explanations,
         last=fit,
-        finding=finding,
+        judgement=Judgement(pool, fits),
     )
 
 
-def _searched_from(law: LawParameters, session: Session, before: Fit) -> Fit:
-    """The model's own best point as sought from another law, as long as that gains."""
-    best = before
-    for _ in range(SEARCHES):
-        own = refit(session, before, before.terms, before.law.plateau_mm_s > 0, law)
-        if own is None or gained(best, own) < SAME_MODEL_BETTER:
-            break
-        best, law = own, own.law
-    return best
+def _check(report: GapReport, before: Fit, effect: str) -> None:
+    if effect not in BY_HAND:
+        raise DataError(f"{effect} cannot be fitted to edges", f"Choose one of {', '.join(BY_HAND)}")
+    there = {column_of(step.effect) for step in report.steps} | set(effects_in(before))
+    if column_of(effect) in there:
+        raise DataError(f"{effect} is in the model already, or one like it", "Choose another effect")
 
 
-def _left(report: GapReport, fit: Fit, finding: Finding, changed: Shrinkage) -> str | None:
-    """What a gap still follows, or None: what was unexplained is not explained by an effect that closes nothing."""
-    left = still_there(fit, finding) if finding.significant else None
-    if left is not None:
-        return covariate_of(left)
-    if report.verdict != "unexplained":
-        return None
-    if changed.verdict != "shrinks" or report.unexplained_by in OF_THE_STREAMS:
-        return report.unexplained_by
-    again = {"scatter": excess_scatter, "run": excess_between_runs, "turn": excess_between_runs}
-    still = again[report.unexplained_by](fit) if report.unexplained_by in again else None
-    return None if still is None else still.covariate
+def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) -> Step:
+    low, high = changed.change_ci95_mm
+    return Step(
+        effect,
+        parameters_of(effect, fit),
+        where_of(effect, fit),
+        effect_class(effect).follows,
+        float(chi2.sf(max(deviance_gained(before, fit), 0.0), max(fit.design.shape[1] - before.design.shape[1], 1))),
+        f"added by hand; held-out gap changed by {low:+.3f} to {high:+.3f} mm (95 %): {changed.verdict}",
+        changed.before_mm,
+        changed.after_mm,
+        min(pool.probability_of(column_of(effect)), STATED_AT_MOST),
+        twins_of(effect),
+        effect_class(effect).shown_apart_by,
+        fit,
+    )
 
 
-def _gap(session: Session, fit: Fit, finding: Finding) -> Gap:
-    return Gap(session, Model(), fit, finding, (), gap_mm(fit), floor_mm(fit))
+def _left(report: GapReport, fit: Fit, unsure_ages: bool, changed: Shrinkage) -> str | None:
+    """What a gap still follows given the model with the effect, or None."""
+    given = said(compared([fit], frozenset(EFFECTS), unsure_ages))
+    if given.unexplained_by is not None:
+        return given.unexplained_by
+    more = [name for name in given.effects if name not in effects_in(fit)]
+    if more:
+        return effect_class(more[0]).follows
+    # What was unexplained and no edge shows is not explained by an effect that closes nothing.
+    closes = changed.verdict == "shrinks" and report.unexplained_by not in OF_THE_STREAMS
+    return None if report.verdict != "unexplained" or closes else report.unexplained_by
+
+
+def _gap(session: Session, fit: Fit, pool: Pool) -> Gap:
+    return Gap(session, Model(), fit, pool, (), gap_mm(fit), floor_mm(fit))

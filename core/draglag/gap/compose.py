@@ -16,40 +16,38 @@ import numpy as np
 
 from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
-from draglag.gap.finding.scan import Candidate, Finding
-from draglag.gap.finding.scan import find as find_in
-from draglag.gap.finding.separate import times_out_of_order
+from draglag.gap.constants import DEVIANCE_A_PARAMETER, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import (
     IN_EVERY_FIT,
-    clearly_less,
     floor_mm,
     folds,
     gap_mm,
     held_out_residual_mm,
     shrinks,
 )
-from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.joint import Fit, effects_in, fit_session
+from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.fitting.model import Geometry, LawParameters
 from draglag.gap.fitting.parameters import parameters_of
-from draglag.gap.fitting.signatures import SIGNATURES
+from draglag.gap.fitting.signatures import COLUMNS
 from draglag.gap.fitting.state import Term
-from draglag.gap.naming.choice import name as names_of
-from draglag.gap.naming.doubts import left_out
-from draglag.gap.naming.refits import PLATEAU, gained
-from draglag.gap.naming.tries import fit_judged
+from draglag.gap.posterior.judge import grown, judged
+from draglag.gap.posterior.pool import Pool, compared
+from draglag.gap.posterior.verdict import said
 from draglag.gap.results import Step
+from draglag.gap.session_check import times_out_of_order
+from draglag.gap.steps import deviance_gained, step_of
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
-from draglag.gap.workflow import step_of
 from draglag.latency.conduct import kept_runs
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, known_effects
 
-STREAMS = (
-    "sample_hold", "frame_batching", "timestamp_quantisation", "laser_bounce", "loss_of_contact", "frame_drop",
-    "poll_grid", "deadband",
-)  # fmt: skip
+
+def shown_by_streams(effect_id: str) -> bool:
+    """Whether the streams show the effect, so that it is repaired there instead of fitted to edges."""
+    return effect_class(effect_id).undone_in == "stream"
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class Model:
         if effect_id in self.effects or effect_id in dict(self.held):
             raise DataError(f"{effect_id} is in the model already", "Add another effect")
         if values is None:
-            if column_of(effect_id) not in (*SIGNATURES, PLATEAU, *STREAMS):
+            if column_of(effect_id) not in COLUMNS and not shown_by_streams(effect_id):
                 raise DataError(f"{effect_id} cannot be fitted to edges", "Give its values, or add another effect")
             return replace(self, effects=(*self.effects, effect_id))
         known = {spec.name for spec in EFFECTS[effect_id].parameters}
@@ -103,37 +101,44 @@ class Model:
         """Effect → parameter → (value, 95 % interval), of the effects that were fitted."""
         if self.fit is None:
             return {}
-        return {effect: parameters_of(effect, self.fit) for effect in self.effects if effect not in STREAMS}
+        return {effect: parameters_of(effect, self.fit) for effect in self.effects if not shown_by_streams(effect)}
 
 
 @dataclass(frozen=True)
 class Gap:
     """Where a session and a model disagree.
 
-    Attributes: model: with what the fit found. finding: every candidate cause with its joint p-value. streams: what
-    the streams show by themselves. gap_mm: RMS residual on runs held out of the fit; noise_floor_mm: what noise leaves.
+    Attributes: model: with what the fit found. pool: everything that may explain the rest, with its probability.
+    streams: what the streams show by themselves. gap_mm: RMS residual on runs held out of the fit; noise_floor_mm:
+    what noise leaves.
     """
 
     session: Session = field(repr=False)
     model: Model
     fit: Fit = field(repr=False)
-    finding: Finding = field(repr=False)
+    pool: Pool = field(repr=False)
     streams: tuple[StreamEffect, ...]
     gap_mm: float
     noise_floor_mm: float
 
     @property
-    def significant(self) -> tuple[Candidate, ...]:
-        """Candidates beyond the joint false-alarm level, best first."""
-        return self.finding.significant
+    def probability(self) -> float:
+        """Posterior probability of anything beyond the model, the curve's form and noise, of whatever size."""
+        inside = set(self.pool.emptiest)
+        return sum(p for names, p in self.pool.probabilities().items() if set(names) - inside - {LAW_FORM})
 
-
-PRICE = 6.0  # deviance that one more number must save
+    @property
+    def members(self) -> dict[str, float]:
+        """Effect id, or ``?covariate:role`` of what has no name → probability that it is part of the explanation,
+        the most probable first; of at least 0.1."""
+        names = {name for found in self.pool.found for name in found} - set(self.pool.emptiest) - {LAW_FORM}
+        each = {name: self.pool.probability_of(name) for name in names}
+        return {n: p for n, p in sorted(each.items(), key=lambda item: -item[1]) if p >= SHARED}
 
 
 @dataclass(frozen=True)
 class Shrinkage:
-    """How the gap on held-out runs changed. change_ci95_mm: from drawing the runs anew; improves: runs agree that it
+    """How the gap on held-out runs changed. change_ci95_mm: bootstrap over the runs; improves: runs agree that it
     shrank; verdict: shrinks | open | grows."""
 
     before_mm: float
@@ -147,8 +152,7 @@ class Shrinkage:
     def verdict(self) -> str:
         low, high = self.change_ci95_mm
         # Runs may agree by chance on an effect that their edges do not ask for at all.
-        enough = clearly_less(self.after_mm, self.before_mm)
-        if self.improves and enough and high < 0 and not self.deviance_gained < PRICE:
+        if self.improves and high < 0 and not self.deviance_gained < DEVIANCE_A_PARAMETER:
             return "shrinks"
         return "grows" if low > 0 else "open"
 
@@ -165,7 +169,7 @@ class Shrinkage:
 
 @one_blas_thread
 def find(session: Session, model: Model | None = None) -> Gap:
-    """Fit a model to a session and look where they disagree.
+    """Fit a model to a session and find where they disagree.
 
     A model that another ``find`` returned is fitted from where that stood, on the same edges, so that the two gaps can
     be compared; to another session it is fitted again. Runs that went wrong are left out, as ``analyze``
@@ -179,38 +183,49 @@ def find(session: Session, model: Model | None = None) -> Gap:
     disorder = times_out_of_order(session)
     if disorder:
         raise EstimateError(f"{session.name}: {disorder}", "Export and import it")
+    repairs = any(map(shown_by_streams, model.effects))
     try:
-        streams, repaired = inspect(session)
-        streams = tuple(s for s in streams if s.effect not in model.effects)
-        ready = _without_held(repaired if any(e in STREAMS for e in model.effects) else session, model.held)
-        if start is None or any(e in STREAMS for e in model.effects[-1:]) or model.held:
+        seen, repaired = inspect(session)
+        streams = tuple(s for s in seen if s.effect not in model.effects)
+        ready = _without_held(repaired if repairs else session, model.held)
+        if start is None or any(map(shown_by_streams, model.effects[-1:])) or model.held:
             start = fit_session(ready, gather(ready))
         fit = start
-        done = _in_fit(start)
-        plateau = PLATEAU in model.effects
-        for effect in model.effects:
-            term = column_of(effect)
-            if effect in STREAMS or term in done:
-                continue
-            done = {*done, term}
-            terms = list(fit.terms) if effect == PLATEAU else [*fit.terms, Term(term, theta_of(fit, term))]
-            fit = fit_judged(ready, fit, terms, plateau and PLATEAU in done)
+        unsure = any(effect_class(s.effect).uneven_ages and not (s.undone and repairs) for s in seen)
+        fitted = [column_of(effect) for effect in model.effects if not shown_by_streams(effect)]
+        for effect in dict.fromkeys(fitted):
+            if effect not in effects_in(fit):
+                fit = with_one_more(ready, fit, effect, unsure)
+        pool = compared([fit], frozenset(EFFECTS), unsure)
     except (np.linalg.LinAlgError, ValueError) as problem:
-        raise EstimateError(f"{session.name}: the model cannot be fitted: {problem}", "Take an effect out") from None
-    fitted = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit, of=_of(session))
-    used = {column_of(effect) for effect in model.effects}
-    finding = find_in(fit, without=left_out(frozenset(EFFECTS)) | used)
-    return Gap(ready, fitted, fit, finding, streams, gap_mm(fit), floor_mm(fit))
+        raise EstimateError(
+            f"{session.name}: the model cannot be fitted: {problem}", "Remove an effect from the model"
+        ) from None
+    found = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit, of=_of(session))
+    return Gap(ready, found, fit, pool, streams, gap_mm(fit), floor_mm(fit))
+
+
+def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) -> Fit:
+    """The joint refit with one more effect, begun in the effect's own way.
+
+    Raises EstimateError where the session cannot carry it.
+    """
+    pool = compared([fit], {effect}, unsure_ages, most=1)
+    wanted = tuple(sorted({*effects_in(fit), effect}))
+    fits = grown(session, {effects_in(fit): fit}, pool, wanted)
+    if wanted not in fits:
+        raise EstimateError(f"{session.name}: the model cannot be fitted with {effect}", "Choose another effect")
+    return fits[wanted]
 
 
 @one_blas_thread
 def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Step, ...]:
-    """Effects that explain a gap, best first, each refitted jointly with the model; empty when nothing does.
+    """Effects that explain a gap, the most probable first, each refitted jointly with the model; empty when none does.
 
-    Effects that the streams give away by themselves come first: they have to be repaired before edges can be judged.
+    Effects that the streams show by themselves come first: they have to be repaired before edges can be judged.
 
     Args:
-        candidates: ids of the effects to look among; None = the whole library.
+        candidates: ids of the effects to choose among; None = the whole library.
 
     Raises DataError for a candidate that the library does not have.
     """
@@ -218,9 +233,20 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
     seen = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
     if seen:
         return seen
-    finding = gap.finding
-    names, _ = names_of(gap.session, gap.fit, finding, allowed, PLATEAU in gap.model.effects)
-    return tuple(step_of(gap.session, names[k:], finding, allowed) for k in range(len(names)))
+    judgement = judged(gap.session, gap.fit, allowed, gap.pool.unsure_ages)
+    inside = effects_in(gap.fit)
+    verdict = said(judgement.pool)
+    out = []
+    for effect in verdict.effects:
+        wanted = tuple(sorted({*inside, effect}))
+        fits = judgement.fits
+        if effect in inside or wanted == inside:
+            continue
+        if wanted not in fits:
+            fits = grown(gap.session, fits, judgement.pool, wanted)
+        if wanted in fits:
+            out.append(step_of(gap.session, judgement, verdict, allowed, effect, judgement.base, fits[wanted]))
+    return tuple(sorted(out, key=lambda step: -step.probability))
 
 
 @one_blas_thread
@@ -247,7 +273,7 @@ def shrinkage(before: Gap, after: Gap) -> Shrinkage:
         after.gap_mm,
         after.noise_floor_mm,
         interval,
-        float(gained(before.fit, after.fit)) if before.fit.use.size == after.fit.use.size else float("nan"),
+        float(deviance_gained(before.fit, after.fit)) if before.fit.use.size == after.fit.use.size else float("nan"),
         shrinks(before.fit, after.fit),
     )
 
@@ -279,17 +305,6 @@ def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, f
     return without_effects(session, [made(name, dict(values)) for name, values in held], law)
 
 
-def _in_fit(fit: Fit) -> set[str]:
-    return {t.effect for t in fit.terms} | ({PLATEAU} if fit.law.plateau_mm_s > 0 else set())
-
-
-def theta_of(fit: Fit, effect: str) -> tuple[float, ...]:
-    """The setting of what an effect is not linear in, where it explains most."""
-    found = find_in(fit, only={effect}).candidates
-    best = [c for c in found if c.effect == effect]
-    return best[0].theta if best else ()
-
-
 def _of(session: Session) -> tuple[object, ...]:
     """What a session keeps however its streams are repaired."""
     return session.name, session.started_utc, tuple((run.id, run.start_s) for run in session.runs)
@@ -309,4 +324,6 @@ def _by_run(fit: Fit) -> dict[int, tuple[float, int]]:
 def _stream_step(item: StreamEffect, gap: Gap) -> Step:
     parameters = item.parameters
     covariate = effect_class(item.effect).follows
-    return Step(item.effect, parameters, item.where, covariate, 1e-9, item.evidence, gap.gap_mm, gap.gap_mm)
+    return Step(
+        item.effect, parameters, item.where, covariate, 1e-9, item.evidence, gap.gap_mm, gap.gap_mm, STATED_AT_MOST
+    )

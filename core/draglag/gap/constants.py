@@ -27,6 +27,10 @@ P_EFFECT = 0.02
 P_LAW_FORM = 0.2
 """Prior probability that the curve is not Eq. 5. Judgement: one screen in five."""
 
+P_FALLING = 0.5
+"""Prior probability that a smooth form of the curve falls with speed all along. Derived: the order of magnitude, which
+weighs ln 2 nats."""
+
 P_SMOOTH = 0.0015
 """Prior probability of each smooth term without a name. Judgement: some thirty of them, one session in twenty."""
 
@@ -47,6 +51,21 @@ MEMORY_S = 0.5
 
 NUGGET_MM2 = 1e-6
 """mm². Added to every variance, (1 µm)²: the rounding of the placing. Derived."""
+
+MOST_EFFECTS = 4
+"""Effects that are named at most, unless the user says otherwise. Derived: cost."""
+
+OPEN_FORM = 0.1
+"""Probability that the curve is not Eq. 5 from which on its asymptote is unknown. Judgement."""
+
+SHARED = 0.1
+"""Share of the probability from which on an effect is reported as one that cannot be distinguished. Judgement."""
+
+ENOUGH_TAPS = 20
+"""Taps below which a session shows nothing about them. Derived: a median's standard error of a fifth of the scatter."""
+
+WIDE_ENOUGH = 0.25
+"""Share of the panel's width that edges must cover to show what follows the place. Judgement."""
 
 MOST_MEMBERS = 4
 """Members a set may have before it is refitted; found effects stay and the search goes on. Derived: cost."""
@@ -75,3 +94,15 @@ TOLERATED_SETTINGS = 4
 DETAIL = 0.35
 """Share of a named effect's size below which an unnamed term of the same covariate is a detail of it. Calibrated:
 effects' columns are true to first order, on 28 plain single effects (fact sheet on the gap's evidence)."""
+
+DEVIANCE_A_PARAMETER = 6.0
+"""Deviance that one more parameter must save before a change by hand is said to shrink the gap. Derived: a likelihood
+ratio of 20."""
+
+SHRINKS_BY = 0.02
+"""Share by which the RMS on held-out runs must fall before a gap has shrunk. Judgement: a fiftieth is what a session's
+own scatter moves it by."""
+
+PREDICTS_NATS = 3.0
+"""nats of log predictive density on held-out runs from which on a model predicts them better. Derived: a ratio of
+20."""

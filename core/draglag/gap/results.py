@@ -1,16 +1,19 @@
-"""What the workflow finds: the effects added, step by step, and the verdict."""
+"""What the workflow finds: the effects added, step by step, the verdict and how probable it is."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 
-from draglag.gap.finding.scan import Finding
 from draglag.gap.fitting.joint import Fit
+from draglag.gap.posterior.judge import Judgement
 from draglag.recording import Session
 
-# The gap of a sound session over the floor: 95 % of 237 generated ones.
 FLOOR_REACHES = "in a single session noise leaves 0.7 to 1.6 times that"
-# What a gap may follow, as people call it.
+"""The gap of a sound session over the floor: 95 % of 237 generated ones."""
+
+BY_TAPS = "taps"
+"""Covariate of a step that taps show and edges do not."""
+
 FOLLOWS = {
     "speed": "the drag speed", "session_time": "the session time", "x": "the place along x",
     "time_in_run": "the time in the run", "acceleration": "the acceleration",
@@ -19,6 +22,7 @@ FOLLOWS = {
     "host_tick": "the ticks of the host", "frame": "the frames of the panel",
     "turn": "the way round of the circle", "run": "the run, by more than panels differ from one to the next",
 }  # fmt: skip
+"""What a gap may follow, in words."""
 
 
 def followed(covariate: str) -> str:
@@ -27,8 +31,8 @@ def followed(covariate: str) -> str:
 
 
 def unexplained_in_words(covariate: str | None, stopped_at: int | None = None) -> str:
-    """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate: it follows none. stopped_at: as many
-    effects as the workflow was allowed, where more might be known."""
+    """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate. stopped_at: the limit on effects, where
+    that ended the search."""
     scatter = covariate == "scatter"
     what = (
         "single edges scatter more than those of a sound rig"
@@ -42,7 +46,12 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None) -
 
 @dataclass(frozen=True)
 class Step:
-    """One effect added. parameters: name → (value, (low, high)); gaps on held-out runs, mm."""
+    """One effect added.
+
+    Attributes: parameters: name → (value, (low, high)). p_value: of the deviance gained (likelihood ratio). gaps: on
+    held-out runs, mm RMS. probability: that the effect, or one it cannot be distinguished from, is part of the
+    explanation.
+    """
 
     effect: str
     parameters: dict[str, tuple[float, tuple[float, float]]]
@@ -52,17 +61,17 @@ class Step:
     evidence: str
     gap_before_mm: float
     gap_after_mm: float
+    probability: float
     indistinguishable_from: tuple[str, ...] = ()
     extra_run: str = ""
-    gain: float = 0.0  # deviance it saved after its price
     fit: Fit | None = field(default=None, repr=False)
-    probability: float | None = None  # that it is part of the explanation, where that is known
 
     def to_dict(self) -> dict[str, object]:
+        """One step of the design's ``gap --json`` (section 5)."""
         gain = 1 - self.gap_after_mm / self.gap_before_mm if self.gap_before_mm > 0 else 0.0
-        known = {} if self.probability is None else {"probability": self.probability}
         return {
             "effect": self.effect,
+            "probability": self.probability,
             "indistinguishable_from": list(self.indistinguishable_from),
             "parameters": {k: {"value": v, "ci95": list(ci)} for k, (v, ci) in self.parameters.items()},
             "where": self.where,
@@ -71,23 +80,48 @@ class Step:
             "gap_before_mm": self.gap_before_mm,
             "gap_after_mm": self.gap_after_mm,
             "extra_run": self.extra_run,
-            **known,
         }
 
 
 @dataclass(frozen=True)
-class PassedOver:
-    """A structure beyond chance that was given no name: ``what`` it looks like, and in words why it was left."""
+class LawStatement:
+    """The curve's form. adequate: whether Eq. 5 describes it; probability: that it does not; misses_s: RMS by which the
+    curve misses its nearest Eq. 5."""
 
-    what: str
-    p_value: float
-    text: str
+    adequate: bool = True
+    probability: float = 0.0
+    misses_s: float = 0.0
+
+    def to_dict(self) -> dict[str, object]:
+        form = "double_exponential" if self.adequate else "other"
+        return {
+            "form": form,
+            "adequate": self.adequate,
+            "probability_other": self.probability,
+            "misses_ms": 1e3 * self.misses_s,
+        }
+
+
+@dataclass(frozen=True)
+class Tolerated:
+    """Structure beyond chance that is smaller than the size of interest. follows: covariate or effect id."""
+
+    follows: str
+    probability: float
+    size_mm: float
 
 
 @dataclass(frozen=True)
 class GapReport:
-    """The workflow's result. verdict: explained | no_gap | unexplained, or None with ``missing`` for a poor session.
-    stopped_at: how many effects were allowed, where that ended the search. excluded: run id → why it was left out."""
+    """The workflow's result.
+
+    Attributes:
+        verdict: explained | no_gap | unexplained, or None with ``missing`` for a session without enough data.
+        explanations: sets of effects with their probabilities, 95 % of the mass; ``unexplained`` for what has no name.
+        not_seen: effects that the session could not have shown → the recording that would show them.
+        first, last: the fits without effects and with all steps. judgement: all that was compared.
+        stopped_at: the limit on effects, where that ended the search. excluded: run id → why it was left out.
+    """
 
     session: str
     verdict: str | None
@@ -96,13 +130,15 @@ class GapReport:
     gap_first_mm: float | None = None
     gap_last_mm: float | None = None
     unexplained_by: str | None = None
-    p_value: float | None = None
+    probability: float | None = None
+    explanations: tuple[tuple[tuple[str, ...], float], ...] = ()
+    law: LawStatement = field(default_factory=LawStatement)
+    tolerated: tuple[Tolerated, ...] = ()
     missing: tuple[str, ...] = ()
     not_seen: dict[str, str] = field(default_factory=dict)
-    passed_over: tuple[PassedOver, ...] = ()
     first: Fit | None = field(default=None, repr=False)
     last: Fit | None = field(default=None, repr=False)
-    finding: Finding | None = field(default=None, repr=False)
+    judgement: Judgement | None = field(default=None, repr=False)
     stopped_at: int | None = None
     excluded: dict[str, str] = field(default_factory=dict)
     simulated: bool = False
@@ -124,10 +160,12 @@ class GapReport:
             "unexplained_by": self.unexplained_by,
             "gap_first_mm": self.gap_first_mm,
             "gap_last_mm": self.gap_last_mm,
-            "p_value": self.p_value,
+            "probability": self.probability,
+            "explanations": [{"effects": list(names), "probability": p} for names, p in self.explanations],
+            "law": self.law.to_dict(),
+            "tolerated": [asdict(item) for item in self.tolerated],
             "missing": list(self.missing),
             "not_seen": dict(self.not_seen),
-            "passed_over": [asdict(item) for item in self.passed_over],
             "excluded": dict(self.excluded),
         }
 
@@ -139,7 +177,7 @@ def unjudged(session: Session, report: GapReport) -> str:
     session = report.judged(session)
     first, last = ({fit.runs[k].run.id for k in set(fit.run_index.tolist())} for fit in (report.first, report.last))
     left = [
-        f"{run.id} ({run.protocol}, {'left out beside an effect' if run.id in first else 'too few edges or events'})"
+        f"{run.id} ({run.protocol}, {'left out with an effect' if run.id in first else 'too few edges or events'})"
         for run in session.runs
         if run.id not in last
     ]

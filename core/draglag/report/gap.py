@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import DataError, DraglagError
-from draglag.gap.naming.provisional import Provisional
+from draglag.gap.provisional import Provisional
 from draglag.gap.replaying.replay import Replay, replays
 from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unjudged
 from draglag.gap.wording import drift_in_analysis, headline

@@ -87,15 +87,14 @@ class Signature:
 
     Attributes:
         latency: (m, k) latency added per unit, s; offset: (m, k) displacement across the beam per unit, mm.
-        theta: the setting. n_grid: how many settings are tried in all, for the penalty. looks: how many of them
-            were looked at for each one tried in earnest.
+        theta: the setting. share: of the effect's prior probability that belongs to this setting; None: settings of an
+            effect share it alike.
     """
 
     latency: FloatArray | None = None
     offset: FloatArray | None = None
     theta: tuple[float, ...] = ()
-    n_grid: int = 1
-    looks: float = 1.0
+    share: float | None = None
 
     def columns(self, view: View) -> FloatArray:
         """The residual the effect leaves when it is not modelled, (m, k) mm per unit."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from draglag.gap.constants import PREDICTS_NATS, SHRINKS_BY
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.noise import scatter
 from draglag.gap.fitting.whitening import whitener
@@ -13,11 +14,6 @@ from draglag.recording import FloatArray, IntArray
 
 FOLDS = 5
 IN_EVERY_FIT = -1
-LEAST_WHITE_GAIN = 12.0  # in −2 ln L of held-out residuals
-NO_WORSE = 0.02
-# Of −2 ln L an edge: beyond doubt, though a law fitted without one speed may miss that speed by a little more.
-DECISIVE, A_LITTLE_WORSE = 0.5, 0.1
-WORTH_A_NAME = 0.02  # of the gap: by less it has not shrunk
 
 
 def folds(fit: Fit) -> IntArray:
@@ -47,14 +43,14 @@ def held_out_residual_mm(fit: Fit) -> FloatArray:
     return out
 
 
-def noise_variance_mm2(fit: Fit, granted: bool = False) -> FloatArray:
+def noise_variance_mm2(fit: Fit) -> FloatArray:
     """What noise alone leaves at every used edge, parameters fitted without its fold.
 
-    That a run of changing speed may miss the law as a whole, and follow its own changes of speed unevenly, is granted
-    by the fit, but it is no noise. granted: the second is counted all the same.
+    That a run of changing speed may miss the law as a whole, and follow its own changes of speed unevenly, is allowed
+    for by the fit, but it is no noise.
     """
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
-    noise_mm = parts.uneven_mm if granted else np.where(fit.placed.steady[fit.use], parts.uneven_mm, 0.0)
+    noise_mm = np.where(fit.placed.steady[fit.use], parts.uneven_mm, 0.0)
     parts = replace(parts, loose_s=np.zeros(len(fit.runs)), uneven_mm=noise_mm)
     variance = whitener(parts, fit.whiteners[fit.best].components).variance_mm2.copy()
     fold = folds(fit)
@@ -74,63 +70,55 @@ def _spread(fit: Fit, design: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(design.T @ design + np.diag(fit.prior), hermitian=True))
 
 
-def gap_mm(fit: Fit) -> float:
-    """RMS residual on held-out runs, mm."""
-    residual = held_out_residual_mm(fit)
-    return float(np.sqrt(np.mean(residual[folds(fit) != IN_EVERY_FIT] ** 2)))
+def _counted(fit: Fit, edges: np.ndarray | None) -> np.ndarray:
+    """Used edges (m,) that count in a gap: of runs that are held out of some fit, and among ``edges``."""
+    held: np.ndarray = folds(fit) != IN_EVERY_FIT
+    return held if edges is None else held & edges[fit.use]
 
 
-def clearly_less(after_mm: float, before_mm: float) -> bool:
-    """Whether one gap is so much smaller than another that it is worth a name."""
-    return after_mm < (1 - WORTH_A_NAME) * before_mm
+def gap_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
+    """RMS residual on held-out runs, mm. edges: mask over all placed edges, those that count; None for all."""
+    return float(np.sqrt(np.mean(held_out_residual_mm(fit)[_counted(fit, edges)] ** 2)))
+
+
+def floor_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
+    """RMS that noise alone leaves on held-out runs, mm. edges: as for ``gap_mm``."""
+    return float(np.sqrt(np.mean(noise_variance_mm2(fit)[_counted(fit, edges)])))
+
+
+def predictive_gain(before: Fit, after: Fit) -> float:
+    """By how much ``after`` predicts held-out runs better, nats of log predictive density on the edges that both use,
+    each under its own noise."""
+    both = before.use & after.use
+    return _log_predictive(after, both) - _log_predictive(before, both)
+
+
+def _log_predictive(fit: Fit, edges: np.ndarray) -> float:
+    keep = edges[fit.use]
+    parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
+    white = whitener(parts, fit.whiteners[fit.best].components)
+    return -0.5 * (float(np.sum(white.apply(held_out_residual_mm(fit)[keep]) ** 2)) + white.log_det)
 
 
 def shrinks(before: Fit, after: Fit) -> bool:
-    """Whether held-out runs fit better, run by run: the geometric mean of their RMS, which no single run decides."""
-    return _change(before, after) < -2 * WORTH_A_NAME  # of the mean square
+    """Whether the RMS on held-out runs falls by more than ``SHRINKS_BY``, on the edges that both use."""
+    both = before.use & after.use
+    return gap_mm(after, both) < (1 - SHRINKS_BY) * gap_mm(before, both)
 
 
-def _change(before: Fit, after: Fit) -> float:
-    """Mean change of ln(mean square) of the held-out runs that both have."""
-
-    def level(fit: Fit) -> dict[int, float]:
-        residual = held_out_residual_mm(fit)
-        held = folds(fit) != IN_EVERY_FIT
-        runs = np.unique(fit.run_index[held])
-        return {int(k): float(np.log(np.mean(residual[held & (fit.run_index == k)] ** 2) + 1e-9)) for k in runs}
-
-    old, new = level(before), level(after)
-    shared = old.keys() & new.keys()
-    return sum(new[k] - old[k] for k in shared) / max(len(shared), 1)
-
-
-def improves(before: Fit, after: Fit) -> bool:
-    """Whether held-out runs speak for the model: they shrink, or weighed edge by edge they are likelier.
+def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
+    """Whether held-out runs speak for the larger model: their RMS shrinks, or they are predicted better while it stays.
 
     What moves few edges, or all of them a little, hardly shows in an RMS.
     """
-    change = _change(before, after)
-    if change < -2 * WORTH_A_NAME:
+    if shrinks(before, after):
         return True
-    each = white_level(before) - white_level(after)
-    if each > DECISIVE and change < A_LITTLE_WORSE:
-        return True
-    return change < NO_WORSE and each * min(before.residual_mm.size, after.residual_mm.size) > LEAST_WHITE_GAIN
-
-
-def white_level(fit: Fit) -> float:
-    """−2 ln L an edge of the held-out residuals under the fit's own noise."""
-    residual = held_out_residual_mm(fit)
-    white = fit.whiteners[fit.best]
-    return (float(np.sum(white.apply(residual) ** 2)) + white.log_det) / residual.size
+    both = before.use & after.use
+    stays = gap_mm(after, both) < (1 + SHRINKS_BY) * gap_mm(before, both)
+    return stays and predictive_gain(before, after) > PREDICTS_NATS
 
 
 def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
-    """The same for columns that are added to the linear model, an effect without a name."""
+    """``shrinks`` for columns that are added to the linear model, an effect without a name."""
     prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
     return shrinks(fit, replace(fit, design=np.column_stack([fit.design, columns]), prior=prior))
-
-
-def floor_mm(fit: Fit, granted: bool = False) -> float:
-    """RMS that noise alone leaves on held-out runs, mm; granted: with what runs of changing speed follow unevenly."""
-    return float(np.sqrt(np.mean(noise_variance_mm2(fit, granted)[folds(fit) != IN_EVERY_FIT])))

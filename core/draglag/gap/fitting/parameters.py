@@ -87,7 +87,8 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, own: slice, theta: tuple[fl
         low, high = (float(np.sqrt(max(sizes[0] + s * 1.96 * se[0], 0.0))) for s in (-1, 1))
         return {"time_constant_s": (float(np.sqrt(max(sizes[0], 0.0))), (low, high))}
     # A sine and a cosine, or a polynomial: the amplitude over the panel.
-    if theta:
+    wave = bool(theta) and theta[0] > 0
+    if wave:
         amplitude = float(np.hypot(*sizes[:2]))
         lattice = fit.runs[0].lattice
         if lattice is not None:
@@ -95,9 +96,9 @@ def _named(effect: str, fit: Fit, sizes: np.ndarray, own: slice, theta: tuple[fl
             amplitude = max(amplitude, float(np.hypot(*lattice.sizes_mm[2:, 1])))
     else:
         x = fit.view.panel_x
-        shape = np.column_stack([x**2 - x.mean(), x**3, x**4]) @ sizes
+        shape = np.column_stack([x**k for k in range(2, 2 + sizes.size)]) @ sizes
         amplitude = 0.5 * float(np.ptp(shape - np.polyval(np.polyfit(x, shape, 1), x)))
-    reach = 1.96 * float(np.max(se[:2])) if theta else 0.3 * amplitude
+    reach = 1.96 * float(np.max(se[:2])) if wave else 0.3 * amplitude
     low, high = max(amplitude - reach, 0.0), amplitude + reach
     if effect == WARP:
         ends = np.array([(low, high), *_amplitudes_alike(fit, sizes, own)])

@@ -119,8 +119,10 @@ def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
             continue
         out[name, "latency"] = -lever[:, None] * basis
         out[name, "offset"] = basis
-        out[name, "width"] = 0.5 * v.side[:, None] * basis
-        out[name, "direction"] = -lever[:, None] * np.sign(v.v_across)[:, None] * basis
+        # A constant offset or latency is the beam's or the law's; one by side or direction is nobody's.
+        whole = np.column_stack([np.ones(v.speed.size), basis])
+        out[name, "width"] = 0.5 * v.side[:, None] * whole
+        out[name, "direction"] = -lever[:, None] * np.sign(v.v_across)[:, None] * whole
     harmonics = np.column_stack([f(k * v.angle) for k in (1, 2) for f in (np.sin, np.cos)])
     out["direction_angle", "latency"] = -lever[:, None] * harmonics
     return out
@@ -136,15 +138,15 @@ def jumps(v: View) -> list[tuple[str, str, Signature]]:
     shifted = v.averaged.rows @ (v.averaged.x_mm[:, None] > at).astype(float)
     out = []
     for k, line in enumerate(at):
-        where, n_grid = (float(line),), 2 * at.size
-        out.append(("x", "jump", Signature(offset=column(shifted[:, k]), theta=where, n_grid=n_grid)))
+        where = (float(line),)
+        out.append(("x", "jump", Signature(offset=column(shifted[:, k]), theta=where)))
         late = column((v.x_mm > line).astype(float))
-        out.append(("x", "latency jump", Signature(latency=late, theta=where, n_grid=n_grid)))
+        out.append(("x", "latency jump", Signature(latency=late, theta=where)))
     for moment in np.quantile(v.session_time, [0, 1]) @ np.vstack([1 - MOMENTS, MOMENTS]):
         later = column((v.session_time > moment).astype(float))
-        where, n_grid = (float(moment),), 2 * MOMENTS.size
-        out.append(("session_time", "jump", Signature(offset=later, theta=where, n_grid=n_grid)))
-        out.append(("session_time", "latency jump", Signature(latency=later, theta=where, n_grid=n_grid)))
+        where = (float(moment),)
+        out.append(("session_time", "jump", Signature(offset=later, theta=where)))
+        out.append(("session_time", "latency jump", Signature(latency=later, theta=where)))
     return out
 
 

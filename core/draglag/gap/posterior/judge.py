@@ -14,14 +14,16 @@ from draglag.gap.fitting.law_form import LAW_FORM, knots_over, split
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.members import UNNAMED
-from draglag.gap.posterior.pool import Names, Pool, compared, unsound_share
-from draglag.gap.proposing.proposals import refits_with, shown_by_traces
+from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, compared, unsound_share
+from draglag.gap.proposing.own_way import own_way
+from draglag.gap.proposing.proposals import refits_with, shown_by_edges, shown_by_traces
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
 DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
 PROPOSED = 3  # effects that are then refitted
 PROMISING = 5.0  # nats that one of those gains alone
+HOPELESS = 0.3  # of the best gain by columns: a refit gains up to 2.6 times what columns promise
 Progress = Callable[[float, str], None]
 
 
@@ -49,22 +51,26 @@ def judged(
     inside = effects_in(first)
     fits: dict[Names, Fit] = {inside: first}
     pool = compared([first], allowed, unsure_ages, most=most_effects)
-    if not inside and pool.probability_of(LAW_FORM) > DOUBT:
+    if not inside and pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > DOUBT:
         fits = {inside: with_own_form(session, first)}
         pool = compared(list(fits.values()), allowed, unsure_ages, most=most_effects)
     barred: set[str] = set()
     proposed: set[Names] = set()
+    rivals = _rivals(pool, first, allowed)
     for k in range(constants.ROUNDS):
         progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
         if wanted not in fits:
             found = grown(session, fits, pool, wanted)
             barred |= set() if wanted in found else {_last(pool, wanted, fits)}
-        elif wanted in proposed or not _in_doubt(pool) or len(wanted) >= most_effects:
+        elif rivals and most_effects > 0:
+            found = _proposed(session, pool, fits, [n for n in rivals if n not in barred], (inside,))
+            rivals = ()
+        elif wanted in proposed or len(wanted) >= most_effects or not _in_doubt(pool):
             break
         else:
             proposed.add(wanted)
-            found = _proposed(session, pool, fits, allowed, barred)
+            found = _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside))
             if not found:
                 break
         fits |= found
@@ -155,20 +161,37 @@ def _possible(effect: str, fit: Fit) -> bool:
     return leading.name not in numbers or numbers[leading.name][0] != leading.lower
 
 
-def _proposed(
-    session: Session, pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]
-) -> dict[Names, Fit]:
-    """Refits with effects that columns show badly: the most promising, added to the best explanation and alone."""
-    base = next(iter(fits.values()))
+def _gains(pool: Pool, allowed: Collection[str]) -> dict[str, float]:
+    """Effect → nats that it gains alone by its columns."""
     empty = pool.found[pool.emptiest].log_mass
-    gain = {name: pool.alone(name) - empty for name in allowed if name not in barred}
+    return {name: pool.alone(name) - empty for name in sorted(allowed)}
+
+
+def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]:
+    """Effects whose columns change with their size, and that may explain the session: each is judged at a refit of its
+    own, whichever explanation leads by columns. Those that the touch events show by themselves are among them."""
+    gains = _gains(pool, allowed)
+    least = max(PROMISING, HOPELESS * max(gains.values(), default=0.0))
+    changing = (name for name, gain in gains.items() if gain > least and own_way(name) is not None)
+    return tuple(dict.fromkeys((*changing, *(name for name in gains if shown_by_traces(first, name)))))
+
+
+def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]) -> list[str]:
+    """Effects that gain most alone by their columns, and those that single edges show."""
+    gain = _gains(pool, set(allowed) - barred)
     order = sorted((n for n in gain if gain[n] > PROMISING), key=lambda n: -gain[n])[:PROPOSED]
-    order += [n for n in sorted(gain) if n not in order and shown_by_traces(base, n)]
-    inside = _effects_of(pool.emptiest)
-    kept = _effects_of(pool.best)
+    base = next(iter(fits.values()))
+    return order + [n for n in gain if n not in order and shown_by_edges(base, n)]
+
+
+def _proposed(
+    session: Session, pool: Pool, fits: dict[Names, Fit], options: Collection[str], starts: tuple[Names, ...]
+) -> dict[Names, Fit]:
+    """Refits with one of several effects more, each added to the fits of these effects."""
+    base = next(iter(fits.values()))
     out: dict[Names, Fit] = {}
-    for name in order:
-        for others in dict.fromkeys((kept, inside)):
+    for name in options:
+        for others in dict.fromkeys(starts):
             names = tuple(sorted({*others, name}))
             if name in others or names in fits or names in out or others not in fits:
                 continue

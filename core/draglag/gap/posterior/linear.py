@@ -34,7 +34,7 @@ class Linear:
     """One linearisation on m edges.
 
     Attributes: residual_mm (m,): of what is no member; base (m, p): A and T, with prior precision (p,); columns (m, q):
-    of all members, 1 mm RMS each; at: each member's columns.
+    of all members, 1 mm RMS each; at: each member's columns; law: Eq. 5 about which the base is linear.
     """
 
     fit: Fit
@@ -46,6 +46,7 @@ class Linear:
     at: tuple[IntArray, ...]
     noise: Noise
     unsure_ages: bool
+    law: LawParameters
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def linearised(
     keep = np.ones(fit.residual_mm.size, bool) if edges is None else edges[fit.use]
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     members = [*_own(fit), *members_of(fit, parts, allowed)]
-    base, residual = _without_members(fit)
+    base, residual, law = _without_members(fit)
     tolerance, precision = _tolerance(fit, members)
     n_base = base.shape[1]
     precision = np.concatenate([fit.prior[:n_base], precision])
@@ -86,6 +87,7 @@ def linearised(
         tuple(np.arange(a, b) for a, b in pairwise(ends)),
         noise_of(parts, fit.placed.t_s[fit.use][keep]),
         unsure_ages,
+        law,
     )
 
 
@@ -100,9 +102,9 @@ def _own(fit: Fit) -> list[Member]:
     return out
 
 
-def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray]:
+def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, LawParameters]:
     """Base columns (m, p) and the residual (m,) with the terms' own share put back, both about the Eq. 5 nearest to the
-    curve: what the curve has beyond it is the member ``law_form``."""
+    curve, and that Eq. 5: what the curve has beyond it is the member ``law_form``."""
     at = base_prior(fit.law).size
     base, residual = fit.design[:, :at].copy(), fit.residual_mm.copy()
     flexible = isinstance(fit.law, FlexibleLaw) and bool(fit.law.remainder_s)
@@ -117,16 +119,16 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray]:
             residual += fit.design[:, at : at + k] @ own
         at += k
     if not sizes.size:
-        return base, residual
+        return base, residual, fit.law
     lever = fit.view.v_across * fit.view.stretch
     now = LawParameters(fit.law.a1_s, fit.law.a2_s_mm, fit.law.a4_s, fit.law.a5_s_mm, fit.law.a7_s)
     if fit.law.plateau_mm_s > 0:
-        return base, residual - lever * (basis(fit.view.speed, knots) @ sizes)
+        return base, residual - lever * (basis(fit.view.speed, knots) @ sizes), fit.law
     curve = split(now, knots, sizes, fit.view.speed)
     whole = now(fit.view.speed) + basis(fit.view.speed, knots) @ sizes
     residual -= lever * (whole - curve.nearest(fit.view.speed))
     base[:, :5] = -lever[:, None] * curve.nearest.columns(fit.view.speed)
-    return base, residual
+    return base, residual, curve.nearest
 
 
 def _tolerance(fit: Fit, members: Sequence[Member]) -> tuple[FloatArray, FloatArray]:

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.gap import constants
-from draglag.gap.finding.scan import line_gains
 from draglag.gap.fitting.joint import Fit, effects_in
 from draglag.gap.fitting.law_form import LAW_FORM, FlexibleLaw, LawForm, knots_over
+from draglag.gap.fitting.line_gains import line_gains
 from draglag.gap.fitting.noise import Scatter
 from draglag.gap.fitting.signatures import COLUMNS, jumps, shape_free
 from draglag.recording import FloatArray
-from draglag.simulation.effects import column_of
+from draglag.simulation.effects import column_of, effect_class
 
 UNNAMED = "?"
 
@@ -47,16 +47,17 @@ def members_of(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Membe
 
 
 def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
-    """Library effects at every setting; those that are in the fit at their own."""
+    """Library effects at every setting; those in the fit whose columns change with their size at their own only."""
     gains = line_gains(fit, parts)
     own, columns = effects_in(fit), {column_of(effect) for effect in allowed}
     out = []
     for effect, make in COLUMNS.items():
-        if effect in own or effect not in columns:
+        if effect not in columns or (effect in own and effect_class(effect).refitted_by):
             continue
         made = make(fit.view, gains)
-        each = constants.P_EFFECT / max(len(made), *(one.n_grid for one in made), 1)
-        out += [Member(effect, one.theta, one.columns(fit.view), float(np.log(each))) for one in made]
+        for one in made:
+            share = 1 / len(made) if one.share is None else one.share
+            out.append(Member(effect, one.theta, one.columns(fit.view), float(np.log(constants.P_EFFECT * share))))
     return out
 
 
@@ -90,7 +91,8 @@ def _jumps(fit: Fit) -> list[Member]:
 
 
 def _levels(fit: Fit) -> list[Member]:
-    """A latency of every run of its own; a latency or an offset by which way round the circles went."""
+    """A latency of every run of its own; one by the kind of edge or the direction; a width; a latency or an offset by
+    which way round the circles went."""
     prior = float(np.log(constants.P_SMOOTH))
     lever = fit.view.v_across * fit.view.stretch
     runs = (fit.run_index[:, None] == np.unique(fit.run_index)).astype(float)
@@ -102,6 +104,9 @@ def _levels(fit: Fit) -> list[Member]:
         turn[own] = 1.0 if np.median(bends[own]) >= 0 else -1.0
     return [
         Member(f"{UNNAMED}run:latency", (), -lever[:, None] * runs, prior),
+        Member(f"{UNNAMED}kind_of_edge:latency", (), -(lever * (fit.view.rising - 0.5))[:, None], prior),
+        Member(f"{UNNAMED}kind_of_edge:width", (), 0.5 * fit.view.side[:, None], prior),
+        Member(f"{UNNAMED}direction:latency", (), -(lever * np.sign(fit.view.v_across))[:, None], prior),
         Member(f"{UNNAMED}turn:latency", (), -(lever * turn)[:, None], prior),
         Member(f"{UNNAMED}turn:offset", (), turn[:, None], prior),
     ]

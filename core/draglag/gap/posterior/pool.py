@@ -11,12 +11,17 @@ from scipy.special import logsumexp
 from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, effects_in
 from draglag.gap.fitting.law_form import LAW_FORM
+from draglag.gap.posterior.law_shape import falling_share
+from draglag.gap.posterior.left_out import left_open_nats
 from draglag.gap.posterior.levels import Levels
 from draglag.gap.posterior.linear import Linear, Normal, likeliest_levels, linearised, normal
+from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.search import Explanation, Search, log_evidence, searched
 from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 
 Names = tuple[str, ...]
+IN_SPEED = f"{UNNAMED}speed:latency"
+"""A curve that does not fall with speed."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,8 @@ def compared(
     found: dict[Names, Found] = {}
     for linear in linears:
         search = searched(linear, _normals(linear, tuple(levels)), without, most)
-        for names, one in _by_names(search).items():
+        open_nats = left_open_nats(linear.fit, fits[0])
+        for names, one in _by_names(search, open_nats).items():
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
     return Pool(tuple(fits), edges, found, unsure_ages)
@@ -143,22 +149,49 @@ def _own_best(search: Search) -> Explanation | None:
     return max(by_names.values(), key=lambda f: f.log_mass).explanation if by_names else None
 
 
-def _by_names(search: Search) -> dict[Names, Found]:
-    """Sets of names with all effects of the fit, their settings summed."""
+def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
+    """Sets of names with all effects of the fit, their settings summed. open_nats: what the fit pays for edges that it
+    leaves open."""
     fit = search.linear.fit
     inside = set(effects_in(fit))
     plateau = (LowSpeedPlateau.id,) if fit.law.plateau_mm_s > 0 else ()
-    prior = float(np.log(constants.P_EFFECT)) if plateau else 0.0
+    prior = (float(np.log(constants.P_EFFECT)) if plateau else 0.0) - open_nats
+    falls = _falling(search)
     masses: dict[Names, float] = {}
     best: dict[Names, Explanation] = {}
     for explanation in search.explanations:
         names = tuple(sorted((*search.names(explanation), *plateau)))
         if not inside <= set(names):
             continue
-        masses[names] = float(np.logaddexp(masses.get(names, -np.inf), explanation.log_mass))
-        if names not in best or explanation.log_mass > best[names].log_mass:
-            best[names] = explanation
+        for named, log_share in _by_shape(names, falls):
+            mass = explanation.log_mass + log_share
+            masses[named] = float(np.logaddexp(masses.get(named, -np.inf), mass))
+            if named not in best or explanation.log_mass > best[named].log_mass:
+                best[named] = explanation
     return {names: Found(mass + prior, search, best[names]) for names, mass in masses.items()}
+
+
+def _falling(search: Search) -> float:
+    """Probability that the curve falls with speed, given the most probable explanation with a form of its own."""
+    own = [e for e in search.explanations if LAW_FORM in search.names(e)]
+    if not own:
+        return 1.0
+    best = max(own, key=lambda e: e.log_mass)
+    if best.log_mass < search.best.log_mass - constants.GIVEN_UP:
+        return 1.0
+    levels = search.normals[int(np.argmax(log_evidence(search, best)))]
+    return falling_share(search.linear, levels, best.members, best.scales_mm)
+
+
+def _by_shape(names: Names, falls: float) -> list[tuple[Names, float]]:
+    """A set of names and its share of the log mass; one with a form of the curve parts into a law that falls with
+    speed, and a structure in speed that has no name."""
+    if LAW_FORM not in names or falls >= 1.0:
+        return [(names, 0.0)]
+    bump = tuple(sorted((*(n for n in names if n != LAW_FORM), IN_SPEED)))
+    even = np.log(constants.P_FALLING)
+    odd = np.log1p(-constants.P_FALLING) + np.log(constants.P_LAW_FORM / constants.P_SMOOTH)
+    return [(names, float(np.log(falls) - even)), (bump, float(np.log1p(-falls) - odd))]
 
 
 def unsound_share(pool: Pool, names: Names) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from draglag.gap import constants
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.posterior.members import UNNAMED
-from draglag.gap.posterior.pool import Names, Pool, unsound_share
+from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, unsound_share
 from draglag.gap.posterior.search import sizes_mm
 from draglag.simulation.effects import EFFECTS, effect_class
 
@@ -70,7 +70,8 @@ def said(pool: Pool) -> Said:
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:
     found = pool.found[names]
-    return sizes_mm(found.search, found.explanation)
+    out = sizes_mm(found.search, found.explanation)
+    return {IN_SPEED if name == LAW_FORM and IN_SPEED in names else name: size for name, size in out.items()}
 
 
 def _without_form(names: Names) -> Names:

@@ -8,7 +8,7 @@ from draglag.gap.fitting.joint import Fit, most_promising
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.edges import Placed
-from draglag.recording import Session
+from draglag.recording import FloatArray, Session
 from draglag.simulation.effects.acceleration_lag import LAGS_S3_MM, WINDOWS_S, AccelerationLag
 
 END_S = 0.3  # of a trace: three times what an acceleration behind it remembers
@@ -28,3 +28,13 @@ def judged(placed: Placed, term: Term) -> np.ndarray:
     at_s = placed.t_s + placed.latency_s
     ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
     return np.asarray((at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S))
+
+
+def open_mm(placed: Placed, term: Term) -> FloatArray:
+    """An acceleration that is not known is as large as the run's others, (m,) mm."""
+    out = np.zeros(len(placed))
+    for k in np.unique(placed.run):
+        own = (placed.run == k) & np.isfinite(placed.accel_apart_mm_s2)
+        typical = float(np.sqrt(np.mean(placed.accel_apart_mm_s2[own] ** 2))) if own.any() else 0.0
+        out[own] = abs(term.sizes[0]) * typical * np.abs(placed.v_mm_s[own, 1] * placed.stretch[own])
+    return out

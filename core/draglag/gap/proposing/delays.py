@@ -16,6 +16,9 @@ from draglag.gap.traces.asked import Asked
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S, LaggingLaw
 
+# A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
+USUAL: tuple[Asked, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
+CLEARLY = 10.0  # deviance: 5 nats, what a promising effect gains alone
 LONGEST_S = 0.3
 PAST_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
 OTHER: tuple[Asked, ...] = (
@@ -28,6 +31,12 @@ PRESENT = (1,)  # a lagging law's setting to first order
 LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
 KEPT = 0.9  # of the edges of steady runs, that a delay has to place
 ROUNDS = 2
+
+
+def shown_by_traces(before: Fit) -> bool:
+    """Whether a law asked at the speed of another moment fits the edges better than at the moments of sound panels."""
+    found = delay_profile(before, [*USUAL, *OTHER])
+    return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > CLEARLY)
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:

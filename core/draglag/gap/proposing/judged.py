@@ -9,6 +9,7 @@ import numpy as np
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.own_way import own_way
 from draglag.gap.traces.edges import Placed
+from draglag.recording import FloatArray
 
 
 def judged_by(placed: Placed, terms: Sequence[Term]) -> np.ndarray:
@@ -18,4 +19,14 @@ def judged_by(placed: Placed, terms: Sequence[Term]) -> np.ndarray:
         own = own_way(term.effect)
         if own is not None and hasattr(own, "judged"):
             out &= own.judged(placed, term)
+    return out
+
+
+def open_mm(placed: Placed, terms: Sequence[Term]) -> FloatArray:
+    """By how much the terms leave open where each edge lies that they cannot be judged by, (m,) mm either way."""
+    out = np.zeros(len(placed))
+    for term in terms:
+        own = own_way(term.effect)
+        if own is not None and hasattr(own, "open_mm"):
+            out += own.open_mm(placed, term)
     return out

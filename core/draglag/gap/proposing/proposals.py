@@ -25,3 +25,9 @@ def shown_by_traces(before: Fit, effect: str) -> bool:
     """Whether the touch events show the effect by themselves: then a refit is worth it whatever the edges say."""
     own = own_way(effect)
     return own is not None and hasattr(own, "shown_by_traces") and bool(own.shown_by_traces(before))
+
+
+def shown_by_edges(before: Fit, effect: str) -> bool:
+    """Whether single edges show what the effect's columns do not: worth a refit where something has no name."""
+    own = own_way(effect)
+    return own is not None and hasattr(own, "shown_by_edges") and bool(own.shown_by_edges(before))

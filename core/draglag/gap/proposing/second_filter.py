@@ -8,13 +8,12 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit, latency_of_terms, most_promising
-from draglag.gap.fitting.state import Term
-from draglag.gap.naming.stepped import Step, find_step
-from draglag.gap.naming.switching import (
+from draglag.gap.fitting.state import Term, shown_in_trace
+from draglag.gap.proposing.stepped import Step, find_step
+from draglag.gap.proposing.switching import (
     LEAST_EDGES,
     Switching,
     away,
-    beyond_both,
     find_switching,
     later_of,
     law_beside,
@@ -26,7 +25,7 @@ from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import as_shown
 from draglag.gap.traces.skips import Skips, find_skips
-from draglag.recording import Session
+from draglag.recording import FloatArray, Session
 from draglag.simulation.effects.second_filter_mode import SecondFilterMode
 
 OWN = SecondFilterMode.id
@@ -57,9 +56,21 @@ def shown_by_traces(before: Fit) -> bool:
     return find_skips(as_shown(before.runs)) is not None
 
 
+def shown_by_edges(before: Fit) -> bool:
+    """Whether the latencies of single edges lie on two levels that last."""
+    found = find_switching(before)
+    return found is not None and found.gain > 0
+
+
 def judged(placed: Placed, term: Term) -> np.ndarray:
     """Edges (m,) that are not about a switch: there a position is an average of both filters'."""
     return away(placed, term.theta, term.sizes[0] if term.sizes else 0.0)
+
+
+def open_mm(placed: Placed, term: Term) -> FloatArray:
+    """About a switch an edge lies anywhere between what the two filters show, (m,) mm."""
+    size_s = abs(term.theta[0] if shown_in_trace(term) else term.sizes[0])
+    return np.asarray(size_s * np.abs(placed.v_mm_s[:, 1] * placed.stretch))
 
 
 def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
@@ -81,10 +92,7 @@ def _above_a_speed(session: Session, before: Fit, theta: tuple[float, ...], step
         law, speeds, size_s = step.law, [*speeds, *step.thresholds_mm_s()], step.size_s
     options = [[*before.terms, Term(OWN, (float(v), 0.0), (size_s,))] for v in speeds]
     terms = most_promising(before, options, law)
-    fit = refit(session, before, terms, law, away(before.placed, terms[-1].theta, size_s))
-    if fit is None or beyond_both(fit, fit.terms[-1].theta[0], fit.terms[-1].sizes[0]):
-        return None
-    return fit
+    return refit(session, before, terms, law, away(before.placed, terms[-1].theta, size_s))
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:

@@ -70,10 +70,11 @@ class FittedShape(Effect):
             return behind(x_mm, self.value, k.step_s), behind(y_mm, self.value, k.step_s)
         else:
             u = 2 * k.motion.x_mm / k.width_mm - 1
-            if self.theta:
+            if self.theta and self.theta[0] > 0:
                 shape = [np.sin(self.theta[0] * np.pi * u), np.cos(self.theta[0] * np.pi * u)]
             else:
-                shape = [u**2 - self.about, u**3, u**4]
+                shape = [u**k for k in range(2, 2 + len(self.sizes))]
+                shape[0] = shape[0] - self.about
         own = self.sizes[: len(shape)] if self.effect == "pitch_ripple" else self.sizes  # a ripple's x only, or both
         for size, part in zip(own, shape[: len(own)], strict=True):
             y_mm = y_mm + size * part

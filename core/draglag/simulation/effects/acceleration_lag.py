@@ -45,14 +45,14 @@ class AccelerationLag(Effect):
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         # As the trace shows it, amplified by the effect itself: enough to find it. Its own size takes that back.
-        return [Signature(latency=column(view.accel), theta=(0.0,), n_grid=len(LAGS_S3_MM))]
+        return [Signature(latency=column(view.accel), theta=(0.0,), share=1 / len(LAGS_S3_MM))]
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
         lag_s3_mm, window_s = (*theta, WINDOWS_S[0])[:2] if theta else (0.0, WINDOWS_S[0])
         if lag_s3_mm <= 0:
-            return Signature(latency=column(view.accel), theta=(0.0, window_s), n_grid=len(LAGS_S3_MM))
+            return Signature(latency=column(view.accel), theta=(0.0, window_s))
         accel, change = view.trace.acceleration(lag_s3_mm, window_s)
         # A trace whose latency grows shows a speed too low, and the law is asked at that speed.
         late = accel + view.law_slope * view.speed * change
-        return Signature(latency=column(late), theta=(lag_s3_mm, window_s), n_grid=len(LAGS_S3_MM))
+        return Signature(latency=column(late), theta=(lag_s3_mm, window_s))

@@ -8,7 +8,7 @@ from typing import ClassVar
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.kinematics import Kinematics
-from draglag.simulation.residual import Signature, View, column
+from draglag.simulation.residual import LineGains, Signature, View, column
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,6 @@ class BeamBow(Effect):
         return distance_mm - self.value * (1 - u**2)
 
     @classmethod
-    def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """The edges of a beam that lies lower by 1 mm in the middle. No signature: spatial_warp holds its column."""
-        return Signature(offset=column(1 - view.panel_x**2), theta=theta)
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # Light travels straight: only a line that is not one beam, or was read wrong, is bowed.
+        return [Signature(offset=column(1 - view.panel_x**2), share=0.5)]

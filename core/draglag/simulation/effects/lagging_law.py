@@ -48,7 +48,7 @@ class LaggingLaw(Effect):
         # A speed some time ago; or (negative) one towards the present, which is a latency later than the edge's own.
         past = -view.law_slope * view.accel
         present = past * view.latency_s / USUAL_LATENCY_S
-        return [Signature(latency=column(c), theta=(k,), n_grid=2) for k, c in enumerate((past, present))]
+        return [Signature(latency=column(c), theta=(k,)) for k, c in enumerate((past, present))]
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
@@ -58,4 +58,4 @@ class LaggingLaw(Effect):
         which, delay_s = theta
         share = view.latency_s / USUAL_LATENCY_S if which else np.ones(view.latency_s.size)
         _, change = view.trace.earlier(delay_s * share)
-        return Signature(latency=column(-view.law_slope * change * share), theta=theta, n_grid=2)
+        return Signature(latency=column(-view.law_slope * change * share), theta=theta)

@@ -47,4 +47,4 @@ class LowSpeedPlateau(Effect):
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
         held = view.law(np.maximum(view.speed, theta[0])) - view.law(view.speed)
-        return Signature(latency=column(held), theta=theta, n_grid=SPEEDS)
+        return Signature(latency=column(held), theta=theta)

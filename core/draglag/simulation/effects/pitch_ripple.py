@@ -48,7 +48,7 @@ class PitchRipple(Effect):
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         # Over a wide panel a pitch has to be right to half a percent. Those tried in earnest are the largest lines in
-        # the spectrum over the edges' own x and y; how many were passed over counts for the price and the odds.
+        # the spectrum over the edges' own x and y; those passed over have their share of the prior.
         pitches = PITCHES_MM
         if gains is not None:
             lines = np.zeros(pitches.size)
@@ -56,17 +56,16 @@ class PitchRipple(Effect):
                 phase = 2 * np.pi * at_mm[:, None] / pitches
                 lines += gains(np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(at_mm.size, -1))
             pitches = pitches[np.argsort(-lines)[:PITCHES_TRIED]]
-        cost = 2 * PITCHES_MM.size, PITCHES_MM.size / pitches.size
-        return [ripple(view, float(p), both, *cost) for p in pitches for both in (0.0, 1.0)]
+        return [ripple(view, float(p), both) for p in pitches for both in (0.0, 1.0)]
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
         return ripple(view, theta[0], theta[1]) if theta else super().signature_at(theta, view)
 
 
-def ripple(view: View, pitch_mm: float, both: float, n_grid: int = 1, looks: float = 1.0) -> Signature:
+def ripple(view: View, pitch_mm: float, both: float) -> Signature:
     """One pitch, columns alone or rows too: the lattice displaces every event, and an edge sees them averaged."""
     phase = 2 * np.pi / pitch_mm * np.column_stack([view.averaged.x_mm, view.averaged.y_mm][: 2 if both else 1])
     seen = view.averaged.rows @ np.column_stack([np.sin(phase), np.cos(phase)])
     columns = seen[:, [0, 2, 1, 3]] if both else seen  # sin and cos along x, then along y
-    return Signature(offset=columns, theta=(pitch_mm, both), n_grid=n_grid, looks=looks)
+    return Signature(offset=columns, theta=(pitch_mm, both), share=1 / (2 * PITCHES_MM.size))

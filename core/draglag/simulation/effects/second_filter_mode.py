@@ -46,7 +46,7 @@ class SecondFilterMode(Effect):
         out = []
         for kind, values in enumerate((view.speed, np.abs(view.accel))):
             limits = np.quantile(values, np.linspace(0.12, 0.88, 16))
-            out += [mode(view, float(limit), float(kind), n_grid=32) for limit in limits]
+            out += [mode(view, float(limit), float(kind)) for limit in limits]
         return out
 
     @classmethod
@@ -54,7 +54,7 @@ class SecondFilterMode(Effect):
         return mode(view, theta[0], theta[1], theta[2:]) if theta else super().signature_at(theta, view)
 
 
-def mode(view: View, limit: float, kind: float, times_s: tuple[float, ...] = (), n_grid: int = 1) -> Signature:
+def mode(view: View, limit: float, kind: float, times_s: tuple[float, ...] = ()) -> Signature:
     """More latency above a speed (kind 0), above an acceleration (1), or in stretches of the session: of the stylus'
     own time (2), or of the time when the panel shows it (3)."""
     if kind >= 2:
@@ -62,10 +62,9 @@ def mode(view: View, limit: float, kind: float, times_s: tuple[float, ...] = (),
         return Signature(
             latency=column(within(times_s, at_s).astype(float)),
             theta=(limit, kind, *times_s),
-            n_grid=n_grid,
         )
     values = np.abs(view.accel) if kind else view.speed
-    return Signature(latency=column((values > limit).astype(float)), theta=(limit, kind), n_grid=n_grid)
+    return Signature(latency=column((values > limit).astype(float)), theta=(limit, kind))
 
 
 def within(times_s: tuple[float, ...], at_s: FloatArray) -> np.ndarray:

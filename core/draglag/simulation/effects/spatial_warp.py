@@ -13,6 +13,8 @@ from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View
 
 CYCLES = np.arange(0.5, 2.01, 0.125)  # of a sine over the panel's width
+DEGREES = (2, 6)  # of polynomials: the class's own bend, and any smooth one
+SHARE_OF_WAVES = 0.3  # of the prior probability
 
 
 @dataclass(frozen=True)
@@ -51,13 +53,18 @@ class SpatialWarp(Effect):
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        bends = [cls.signature_at((0.0, float(degree)), view) for degree in DEGREES]
+        return [*bends, *(cls.signature_at((float(k),), view) for k in CYCLES)]
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        """theta: (cycles,) of a wave over the panel, or (0, degree) of a polynomial, whose square has no mean."""
+        cycles, degree = (*theta, 0.0)[:2] if theta else (0.0, max(DEGREES))
         x = view.panel_x
-        polynomial = np.column_stack([x**2 - x.mean(), x**3, x**4])
-        return [Signature(offset=polynomial)] + [
-            Signature(
-                offset=np.column_stack([np.sin(k * np.pi * x), np.cos(k * np.pi * x)]),
-                theta=(float(k),),
-                n_grid=CYCLES.size,
-            )
-            for k in CYCLES
-        ]
+        if cycles > 0:
+            wave = np.column_stack([np.sin(cycles * np.pi * x), np.cos(cycles * np.pi * x)])
+            return Signature(offset=wave, theta=theta, share=SHARE_OF_WAVES / CYCLES.size)
+        powers = np.column_stack([x**k for k in range(2, int(degree) + 1)])
+        powers[:, 0] -= x.mean()
+        share = (1 - SHARE_OF_WAVES) / len(DEGREES)
+        return Signature(offset=powers, theta=(0.0, float(degree)), share=share)

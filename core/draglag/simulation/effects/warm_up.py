@@ -59,6 +59,6 @@ class WarmUp(Effect):
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         return [
-            Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(tau,), n_grid=len(TIMES_S))
+            Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(tau,))
             for tau in TIMES_S
         ]

@@ -1,19 +1,19 @@
-"""Stalls: the host holds its events back now and then and hands them over at once. No effect of the library does so."""
+"""Stalls: the host holds its events back now and then and delivers them at once. No effect of the library does so."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from draglag.gap.finding.scan import Candidate
 from draglag.recording import Session
 
+FOLLOWS = "frame"
 FEWEST, PER_S = 10, 0.05  # a burst here and there is any host's
 HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval
 HELD_S = 0.003  # beyond a frame; less is the jitter of a busy host, whatever the frames' rate
 
 
-def stalls(session: Session) -> Candidate | None:
-    """Bursts of events after a pause, as a structure without a name; None where they are rare."""
+def stalls(session: Session) -> bool:
+    """Whether bursts of events after a pause come more often than a sound host's."""
     bursts, total_s = 0, 0.0
     for run in session.runs:
         dt_s = np.diff(run.touch.t_s)
@@ -23,6 +23,4 @@ def stalls(session: Session) -> Candidate | None:
         paused = dt_s[:-1] > max(HELD * frame_s, frame_s + HELD_S)
         bursts += int(np.count_nonzero(paused & (dt_s[1:] < AT_ONCE * frame_s)))
         total_s += float(run.touch.t_s[-1] - run.touch.t_s[0])
-    if bursts < FEWEST or bursts < PER_S * total_s:
-        return None
-    return Candidate(None, "frame", "latency", float(bursts), 1, 1, 0.0)
+    return bursts >= FEWEST and bursts >= PER_S * total_s

@@ -16,7 +16,6 @@ from draglag.gap.fitting.model import LawParameters, residual_mm, starting_law
 from draglag.gap.fitting.noise import touch_variances
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.fitting.state import SHOWN, term_signature, total
-from draglag.gap.naming.stepped import RUN_SD_S
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode import within
@@ -38,8 +37,6 @@ MOSTLY = 0.5
 UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
 EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
 LEAST_STAY_S = 3.0  # on average: shorter are stalls, or something that follows the path
-SURELY = 4.0  # standard deviations
-MEDIAN_SD = 1.4826 * 1.2533  # of a normal sample, from its median absolute deviation, times √n
 LEAST_RUNS = 0.5  # of those of steady speed have to have a switch: otherwise it follows the speed
 
 
@@ -184,23 +181,6 @@ def away(placed: Placed, theta: tuple[float, ...], size_s: float) -> np.ndarray:
     nearest = np.column_stack([times[after - 1], times[after]])
     near_s = NEAR_SKIP_S if shown else NEAR_SWITCH_S
     return np.asarray(np.abs(at_s[:, None] - nearest).min(axis=1) > near_s)
-
-
-def beyond_both(fit: Fit, threshold_mm_s: float, size_s: float) -> bool:
-    """Whether a run that a filter by speed leaves out, because it is about the threshold all along, is later or earlier
-    than either filter would have it: then it is no filter, but something at that speed."""
-    placed, late_s, _, usable = _latencies(fit)
-    late_s = late_s + size_s * (placed.speed_mm_s > threshold_mm_s)
-    usable = usable & placed.steady
-    for k in set(range(len(fit.runs))) - set(fit.run_index.tolist()):
-        own = late_s[usable & (placed.run == k)]
-        if own.size < LEAST_EDGES:
-            continue
-        level_s = float(np.median(own))
-        sd_s = np.hypot(MEDIAN_SD * np.median(np.abs(own - level_s)) / np.sqrt(own.size), RUN_SD_S)
-        if not min(0.0, size_s) - SURELY * sd_s < level_s < max(0.0, size_s) + SURELY * sd_s:
-            return True
-    return False
 
 
 def of_neither(fit: Fit, theta: tuple[float, ...]) -> np.ndarray:

@@ -6,15 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.gap.finding.scan import Candidate
+from draglag.gap.constants import STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.signatures import shape_free
+from draglag.gap.posterior.members import UNNAMED
+from draglag.gap.posterior.pool import compared
 from draglag.gap.results import GapReport
 from draglag.recording import FloatArray
 from draglag.simulation.residual import View
 
-POINTS = 25
+POINTS = 25  # of the curve that is reported
+TRIED = 4  # smooth terms, the most probable first
 UNITS = {
     "session_time": "s", "time_in_run": "s", "x": "mm", "speed": "mm/s", "acceleration": "mm/s²",
     "normal_acceleration": "mm/s²", "direction_angle": "rad",
@@ -28,7 +31,7 @@ class Provisional:
 
     Attributes:
         name: ``unnamed:speed``. role: what it changes: latency (ms), offset (mm), width (mm), or direction, a latency
-        (ms) that is opposite for opposite travel. p_value: of the finding, after all looks together.
+        (ms) that is opposite for opposite travel. probability: of the term against noise alone.
         x, value, low, high: (k,) the function over the covariate with its 95 % band.
         improves: held-out runs agree that the gap shrank.
     """
@@ -36,7 +39,7 @@ class Provisional:
     name: str
     covariate: str
     role: str
-    p_value: float
+    probability: float
     gap_before_mm: float
     gap_after_mm: float
     noise_floor_mm: float
@@ -55,7 +58,7 @@ class Provisional:
         k = int(np.abs(self.value).argmax())
         return (
             f"Provisional term {self.name} ({self.role}): gap {self.gap_before_mm:.3f} → {self.gap_after_mm:.3f} mm, "
-            f"noise floor {self.noise_floor_mm:.3f} mm, p {self.p_value:.1g}; at most {self.value[k]:.3g} {self.unit} "
+            f"noise floor {self.noise_floor_mm:.3f} mm, probability {self.probability:.2f}; at most {self.value[k]:.3g} {self.unit} "
             f"({self.low[k]:.3g} to {self.high[k]:.3g}) at {self.x[k]:.4g} {UNITS[self.covariate]}. "
             "It has no name: look for the cause."
         )
@@ -66,7 +69,7 @@ class Provisional:
             "covariate": self.covariate,
             "role": self.role,
             "unit": self.unit,
-            "p_value": self.p_value,
+            "probability": self.probability,
             "gap_before_mm": self.gap_before_mm,
             "gap_after_mm": self.gap_after_mm,
             "noise_floor_mm": self.noise_floor_mm,
@@ -84,19 +87,21 @@ def provisional_term(report: GapReport) -> Provisional | None:
 
     The term follows the covariate that the report names; where that is none with a smooth term, the best of all.
     """
-    if report.last is None or report.finding is None or report.unexplained_by is None:
+    if report.last is None or report.judgement is None or report.unexplained_by is None:
         return None
     fit, smooth = report.last, shape_free(report.last.view)
-    found = [c for c in report.finding.candidates if c.effect is None and (c.covariate, c.role) in smooth]
-    same = [c for c in found if c.covariate == report.unexplained_by]
-    for candidate in (same or found)[:4]:
-        columns = smooth[candidate.covariate, candidate.role]
-        if candidate.gain > 0 and shrinks_with(fit, columns):
-            return _added(fit, candidate, columns)
+    pool = compared([fit], frozenset(), report.judgement.pool.unsure_ages, most=0)
+    mass = {key: pool.alone(f"{UNNAMED}{key[0]}:{key[1]}") for key in smooth}
+    ranked = sorted(smooth, key=lambda key: -mass[key])
+    same = [key for key in ranked if key[0] == report.unexplained_by]
+    for covariate, role in (same or ranked)[:TRIED]:
+        if shrinks_with(fit, smooth[covariate, role]):
+            share = 1 / (1 + np.exp(pool.found[pool.emptiest].log_mass - mass[covariate, role]))
+            return _added(fit, covariate, role, float(min(share, STATED_AT_MOST)), smooth[covariate, role])
     return None
 
 
-def _added(fit: Fit, candidate: Candidate, columns: FloatArray) -> Provisional:
+def _added(fit: Fit, covariate: str, role: str, probability: float, columns: FloatArray) -> Provisional:
     prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
     design = np.column_stack([fit.design, columns])
     after = replace(fit, design=design, prior=prior)
@@ -105,17 +110,17 @@ def _added(fit: Fit, candidate: Candidate, columns: FloatArray) -> Provisional:
     spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
     own = slice(fit.design.shape[1], None)
     size, covariance = (spread @ (a.T @ b))[own], spread[own, own]
-    basis, scale = _per_unit(fit.view, candidate.role, columns)
-    x = _values(fit.view, candidate.covariate)
+    basis, scale = _per_unit(fit.view, role, columns)
+    x = _values(fit.view, covariate)
     order = np.argsort(x)
     at = order[np.unique(np.linspace(0, x.size - 1, POINTS).astype(int))]
     value = scale * (basis[at] @ size)
     reach = 1.96 * abs(scale) * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis[at], covariance, basis[at]), 0))
     return Provisional(
-        f"unnamed:{candidate.covariate}",
-        candidate.covariate,
-        candidate.role,
-        candidate.p_value,
+        f"unnamed:{covariate}",
+        covariate,
+        role,
+        probability,
         gap_mm(fit),
         gap_mm(after),
         floor_mm(after),

@@ -1,0 +1,28 @@
+"""How much pairs of columns gain on a fit's residual: which of many settings are worth a refit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.noise import Scatter
+from draglag.gap.fitting.whitening import seen
+from draglag.recording import FloatArray
+from draglag.simulation.residual import LineGains
+
+
+def line_gains(fit: Fit, parts: Scatter) -> LineGains:
+    """Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
+    white = fit.whiteners[fit.best]
+    design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])
+    target = np.append(white.apply(fit.residual_mm), np.zeros(fit.prior.size))
+    left = fit.residual_mm - fit.design @ np.linalg.lstsq(design, target, rcond=None)[0]
+
+    def gains(columns: FloatArray) -> FloatArray:
+        through = seen(parts, white.components, np.column_stack([columns, left]))
+        x, common = through.columns, through.common(white.components)[0]
+        moment = (x.T @ x[:, -1] - common.T @ common[:, -1])[:-1].reshape(-1, 2)
+        size = (np.sum(x**2, axis=0) - np.sum(common**2, axis=0))[:-1].reshape(-1, 2)
+        return np.asarray(np.sum(moment**2 / np.maximum(size, 1e-12), axis=1), float)
+
+    return gains

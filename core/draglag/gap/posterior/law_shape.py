@@ -1,0 +1,57 @@
+"""Whether the curve falls with speed, given an explanation in which it has a form of its own.
+
+Laws of screens fall, or are flat: filters open with speed. A curve that rises is no law of another form, it is a
+structure in speed without a name.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from draglag.gap import constants
+from draglag.gap.fitting.law_form import LAW_FORM, basis
+from draglag.gap.posterior.linear import Linear, Normal
+from draglag.recording import FloatArray
+
+DRAWS, SPEEDS, SEED = 4000, 30, 20260101
+
+
+def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scales_mm: tuple[float, ...]) -> float:
+    """Posterior probability that the curve nowhere rises by more than the size of interest, given an explanation.
+
+    Args: members, scales_mm: the explanation, with the curve's own form among them.
+    """
+    names = [linear.members[i].name for i in members]
+    which = names.index(LAW_FORM)
+    parts = [linear.columns[:, linear.at[i]] * s for i, s in zip(members, scales_mm, strict=True)]
+    data = np.column_stack([linear.base, *parts, linear.residual_mm])
+    white, _ = linear.noise.whitened(levels.levels, data)
+    a, b = white[:, :-1], white[:, -1]
+    precision = np.append(linear.precision, np.ones(sum(p.shape[1] for p in parts)))
+    information = a.T @ a
+    information[np.diag_indices_from(information)] += precision
+    scale = 1 / np.sqrt(np.diag(information))
+    root = np.linalg.cholesky(information * np.outer(scale, scale))
+    mean = scale * solve_triangular(root.T, solve_triangular(root, scale * (a.T @ b), lower=True))
+    noise = np.random.default_rng(SEED).standard_normal((mean.size, DRAWS))
+    draws = mean[:, None] + scale[:, None] * solve_triangular(root.T, noise)
+    begin = linear.base.shape[1] + sum(p.shape[1] for p in parts[:which])
+    own = draws[begin : begin + parts[which].shape[1]] * scales_mm[which]
+    rise_mm = _rise_mm(linear, linear.members[members[which]].theta, draws[:5], own)
+    return float((np.count_nonzero(rise_mm < constants.SIZE_OF_INTEREST_MM) + 0.5) / (DRAWS + 1))
+
+
+def _rise_mm(linear: Linear, knots: tuple[float, ...], law: FloatArray, form: FloatArray) -> FloatArray:
+    """By how much the curve rises at the most between two speeds, as displacement at the lower one, (draws,) mm.
+
+    Args: law: (5, draws) steps of Eq. 5's parameters; form: (k, draws) of the form's columns of 1 mm RMS.
+    """
+    member = next(m for m in linear.members if m.name == LAW_FORM)
+    size = max(float(np.sqrt(np.mean(member.columns**2) * member.columns.shape[1])), 1e-12)
+    low, high = np.quantile(linear.fit.view.speed, [0.02, 0.98])
+    speed = np.geomspace(low, high, SPEEDS)
+    curve = linear.law(speed)[:, None] + linear.law.columns(speed)[:, :5] @ law + basis(speed, knots) @ (form / size)
+    lowest = np.minimum.accumulate(curve, axis=0)
+    at = np.array([np.argmin(curve[: k + 1], axis=0) for k in range(SPEEDS)])
+    return np.asarray(np.max((curve - lowest) * speed[at], axis=0))

@@ -1,0 +1,69 @@
+"""Whether a session has enough for a verdict, in plain words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from draglag.recording import FloatArray, Run, Session
+
+FEWEST_EDGES = 6  # of a run that counts
+BACK_AT_MOST = 0.01  # of the touch events
+
+
+def what_is_missing(session: Session) -> tuple[str, ...]:
+    """Plain words on what a session lacks before any verdict can be given; empty when it has enough."""
+    steady = [r for r in session.runs if r.protocol in ("circle", "free") and r.laser.t_s.size >= FEWEST_EDGES]
+    missing = []
+    if len(steady) < 5:
+        missing.append(f"{_counted(len(steady), 'circle run')} with edges: at least 5 are needed")
+    speeds = sorted({round(r.nominal_speed_mm_s) for r in steady if r.nominal_speed_mm_s})
+    if speeds and (len(speeds) < 4 or speeds[-1] < 3 * speeds[0]):
+        missing.append(f"{_counted(len(speeds), 'drag speed')}: at least 4, spread over a factor of 3, are needed")
+    edges = sum(r.laser.t_s.size for r in session.runs)
+    if edges < 80:
+        missing.append(f"{_counted(edges, 'edge')}: at least 80 are needed")
+    disorder = times_out_of_order(session)
+    if disorder:
+        return (*missing, disorder)
+    shown = [r for r in steady if np.count_nonzero(np.isfinite(r.touch.x_mm) & np.isfinite(r.touch.y_mm)) > 50]
+    travel = [_travel_mm(r) for r in shown]
+    apart = [r for r in shown if _edges_while_touched(r) < FEWEST_EDGES]
+    if steady and not shown:
+        missing.append("no circle run shows where the stylus was: its touch positions are missing or not numbers")
+    elif travel and max(travel) < 5.0:
+        missing.append("the circles hardly travel sideways: slope and latency cannot be told apart")
+    elif apart and len(shown) - len(apart) < 5:
+        missing.append(
+            f"edges and touch events of {len(apart)} of {len(steady)} circle runs lie at different times: "
+            "both have to be on one clock"
+        )
+    return tuple(missing)
+
+
+def times_out_of_order(session: Session) -> str:
+    """In words the runs whose touch events have times that are no numbers or go back; empty where none has."""
+    bad = [run.id for run in session.runs if _is_out_of_order(run.touch.t_s)]
+    if not bad:
+        return ""
+    some = ", ".join(bad[:3]) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
+    return f"touch times of {some} go back or are no numbers: exported and imported again they are put in order"
+
+
+def _is_out_of_order(t_s: FloatArray) -> bool:
+    """A stamp or two may change places on the way; more is no recording in order of its stamps."""
+    return bool(not np.isfinite(t_s).all() or np.count_nonzero(np.diff(t_s) < 0) > BACK_AT_MOST * t_s.size)
+
+
+def _edges_while_touched(run: Run) -> int:
+    t_s, slack_s = run.touch.t_s, 1.0
+    return int(np.count_nonzero((run.laser.t_s > t_s[0] - slack_s) & (run.laser.t_s < t_s[-1] + slack_s)))
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def _travel_mm(run: Run) -> float:
+    """How far the circle's centre travels sideways, mm."""
+    x = run.touch.x_mm[np.isfinite(run.touch.x_mm)]
+    return float(np.ptp(x)) - 2 * (run.radius_mm or 0.0) if x.size else 0.0

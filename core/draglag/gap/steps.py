@@ -1,0 +1,278 @@
+"""A judgement as a report: the effects one by one, each with its parameters and what it does to held-out runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from draglag.errors import EstimateError
+from draglag.gap.by_taps import clock_offset, creep_of, shares_by_edges
+from draglag.gap.constants import OPEN_FORM, SHARED, STATED_AT_MOST
+from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
+from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
+from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
+from draglag.gap.fitting.parameters import parameters_of, where_of
+from draglag.gap.posterior.judge import Judgement, grown
+from draglag.gap.posterior.pool import Names
+from draglag.gap.posterior.verdict import Said, said
+from draglag.gap.proposing.proposals import shown_by_traces
+from draglag.gap.replaying.realised import made
+from draglag.gap.results import BY_TAPS, GapReport, LawStatement, Step, Tolerated
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
+from draglag.gap.streams.stalls import stalls
+from draglag.gap.streams.stamps import StreamEffect
+from draglag.gap.traces.run_data import gather
+from draglag.recording import FloatArray, Session
+from draglag.simulation.effects import EFFECTS, Effect, effect_class, twins_of
+
+Streams = tuple[tuple[StreamEffect, ...], tuple[StreamEffect, ...]]
+"""What the streams show: effects that may be named, and those that the library given does not have."""
+
+
+def reported(
+    sessions: tuple[Session, Session],
+    judgement: Judgement,
+    streams: Streams,
+    allowed: frozenset[str],
+    max_effects: int,
+) -> GapReport:
+    """The report of a judgement. sessions: as measured, and repaired as the fits have it."""
+    session, ready = sessions
+    named, strange = streams
+    verdict = said(judgement.pool)
+    chain, idle = _that_hold(fits_in_order(ready, judgement, verdict.effects))
+    last = chain[-1].after
+    edges = np.logical_and.reduce([link.after.use for link in chain])
+    steps = stream_steps(session, named, judgement.base)
+    for link in chain[1:]:
+        step = step_of(session, judgement, verdict, allowed, link.effect, link.before, link.after, last)
+        gaps = gap_mm(link.before, edges), gap_mm(link.after, edges)
+        steps.append(replace(step, gap_before_mm=gaps[0], gap_after_mm=gaps[1]))
+    unexplained = verdict.unexplained_by or idle or _unnamed_in_streams(ready, strange, judgement.base, allowed)
+    last_mm = gap_mm(last, edges)
+    if unexplained is None:
+        more, last = with_taps(session, judgement, last, steps, allowed)
+        steps += more
+        last_mm = gap_mm(last, edges)
+    stated = [verdict.probability, *(step.probability for step in steps)]
+    return GapReport(
+        session.name,
+        "unexplained" if unexplained else "explained" if steps else "no_gap",
+        tuple(steps),
+        floor_mm(last, edges),
+        steps[0].gap_before_mm if steps and steps[0].covariate != BY_TAPS else last_mm,
+        last_mm,
+        unexplained,
+        min(stated),
+        verdict.explanations,
+        law_of(judgement, last),
+        tuple(Tolerated(*item) for item in verdict.tolerated),
+        first=judgement.base,
+        last=last,
+        judgement=judgement,
+        stopped_at=max_effects if unexplained and len(steps) >= max_effects else None,
+    )
+
+
+@dataclass(frozen=True)
+class Link:
+    """One effect added to a fit; the first link of a chain is the fit without effects, and adds none."""
+
+    effect: str
+    before: Fit
+    after: Fit
+
+
+def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
+    """The chain up to the first effect with which held-out runs neither shrink nor are predicted better, and what that
+    effect follows."""
+    for k, link in enumerate(chain[1:], start=1):
+        if not shrinks_or_predicts(link.before, link.after):
+            return chain[:k], effect_class(link.effect).follows
+    return chain, None
+
+
+def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
+    """Whether Eq. 5 describes the curve."""
+    p = judgement.pool.probability_of(LAW_FORM)
+    return LawStatement(p < 0.5, p, remainder_rms_s(fit.law, fit.view.speed))
+
+
+def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> list[Link]:
+    """The fit without effects and those with one effect more each, the one that closes most of the gap first."""
+    pool, fits = judgement.pool, dict(judgement.fits)
+    out = [Link("", judgement.base, judgement.base)]
+    names: Names = ()
+    left = set(effects)
+    while left:
+        options: dict[str, Fit] = {}
+        for name in left:
+            wanted = tuple(sorted((*names, name)))
+            if wanted not in fits:
+                fits |= grown(session, fits, pool, wanted)
+            if wanted in fits:
+                options[name] = fits[wanted]
+        if not options:
+            break
+        edges = np.logical_and.reduce([fit.use for fit in options.values()])
+        first = min(options, key=lambda name: gap_mm(options[name], edges))
+        names = tuple(sorted((*names, first)))
+        out.append(Link(first, out[-1].after, options[first]))
+        left.remove(first)
+    return out
+
+
+def step_of(
+    session: Session,
+    judgement: Judgement,
+    verdict: Said,
+    allowed: frozenset[str],
+    name: str,
+    before: Fit,
+    after: Fit,
+    last: Fit | None = None,
+) -> Step:
+    """One effect as a step, with those it cannot be distinguished from and the run that would separate them. last: the
+    fit that its parameters are of, with all effects."""
+    last = last or after
+    alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
+    creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike))
+    effect = creep.best if len(alike) > 1 else alike[0]
+    rivals = [e for e in alike if e != effect and creep.shares[e] > SHARED]
+    rivals += _rivals(verdict, name)
+    p = min(judgement.pool.probability_of(name), STATED_AT_MOST)
+    p *= sum(creep.shares[e] for e in alike if e == effect or e in rivals)  # of all that the step names
+    gained = deviance_gained(before, after)
+    evidence = f"probability {p:.2f}; deviance falls by {gained:.0f}"
+    if len(alike) > 1 and session.taps is not None:
+        evidence += f"; {creep.evidence}"
+    added = max(after.design.shape[1] - before.design.shape[1], 1)
+    return Step(
+        effect,
+        parameters_of(effect, last),
+        where_of(effect, last),
+        effect_class(effect).follows,
+        float(chi2.sf(max(gained, 0.0), added)),
+        evidence,
+        gap_mm(before),
+        gap_mm(after),
+        float(p),
+        tuple(dict.fromkeys(rivals)),
+        effect_class(effect).shown_apart_by if rivals else "",
+        after,
+    )
+
+
+def _values(effect: str, fit: Fit) -> dict[str, float]:
+    return {key: value for key, (value, _) in parameters_of(effect, fit).items()}
+
+
+def _rivals(verdict: Said, name: str) -> list[str]:
+    """Effects that take the place of one in other explanations which share the mass."""
+    best = set(verdict.effects)
+    out = []
+    for names, p in verdict.explanations:
+        other = set(names) & set(EFFECTS)
+        if p > SHARED and name not in other and len(other - best) == 1 and best - other == {name}:
+            out += sorted(other - best)
+    return out
+
+
+def deviance_gained(before: Fit, after: Fit) -> float:
+    """Twice the log-likelihood that ``after`` gains on the edges that both use."""
+    both = before.use & after.use
+    return 2 * (log_likelihood_on(after, both) - log_likelihood_on(before, both))
+
+
+def stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:
+    """What the streams show by themselves, as steps: all are repaired at once."""
+    if not seen:
+        return []
+    after = gap_mm(repaired)
+    try:
+        before = gap_mm(fit_session(session, gather(session)))
+    except (EstimateError, np.linalg.LinAlgError, ValueError):
+        before = after
+    return [
+        Step(
+            item.effect,
+            item.parameters,
+            item.where,
+            effect_class(item.effect).follows,
+            1e-9,
+            item.evidence,
+            before if k == 0 else after,
+            after,
+            STATED_AT_MOST,
+        )
+        for k, item in enumerate(seen)
+    ]
+
+
+def _unnamed_in_streams(
+    session: Session, strange: tuple[StreamEffect, ...], base: Fit, allowed: frozenset[str]
+) -> str | None:
+    """The covariate of what streams or traces show and the library given has no name for."""
+    if strange:
+        return effect_class(strange[0].effect).follows
+    shown = (e for e in EFFECTS if e not in allowed and shown_by_traces(base, e))
+    found = next(shown, None)
+    if found is not None:
+        return effect_class(found).follows
+    return STALLS_FOLLOW if stalls(session) else None
+
+
+def waited_s(session: Session, effects: Sequence[Effect]) -> float:
+    """By how much effects may part taps from drags, if one waits for the host or a filter and the other does not, s."""
+    frames = [float(np.mean(np.diff(run.touch.t_s))) for run in session.runs if run.touch.t_s.size > 2]
+    frame_s = float(np.median(frames)) if frames else 0.0
+    return 0.5 * max((effect.longest_wait_s(frame_s) for effect in effects), default=0.0)
+
+
+def with_taps(
+    session: Session, judgement: Judgement, last: Fit, steps: list[Step], allowed: frozenset[str]
+) -> tuple[list[Step], Fit]:
+    """Steps for what parts taps from drags, where that is more probable than not, and the fit after them."""
+    parting = [e for name, e in EFFECTS.items() if e.parts_taps_from_drags and name in allowed]
+    effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
+    creep = sum(float(np.diff(e.tap_latency(np.zeros(2), np.array([0.0, 1.0])))[0]) for e in effects)
+    offset = clock_offset(
+        session, last, creep, waited_s(session, effects), judgement.pool.probability_of(LAW_FORM) < OPEN_FORM
+    )
+    if offset is None or offset.probability < 0.5:
+        return [], last
+    possible = [e for e in parting if e.parameters[0].lower < offset.value_s < e.parameters[0].upper]
+    if not possible:
+        return [], last
+    moved = {e.id: _moved_mm(e, offset.value_s, last) for e in possible}
+    shares = shares_by_edges(judgement.pool, last, moved)
+    best = max(shares, key=lambda name: shares[name])
+    after = replace(last, residual_mm=last.residual_mm - moved[best])
+    rivals = tuple(name for name in shares if name != best and shares[name] > SHARED)
+    step = Step(
+        best,
+        {EFFECTS[best].parameters[0].name: (offset.value_s, offset.ci95_s)},
+        "every edge alike",
+        BY_TAPS,
+        1 - offset.probability,
+        f"release taps lie {1e3 * offset.value_s:+.1f} ms off the fitted asymptote",
+        gap_mm(last),
+        gap_mm(after),
+        offset.probability * sum(shares[e] for e in (best, *rivals)),
+        rivals,
+        EFFECTS[best].shown_apart_by if rivals else "",
+        after,
+    )
+    return [step], after
+
+
+def _moved_mm(effect: type[Effect], value: float, fit: Fit) -> FloatArray:
+    """By how much an effect of known size moves each edge beyond a constant latency, (m,) mm: that is the curve's."""
+    made_ = effect.columns_at((value,), fit.view)
+    if made_ is None or made_.offset is None:
+        return np.zeros(fit.residual_mm.size)
+    return np.asarray(made_.offset[:, 0] * value)
