@@ -13,10 +13,9 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from draglag.exchange import read_exchange
-from draglag.gap import constants
+from draglag.gap import GapReport, close_gap, constants
 from draglag.gap.fitting.law_form import basis, knots_over, remainder_rms_s, split
 from draglag.gap.fitting.model import LawParameters
-from draglag.gap.posterior.closing import Closing, close_by_posterior
 from draglag.gap.posterior.covariance import Noise, RunNoise
 from draglag.gap.posterior.levels import Levels, log_prior
 from draglag.gap.posterior.linear import Linear, normal
@@ -39,7 +38,7 @@ def linear(rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Mem
     columns = np.column_stack([of_unit_rms(m.columns) for m in members])
     at = tuple(np.array([k]) for k in range(len(members)))
     fit = cast("object", SimpleNamespace())
-    return Linear(fit, members, residual_mm, np.ones((n, 1)), np.array([4.0]), columns, at, Noise((noise,)), False)  # type: ignore[arg-type]
+    return Linear(fit, members, residual_mm, np.ones((n, 1)), np.array([4.0]), columns, at, Noise((noise,)), False, cast("LawParameters", None))  # type: ignore[arg-type]
 
 
 def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_model() -> None:
@@ -85,20 +84,20 @@ def test_a_curve_of_another_form_is_split_into_its_nearest_eq_5_and_a_remainder(
     assert remainder_rms_s(law.nearest, v) == 0.0
 
 
-def closed(*effects: str) -> Closing:
+def closed(*effects: str) -> GapReport:
     demo = load_protocol("demo")
     runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind == "circle")
     protocol = demo.model_copy(update={"runs": runs, "taps": None})
     hidden = [parse_effect(text) for text in effects]
-    return close_by_posterior(simulate_session("screen-1", protocol, effects=hidden, seed=3))
+    return close_gap(simulate_session("screen-1", protocol, effects=hidden, seed=3))
 
 
 @pytest.fixture(scope="module")
-def drifting() -> Closing:
+def drifting() -> GapReport:
     return closed("clock_drift=60")
 
 
-def test_a_drifting_clock_is_named_with_its_size_and_the_gap_closes(drifting: Closing) -> None:
+def test_a_drifting_clock_is_named_with_its_size_and_the_gap_closes(drifting: GapReport) -> None:
     assert drifting.verdict == "explained"
     (step,) = drifting.steps
     # Without taps a creeping latency moves every edge alike.
@@ -113,7 +112,7 @@ def test_a_drifting_clock_is_named_with_its_size_and_the_gap_closes(drifting: Cl
     assert drifting.law.adequate
 
 
-def test_no_probability_is_stated_beyond_what_was_counted(drifting: Closing) -> None:
+def test_no_probability_is_stated_beyond_what_was_counted(drifting: GapReport) -> None:
     assert drifting.probability is not None
     assert 0.4 < drifting.probability <= constants.STATED_AT_MOST  # two names share it
     json = drifting.to_dict()
@@ -122,13 +121,13 @@ def test_no_probability_is_stated_beyond_what_was_counted(drifting: Closing) -> 
 
 
 def test_a_sound_session_is_quiet() -> None:
-    found = close_by_posterior(read_exchange(SAMPLES / "none-A"))
+    found = close_gap(read_exchange(SAMPLES / "none-A"))
     assert (found.verdict, found.steps) == ("no_gap", ())
     assert found.gap_last_mm == found.gap_first_mm
 
 
 def test_a_session_without_data_says_what_it_lacks() -> None:
     session = read_exchange(SAMPLES / "none-A")
-    poor = close_by_posterior(replace(session, runs=session.runs[:2]))
+    poor = close_gap(replace(session, runs=session.runs[:2]))
     assert poor.verdict is None
     assert any("at least 5 are needed" in words for words in poor.missing)

@@ -67,7 +67,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         unexplained_by=left,
         explanations=said(pool).explanations,
         last=fit,
-        judgement=Judgement(pool, fits),
+        judgement=Judgement(pool, fits, old.first),
     )
 
 

@@ -29,14 +29,17 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Judgement:
-    """All that was compared. fits: by the effects that they hold; the one of none is where it began."""
+    """All that was compared. fits: by the effects that they hold. first: the fit of Eq. 5 without effects."""
 
     pool: Pool
     fits: dict[Names, Fit]
+    first: Fit
 
     @property
     def base(self) -> Fit:
-        return next(iter(self.fits.values()))
+        """The fit without effects: with the curve's own form, where that is part of the most probable explanation."""
+        own_form = {LAW_FORM, IN_SPEED} & set(self.pool.best)
+        return next(iter(self.fits.values())) if own_form else self.first
 
 
 def judged(
@@ -74,8 +77,8 @@ def judged(
             if not found:
                 break
         fits |= found
-        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects)
-    return Judgement(pool, fits)
+        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool)
+    return Judgement(pool, fits, first)
 
 
 def _last(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:

@@ -37,11 +37,13 @@ class Found:
 class Pool:
     """Fits of one session, and what every set of names is worth at the best of them.
 
-    Attributes: edges: mask over all placed edges, shared by all. found: sorted names → the explanation.
+    Attributes: linears: one a fit. edges: mask over all placed edges, shared by all. levels: of the noise, under which
+    all are compared. found: sorted names → the explanation.
     """
 
-    fits: tuple[Fit, ...]
+    linears: tuple[Linear, ...]
     edges: np.ndarray
+    levels: tuple[Levels, ...]
     found: dict[Names, Found]
     unsure_ages: bool
 
@@ -95,16 +97,26 @@ def compared(
     unsure_ages: bool,
     without: Collection[str] = (),
     most: int = constants.MOST_MEMBERS,
+    before: Pool | None = None,
 ) -> Pool:
     """Everything that may explain the session, at each of its fits; the first is the one without effects.
 
     A set that holds an effect of some fit is judged there too; a fit with an effect says nothing of sets without it.
+    before: a pool of some of these fits, whose levels of the noise are taken over.
     """
     edges = np.logical_and.reduce([fit.use for fit in fits])
-    linears = [linearised(fit, frozenset(allowed), unsure_ages, edges) for fit in fits]
-    levels: dict[Levels, None] = {}
+    known = {} if before is None else {id(linear.fit): linear for linear in before.linears}
+    alike = before is not None and np.array_equal(before.edges, edges)
+    linears = [
+        known[id(fit)]
+        if alike and id(fit) in known
+        else linearised(fit, frozenset(allowed), unsure_ages, edges)
+        for fit in fits
+    ]
+    levels: dict[Levels, None] = {} if before is None else dict.fromkeys(before.levels)
     for linear in linears:
-        levels |= dict.fromkeys(_likely_levels(linear, without, tuple(levels), most))
+        if id(linear.fit) not in known:
+            levels |= dict.fromkeys(_likely_levels(linear, without, tuple(levels), most))
     found: dict[Names, Found] = {}
     for linear in linears:
         search = searched(linear, _normals(linear, tuple(levels)), without, most)
@@ -112,7 +124,7 @@ def compared(
         for names, one in _by_names(search, open_nats).items():
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
-    return Pool(tuple(fits), edges, found, unsure_ages)
+    return Pool(tuple(linears), edges, tuple(levels), found, unsure_ages)
 
 
 def _likely_levels(
@@ -122,12 +134,8 @@ def _likely_levels(
     out: dict[Levels, None] = dict.fromkeys(seeds)
     if not out:
         out |= dict.fromkeys(_and_sound(linear, likeliest_levels(linear)))
-    tried: set[tuple[int, ...]] = {()}
-    for _ in range(2):
-        best = _own_best(searched(linear, _normals(linear, tuple(out)), without, most))
-        if best is None or best.members in tried:
-            break
-        tried.add(best.members)
+    best = _own_best(searched(linear, _normals(linear, tuple(out)), without, most))
+    if best is not None and best.members:
         levels = likeliest_levels(linear, best.members, best.scales_mm, next(iter(out)))
         out |= dict.fromkeys(_and_sound(linear, levels))
     return tuple(out)

@@ -26,6 +26,7 @@ OTHER: tuple[Asked, ...] = (
     (0.0, -0.035),
     (1.0, -0.5 * USUAL_LATENCY_S),
 )
+FEW: tuple[Asked, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, -0.035), OTHER[-1])  # enough to see that it is another
 LEAST_LEFT_S = 0.003  # of a delay: the placing is true to that
 PRESENT = (1,)  # a lagging law's setting to first order
 LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
@@ -35,7 +36,7 @@ ROUNDS = 2
 
 def shown_by_traces(before: Fit) -> bool:
     """Whether a law asked at the speed of another moment fits the edges better than at the moments of sound panels."""
-    found = delay_profile(before, [*USUAL, *OTHER])
+    found = delay_profile(before, [*USUAL, *FEW])
     return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > CLEARLY)
 
 

@@ -51,15 +51,11 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     return out
 
 
-def shown_by_traces(before: Fit) -> bool:
-    """Whether the touch events skip and stand still as a filter makes them that comes and goes."""
-    return find_skips(as_shown(before.runs)) is not None
-
-
 def shown_by_edges(before: Fit) -> bool:
-    """Whether the latencies of single edges lie on two levels that last."""
+    """Whether the latencies of single edges lie on two levels that last, or the touch events skip and stand still as a
+    filter makes them that comes and goes."""
     found = find_switching(before)
-    return found is not None and found.gain > 0
+    return (found is not None and found.gain > 0) or find_skips(as_shown(before.runs)) is not None
 
 
 def judged(placed: Placed, term: Term) -> np.ndarray:
