@@ -109,3 +109,23 @@ own scatter moves it by."""
 PREDICTS_NATS = 3.0
 """nats of log predictive density on held-out runs from which on a model predicts them better. Derived: a ratio of
 20."""
+
+FEWEST_RUNS = 4
+"""Runs below which the predictive check says nothing. Derived: a mean of fewer has no standard error to speak of."""
+
+UNLIKELY = 1e-4
+"""Probability of a statistic's value under the simulation below which the two disagree. Judgement: one session in
+ten thousand by chance."""
+
+SURELY_SD = 4.0
+"""Standard deviations from which on a mean disagrees. Derived: as unlikely, for a normal mean."""
+
+WIDTH_SD_MM = 0.02
+"""mm. By how much the stylus' width differs from run to run by itself. Physical (fact sheet on real screens)."""
+
+MOST_SCATTER = 3.0
+"""How many times as much as the simulation measured edges may scatter. Calibrated: tremor and comparator, which the
+simulation does not have, make it 1.0 to 1.9 on sound sessions of two generators."""
+
+REPEATS_AS_OFTEN = 0.05
+"""Share of the events by which repeated positions may differ. Judgement: rests of the hand come and go."""

@@ -112,6 +112,19 @@ class Tolerated:
 
 
 @dataclass(frozen=True)
+class Statistic:
+    """One statistic of the posterior predictive check, measured and simulated. follows: the covariate of a
+    disagreement."""
+
+    name: str
+    follows: str
+    measured: float
+    simulated: float
+    unit: str
+    agrees: bool
+
+
+@dataclass(frozen=True)
 class GapReport:
     """The workflow's result.
 
@@ -121,6 +134,7 @@ class GapReport:
         not_seen: effects that the session could not have shown → the recording that would show them.
         first, last: the fits without effects and with all steps. judgement: all that was compared.
         stopped_at: the limit on effects, where that ended the search. excluded: run id → why it was left out.
+        check: statistics of the session simulated again with the final model; empty where nothing was explained.
     """
 
     session: str
@@ -142,6 +156,7 @@ class GapReport:
     stopped_at: int | None = None
     excluded: dict[str, str] = field(default_factory=dict)
     simulated: bool = False
+    check: tuple[Statistic, ...] = ()
 
     def judged(self, session: Session) -> Session:
         """The session without the runs that the workflow left out."""
@@ -164,6 +179,7 @@ class GapReport:
             "explanations": [{"effects": list(names), "probability": p} for names, p in self.explanations],
             "law": self.law.to_dict(),
             "tolerated": [asdict(item) for item in self.tolerated],
+            "check": [asdict(item) for item in self.check],
             "missing": list(self.missing),
             "not_seen": dict(self.not_seen),
             "excluded": dict(self.excluded),

@@ -9,6 +9,7 @@ import numpy as np
 
 from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
+from draglag.gap.check import checked
 from draglag.gap.constants import MOST_EFFECTS
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.not_shown import not_shown
@@ -73,6 +74,9 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
     progress(0.95, "held-out runs")
     report = reported((session, ready), judgement, (named, strange), allowed, max_effects)
     assert report.last is not None
+    if report.steps:
+        progress(0.97, "simulating the session again")
+        report = checked(session, report)
     progress(1.0, "done")
     return replace(report, not_seen=not_shown(session, report.last))
 

@@ -1,0 +1,133 @@
+"""Posterior predictive check: the session simulated again with the measured hand and the final model.
+
+What an explanation was not fitted to has to lie where the simulation puts it, too: the latency of every run by the
+estimator of ``analyze``, the width of the stylus, the scatter of the edges, and how often events repeat a position.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from draglag.errors import DraglagError
+from draglag.gap.constants import (
+    FEWEST_RUNS,
+    MOST_SCATTER,
+    REPEATS_AS_OFTEN,
+    SIZE_OF_INTEREST_MM,
+    SURELY_SD,
+    UNLIKELY,
+    WIDTH_SD_MM,
+)
+from draglag.gap.replaying.replay import Replay, replay
+from draglag.gap.results import GapReport, Statistic
+from draglag.gap.streams.holding import resolution_mm
+from draglag.gap.traces.run_data import gather
+from draglag.latency.estimate import RunEstimate
+from draglag.recording import FloatArray, Session, TouchTrace
+from draglag.simulation.effects import effect_class
+
+LATENCY, REPEATS = "latency by run", "repeated positions"
+
+
+def checked(session: Session, report: GapReport) -> GapReport:
+    """The report with the check of what it explains; ``unexplained`` where a statistic disagrees.
+
+    Effects that streams show have to make the streams: where repeated positions disagree, they are withdrawn. A session
+    that cannot be simulated again keeps its verdict, without a check.
+
+    Args:
+        session: as measured, without the runs that were left out.
+    """
+    if report.last is None:
+        return report
+    named = {step.effect: {name: value for name, (value, _) in step.parameters.items()} for step in report.steps}
+    uneven = any(effect_class(step.effect).uneven_ages for step in report.steps)
+    try:
+        again = replay(session, report.last, named, raw=gather(session) if uneven else None)
+    except (DraglagError, ValueError, np.linalg.LinAlgError):
+        return report
+    found = compared_statistics(session, again)
+    # A run's latency is what the law was fitted to: it is reported, and tests nothing new.
+    off = [one for one in found if not one.agrees and one.name != LATENCY]
+    if not off:
+        return replace(report, check=found)
+    steps = report.steps
+    if any(one.name == REPEATS for one in off):
+        steps = tuple(step for step in steps if effect_class(step.effect).undone_in != "stream")
+    by = report.unexplained_by or off[0].follows
+    return replace(report, check=found, verdict="unexplained", unexplained_by=by, steps=steps)
+
+
+def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...]:
+    """Statistics of a session and of its simulation; those that cannot be had of both are left out.
+
+    Args:
+        session: the measured runs, as their streams came.
+    """
+    both = [(one.measured, one.simulated) for one in again.runs if one.measured is not None and one.simulated is not None]
+    found = [_latency(again), _width(both), _scatter(both), _repeats(session, again.session)]
+    return tuple(one for one in found if one is not None)
+
+
+def _latency(again: Replay) -> Statistic | None:
+    """Latency of the runs as displacement at their speed: RMS of what simulation and measurement differ by, against
+    what the estimates' errors leave."""
+    rows = again.latencies_ms()
+    if len(rows) < FEWEST_RUNS:
+        return None
+    speed, measured, of_measured, simulated, of_simulated = np.array([row[1:] for row in rows], float).T
+    variance = of_measured**2 + of_simulated**2 + (1e3 * again.between_runs_s) ** 2
+    difference = simulated - measured
+    moved, expected = (float(np.sqrt(np.mean((1e-3 * x * speed) ** 2))) for x in (difference, np.sqrt(variance)))
+    p_value = float(chi2.sf(np.sum(difference**2 / variance), len(rows)))
+    agrees = p_value > UNLIKELY or moved < max(SIZE_OF_INTEREST_MM, 2 * expected)
+    return Statistic(LATENCY, "speed", moved, expected, "mm RMS", agrees)
+
+
+def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
+    """The stylus' width, mean over the runs."""
+    rows = [
+        (a.stylus_diameter_mm, b.stylus_diameter_mm, a.stylus_diameter_se_mm or 0.0, b.stylus_diameter_se_mm or 0.0)
+        for a, b in both
+        if a.stylus_diameter_mm is not None and b.stylus_diameter_mm is not None
+    ]
+    if len(rows) < FEWEST_RUNS:
+        return None
+    measured, simulated, one, other = np.array(rows, float).T
+    sd = float(np.sqrt(np.sum(one**2 + other**2 + WIDTH_SD_MM**2))) / len(rows)
+    apart = abs(float(np.mean(measured - simulated)))
+    agrees = apart < max(SIZE_OF_INTEREST_MM, SURELY_SD * sd)
+    return Statistic("stylus width", "kind_of_edge", float(measured.mean()), float(simulated.mean()), "mm", agrees)
+
+
+def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
+    """RMS residual of the edges about the two lines, median over the runs."""
+    rows = [(a.j_per_edge_mm2, b.j_per_edge_mm2) for a, b in both if a.j_per_edge_mm2 and b.j_per_edge_mm2]
+    if len(rows) < FEWEST_RUNS:
+        return None
+    measured, simulated = np.sqrt(np.median(np.array(rows, float), axis=0))
+    agrees = bool(measured < max(MOST_SCATTER * simulated, SIZE_OF_INTEREST_MM))
+    return Statistic("scatter of edges", "scatter", float(measured), float(simulated), "mm RMS", agrees)
+
+
+def _repeats(session: Session, again: Session) -> Statistic | None:
+    """Share of events that repeat the position before them, the simulated ones rounded as the measured are."""
+    own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
+    theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
+    if not own or not theirs:
+        return None
+    step_mm = resolution_mm(own)
+    measured, simulated = _repeated(own, 0.0), _repeated(theirs, step_mm)
+    agrees = abs(measured - simulated) < REPEATS_AS_OFTEN
+    return Statistic(REPEATS, "host_tick", measured, simulated, "share of events", agrees)
+
+
+def _repeated(touches: list[TouchTrace], step_mm: float) -> float:
+    def still(values_mm: FloatArray) -> np.ndarray:
+        shown = np.round(values_mm / step_mm) if step_mm > 0 else values_mm
+        return np.asarray(np.diff(shown) == 0)
+
+    return float(np.mean(np.concatenate([still(t.x_mm) & still(t.y_mm) for t in touches])))
