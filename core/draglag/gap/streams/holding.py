@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from draglag.gap.streams.lattice import lattice_of
 from draglag.gap.streams.stamps import FAST_MM_S, StreamEffect
 from draglag.recording import TouchTrace
+from draglag.simulation.effects.pitch_ripple.lattice import lattice_of
 
 UNEVEN_AGE = 0.03  # of the interval between stamps
 STILL = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay

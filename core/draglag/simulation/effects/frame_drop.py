@@ -18,6 +18,7 @@ class FrameDrop(Effect):
     title: ClassVar[str] = "dropped frames"
     meaning: ClassVar[str] = "This share of the touch frames never arrives, each independently of the others."
     follows: ClassVar[str] = "frame"
+    in_the_trace: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 0.0, 0.9, 0.1),)
     order: ClassVar[int] = 2
 

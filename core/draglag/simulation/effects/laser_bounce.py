@@ -18,6 +18,7 @@ class LaserBounce(Effect):
     meaning: ClassVar[str] = "After some edges the sensor chatters: it flips back and forth once within a short time."
     follows: ClassVar[str] = "kind_of_edge"
     undone_in: ClassVar[str] = "stream"
+    in_the_trace: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("share", "1", 0.0, 1.0, 0.1),
         Parameter("span_s", "s", 1e-05, 0.005, 0.001),

@@ -50,6 +50,9 @@ class PollGrid(Effect):
     def longest_wait_s(self, frame_s: float) -> float:
         return self.value
 
+    def stamped_late_s(self) -> float:
+        return 0.5 * self.value
+
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         period, phase = self.value, rng.uniform()
         polled = period * (np.ceil(events.t_s / period - phase) + phase)

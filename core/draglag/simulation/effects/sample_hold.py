@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents
 
 
@@ -22,6 +23,7 @@ class SampleHold(Effect):
     follows: ClassVar[str] = "host_tick"
     undone_in: ClassVar[str] = "stream"
     uneven_ages: ClassVar[bool] = True
+    estimated_with: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_hz", "Hz", 10.0, 2000.0, 100.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -40,6 +42,9 @@ class SampleHold(Effect):
     def longest_wait_s(self, frame_s: float) -> float:
         return 1 / self.value
 
+    def stamped_late_s(self) -> float:
+        return 0.5 / self.value
+
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         if len(events.t_s) == 0:
             return events
@@ -53,3 +58,9 @@ class SampleHold(Effect):
         seen[seen] = ticks[seen] - events.t_s[held[seen]] < 0.1
         now = events.take(held[seen])
         return TouchEvents(ticks[seen], now.x_mm, now.y_mm, now.contact_id)
+
+    @classmethod
+    def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:
+        repeats = np.append(False, (np.diff(x_mm) == 0) & (np.diff(y_mm) == 0))
+        first = np.maximum.accumulate(np.where(repeats, 0, np.arange(t_s.size)))
+        return np.asarray(t_s[first])

@@ -38,6 +38,9 @@ class TimestampQuantisation(Effect):
     def longest_wait_s(self, frame_s: float) -> float:
         return self.value
 
+    def stamped_late_s(self) -> float:
+        return 0.5 * self.value
+
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         # a stamp that is a multiple already stays, whatever binary rounding made of it
         late = self.value * np.ceil(events.t_s / self.value - 1e-6)

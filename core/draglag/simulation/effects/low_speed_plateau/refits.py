@@ -8,6 +8,9 @@ from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.recording import Session
 from draglag.simulation.effects.low_speed_plateau import BEYOND_SLOWEST
+from draglag.simulation.effects.low_speed_plateau.interval import plateau_ci95_mm_s
+
+__all__ = ["plateau_ci95_mm_s", "refits"]
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:

@@ -15,10 +15,10 @@ from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import LawParameters, residual_mm, starting_law
 from draglag.gap.fitting.noise import touch_variances
 from draglag.gap.fitting.signatures import view_of
-from draglag.gap.fitting.state import SHOWN, term_signature, total
+from draglag.gap.fitting.state import term_signature, total
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
-from draglag.simulation.effects.second_filter_mode import within
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 
 SIZES_S = np.geomspace(0.003, 0.04, 14)
 STARTS = (0.1, 0.35, 0.65, 0.9)  # quantiles of a run's latencies that its earlier level is looked for at
@@ -49,9 +49,9 @@ class Switching:
     gain: float
 
     @property
-    def theta(self) -> tuple[float, ...]:
-        """As a term of ``second_filter_mode``: kind 2, and its times."""
-        return 0.0, 2.0, *self.on_s.ravel().tolist()
+    def setting(self) -> Setting:
+        """As a term: its times."""
+        return Setting(0.0, By.TIME, tuple(self.on_s.ravel().tolist()))
 
 
 def find_switching(fit: Fit) -> Switching | None:
@@ -82,11 +82,11 @@ def find_switching(fit: Fit) -> Switching | None:
     return Switching(float(SIZES_S[best]), np.array(sorted(spans)), float(gains[best] - EACH_SWITCH * switches))
 
 
-def settled(fit: Fit, size_s: float, theta: tuple[float, ...]) -> tuple[float, ...]:
+def settled(fit: Fit, size_s: float, setting: Setting) -> Setting:
     """The times anew beside the law of a fit that has the switching in it: a run that never switches tells only by
     the law which of the two levels is its own."""
     placed, late_s, sd_s, usable = _latencies(fit)
-    late_s = late_s + size_s * within(theta[2:], placed.since_start_s)
+    late_s = late_s + size_s * within(setting.times_s, placed.since_start_s)
     spans = []
     for k in range(len(fit.runs)):
         own = np.flatnonzero(usable & (placed.run == k))
@@ -103,23 +103,23 @@ def settled(fit: Fit, size_s: float, theta: tuple[float, ...]) -> tuple[float, .
             level = np.sum(weight * (late_s[own] - size_s * states), axis=1) / np.sum(weight)
         later = states[int(np.argmax(likelihood))]
         spans += _spans(t, later)
-    return 0.0, 2.0, *np.array(sorted(spans)).ravel().tolist()
+    return Setting(0.0, By.TIME, tuple(np.array(sorted(spans)).ravel().tolist()))
 
 
-def later_of(placed: Placed, theta: tuple[float, ...]) -> np.ndarray:
+def later_of(placed: Placed, setting: Setting) -> np.ndarray:
     """Edges (m,) in the stretches of a filter that was undone in the traces."""
-    return within(theta[2:], placed.since_start_s + placed.latency_s)
+    return within(setting.times_s, placed.since_start_s + placed.latency_s)
 
 
-def mistaken_s(fit: Fit, theta: tuple[float, ...]) -> tuple[float, ...]:
+def mistaken_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
     """Stretches from–to, on the clock of the times of a filter undone in the traces, in which the edges show it undone
     where it was not there and there where it was not undone: a switch had been missed."""
     placed, late_s, sd_s, usable = _latencies(fit)
     at_s = placed.since_start_s + placed.latency_s
-    later = later_of(placed, theta)
+    later = later_of(placed, setting)
     late_s = late_s + fit.terms[-1].sizes[0] * later  # what is fitted of it may be the mistaken ones'
-    if_mistaken_s = theta[0] * (1.0 - 2.0 * later)
-    usable &= away(placed, theta, theta[0])
+    if_mistaken_s = setting.above * (1.0 - 2.0 * later)
+    usable &= away(placed, setting, setting.above)
     out: list[tuple[float, float]] = []
     for k in range(len(fit.runs)):
         own = np.flatnonzero(usable & (placed.run == k))
@@ -165,25 +165,25 @@ def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
     return placed, late_s, sd_s, usable & (np.abs(late_s) < FAR_S)
 
 
-def away(placed: Placed, theta: tuple[float, ...], size_s: float) -> np.ndarray:
+def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
     """Edges (m,) that are not about a switch, by its times or by a speed: there a position is an average of both
     filters', and a trace that stands still or jumps by ``size_s`` shows the speed wrong."""
-    if theta[1] == 0:
+    if setting.by is By.SPEED:
         unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
         unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
-        told = ~(np.abs(placed.speed_mm_s - theta[0]) < unsure_mm_s)
+        told = ~(np.abs(placed.speed_mm_s - setting.above) < unsure_mm_s)
         # Of a run that is about the threshold all along, the few edges left are those whose speed was read wrong.
         share = np.bincount(placed.run, told) / np.maximum(np.bincount(placed.run), 1)
         return np.asarray(told & (share > MOSTLY)[placed.run])
-    shown = theta[1] == SHOWN
-    times, at_s = np.array(theta[2:]), placed.since_start_s + (placed.latency_s if shown else 0.0)
+    times = np.array(setting.times_s)
+    at_s = placed.since_start_s + (placed.latency_s if setting.shown else 0.0)
     after = np.clip(np.searchsorted(times, at_s), 1, times.size - 1)
     nearest = np.column_stack([times[after - 1], times[after]])
-    near_s = NEAR_SKIP_S if shown else NEAR_SWITCH_S
+    near_s = NEAR_SKIP_S if setting.shown else NEAR_SWITCH_S
     return np.asarray(np.abs(at_s[:, None] - nearest).min(axis=1) > near_s)
 
 
-def of_neither(fit: Fit, theta: tuple[float, ...]) -> np.ndarray:
+def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
     """Edges (m,) of a fit with the switching in it that lie off and are next to a switch: when it came, between two
     passes, is not known, and windows that reach across it show a mean of both filters."""
     placed, late_s, _, usable = _latencies(fit)
@@ -194,7 +194,7 @@ def of_neither(fit: Fit, theta: tuple[float, ...]) -> np.ndarray:
             continue
         own = own[np.argsort(placed.since_start_s[own])]
         t, aside_s = placed.since_start_s[own], np.abs(late_s[own] - np.median(late_s[own]))
-        times = np.array([at_s for at_s in theta[2:] if t[0] < at_s < t[-1]])
+        times = np.array([at_s for at_s in setting.times_s if t[0] < at_s < t[-1]])
         at = np.searchsorted(t, times)[:, None] + np.arange(-A_PASS, A_PASS)
         next_to = own[at[(at >= 0) & (at < own.size)]]
         out[next_to] = True

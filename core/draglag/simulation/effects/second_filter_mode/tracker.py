@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from draglag.gap.traces.run_data import RunData
 from draglag.recording import FloatArray
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
 
 HISTORIES = 8  # three times as many tell the same
 SWITCH = 5.0  # log-likelihood that a switch costs

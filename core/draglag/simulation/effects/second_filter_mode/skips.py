@@ -10,15 +10,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from draglag.gap.traces.run_data import RunData
-from draglag.gap.traces.tracker import FAR, HISTORIES, SWITCH, followed, side_by_side
 from draglag.motion import local_fit
 from draglag.recording import FloatArray
-from draglag.simulation.effects.second_filter_mode import within
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
+from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, followed, side_by_side
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
 
 QUICKER = 9  # events over which a step is compared with those beside it: a skip takes one or two
 SLOWEST_MM_S = 60.0  # slower, a skip of some milliseconds is within the noise
@@ -47,9 +50,9 @@ class Skips:
     gain: float
 
     @property
-    def theta(self) -> tuple[float, ...]:
-        """As a term of ``second_filter_mode``: what is undone in the traces, kind 3, and its times."""
-        return self.size_s, 3.0, *self.times_s.tolist()
+    def setting(self) -> Setting:
+        """As a term: what is undone in the traces, and its times."""
+        return Setting(self.size_s, By.TIME_SHOWN, tuple(self.times_s.tolist()))
 
 
 @lru_cache(maxsize=1)

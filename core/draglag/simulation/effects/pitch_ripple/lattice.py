@@ -8,13 +8,21 @@ places that the other part has moved.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from draglag.motion import best_half_width_s
 from draglag.recording import FloatArray
-from draglag.simulation.effects.pitch_ripple import PITCHES_MM
+from draglag.simulation.effects.in_fits import FreedTrace
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+PITCHES_MM = np.geomspace(3.0, 10.0, 300)
 
 WINDOW, DEGREE = 17, 3  # events of the smooth path
 BENDS = 5  # its degree for a place: a quick circle is half a turn in a window
@@ -27,12 +35,20 @@ FINER = tuple(reach * np.linspace(-1, 1, 9) for reach in (0.004, 0.001, 3e-4, 1e
 SETTLING, INVERSE = 2, 6  # rounds
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lattice:
     """pitch_mm, and sizes_mm (4, 2): of sin and cos along x, sin and cos along y, in the displacement in x and in y."""
 
     pitch_mm: float
     sizes_mm: FloatArray
+
+    place: ClassVar[int] = 1
+
+    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+        """A run's events without the ripple."""
+        xy_mm = self.undone_mm(trace.xy_mm)
+        _, noise_mm = best_half_width_s(trace.t_s, xy_mm[:, 1:], shown.edge_t_s + shown.guess_s)
+        return replace(trace, xy_mm=xy_mm, noise_mm=noise_mm)
 
     def undone_mm(self, shown_mm: FloatArray) -> FloatArray:
         """The events of a run as they would have been shown without the ripple, (n, 2) mm.
@@ -44,6 +60,12 @@ class Lattice:
         for _ in range(INVERSE):
             there = shown_mm - _waves(_place(there), self.pitch_mm) @ self.sizes_mm
         return there
+
+
+@lru_cache(maxsize=1)
+def lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
+    """The lattice that runs (as shown) show. The same for the same runs, whichever model is tried on them."""
+    return lattice_of([(data.t_s, data.xy_mm) for data in runs])
 
 
 def lattice_of(traces: Sequence[tuple[FloatArray, FloatArray]]) -> Lattice | None:

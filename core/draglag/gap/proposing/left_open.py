@@ -1,4 +1,4 @@
-"""Which edges a model can be judged by."""
+"""By how much effects leave open where the edges lie that they cannot be judged by."""
 
 from __future__ import annotations
 
@@ -10,16 +10,6 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.own_way import own_way
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
-
-
-def judged_by(placed: Placed, terms: Sequence[Term]) -> np.ndarray:
-    """Edges (m,) that a model with these terms can be judged by: not those where an effect leaves its size open."""
-    out = np.ones(len(placed), bool)
-    for term in terms:
-        own = own_way(term.effect)
-        if own is not None and hasattr(own, "judged"):
-            out &= own.judged(placed, term)
-    return out
 
 
 def open_mm(placed: Placed, terms: Sequence[Term]) -> FloatArray:

@@ -10,10 +10,10 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.recording import Session
 from draglag.simulation.effects.smoothing_shrink import SmoothingShrink
+from draglag.simulation.effects.smoothing_shrink.sharpening import Setting
 
 SETTLED = 0.03  # of a time constant: what is left of it at its setting is known to first order
 ROUNDS = 4
-KINDS: tuple[tuple[float, ...], ...] = ((), (1.0,))  # one that looks back only, and one that looks both ways
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
@@ -23,14 +23,14 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     if mean is None:
         return []
     out: list[Fit | None] = [mean]
-    for kind in KINDS:
+    for even in (False, True):
         found = mean
         for _ in range(ROUNDS):
             lag_s = parameters_of(own, found)["time_constant_s"][0]
             term = found.terms[-1]
             if not np.isfinite(lag_s) or lag_s <= 0 or (term.theta and abs(lag_s - term.theta[0]) < SETTLED * lag_s):
                 break
-            freed = refit(session, before, [*before.terms, Term(own, (lag_s, *kind), (0.0,))], found.law)
+            freed = refit(session, before, [*before.terms, Term(own, Setting(lag_s, even).theta, (0.0,))], found.law)
             if freed is None:
                 break
             found = freed

@@ -5,10 +5,10 @@ from __future__ import annotations
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
-from draglag.gap.streams.lattice import Lattice
-from draglag.gap.traces.run_data import as_shown, lattice_in
+from draglag.gap.traces.run_data import as_shown
 from draglag.recording import Session
-from draglag.simulation.effects.pitch_ripple import PitchRipple
+from draglag.simulation.effects.pitch_ripple import PitchRipple, Setting
+from draglag.simulation.effects.pitch_ripple.lattice import lattice_in
 
 LEAST_MM = 0.1  # of amplitude, in the touch events: twice the size of interest
 
@@ -18,10 +18,10 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     lattice = lattice_in(as_shown(before.runs))
     if lattice is None:
         return []
-    return [refit(session, before, [*before.terms, Term(PitchRipple.id, (lattice.pitch_mm, 1.0))])]
+    return [refit(session, before, [*before.terms, Term(PitchRipple.id, Setting(lattice.pitch_mm, 1.0))])]
 
 
 def shown_by_traces(before: Fit) -> bool:
     """Whether the touch events show a ripple of interest, however little of it lies across the beam."""
-    lattice: Lattice | None = lattice_in(as_shown(before.runs))
+    lattice = lattice_in(as_shown(before.runs))
     return lattice is not None and float(abs(lattice.sizes_mm).max()) > LEAST_MM

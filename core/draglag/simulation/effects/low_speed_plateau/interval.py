@@ -10,14 +10,12 @@ import numpy as np
 from scipy.stats import t as student
 
 from draglag.gap.fitting.joint import Fit
-from draglag.gap.fitting.model import PLATEAUS_MM_S
 from draglag.gap.fitting.rates import pairs_at, without_law
 from draglag.recording import FloatArray
 
 RATES_S_MM = np.geomspace(0.001, 0.06, 20)
 REACH = np.geomspace(0.7, 1.4, 57)  # of the best speed
 N_LAW = 6  # parameters of Eq. 5 with a plateau
-PROMISED = 16  # plateaus tried, from the slowest run to the fastest that a fit allows
 
 
 def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
@@ -37,18 +35,6 @@ def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
     if not likely.size:
         return best - reach, best + reach
     return min(float(likely[0]), best - reach), max(float(likely[-1]), best + reach)
-
-
-def promised_gain(fit: Fit) -> float:
-    """Twice the log-likelihood that the best plateau would add to a fit without one, its edges left where they are.
-
-    Negative where every plateau that holds for more than the slowest run is worse than none. (A refit that gained 10
-    and more has never been promised less than 0: of 30 in recorded and generated sessions three gained 400 to 1300,
-    promised 400 to 800, and the others at most 5, promised 10 at the most.)
-    """
-    slowest = min(float(fit.view.speed[fit.run_index == k].mean()) for k in np.unique(fit.run_index))
-    none, *gain = _profile(fit, np.append(0.0, np.geomspace(slowest, PLATEAUS_MM_S[1], PROMISED)))
-    return float(np.max(gain) - none)
 
 
 def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:

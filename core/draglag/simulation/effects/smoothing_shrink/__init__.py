@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.signal import filtfilt, lfilter
+from scipy.signal import filtfilt
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
+
+if TYPE_CHECKING:
+    from draglag.gap.fitting.joint import Fit
+    from draglag.gap.fitting.state import Term
+    from draglag.gap.traces.run_data import RunData
+    from draglag.simulation.effects.fitted_shape import FittedShape
 
 
 @dataclass(frozen=True)
@@ -26,9 +34,8 @@ class SmoothingShrink(Effect):
     )
     follows: ClassVar[str] = "normal_acceleration"
     where: ClassVar[str] = "where the path bends"
-    size_is_the_term_s: ClassVar[bool] = False
     undone_in: ClassVar[str] = "touch"
-    refitted_by: ClassVar[str] = "draglag.gap.proposing.low_pass"
+    refitted_by: ClassVar[str] = "draglag.simulation.effects.smoothing_shrink.refits"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -60,16 +67,37 @@ class SmoothingShrink(Effect):
         return [Signature(offset=column(0.5 * view.a_across))]
 
     @classmethod
-    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        # theta: the time constant that the traces are freed of already.
+    def signature_at(cls, theta: Theta, view: View) -> Signature:
         return Signature(offset=column(0.5 * view.a_across), theta=theta)
 
+    @classmethod
+    def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
+        setting = Setting.of(term.theta)
+        return Sharpening(setting) if setting is not None and setting.lag_s else None, term
 
-def behind(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
-    """A path (n,) behind a first-order low-pass that looks back only, with its delay at rest given back."""
-    if time_constant_s <= 0:
-        return position_mm
-    keep = float(np.exp(-step_s / time_constant_s))
-    late = position_mm[0] + lfilter([1 - keep], [1.0, -keep], position_mm - position_mm[0])
-    t = step_s * np.arange(position_mm.size)
-    return np.asarray(np.interp(t + time_constant_s, t, late))
+    @classmethod
+    def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
+        setting = Setting.of(term.theta)
+        return np.array(term.sizes) + (0.0 if setting is None else setting.lag_s**2)
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        """A term's size is the time constant's square."""
+        lowest, size, highest = (found.sizes[0] + s * Z95 * found.se[0] for s in (-1, 0, 1))
+        low, lag, high = (float(np.sqrt(max(square, 0.0))) for square in (lowest, size, highest))
+        return {cls.parameters[0].name: (lag, (low, high))}
+
+    @classmethod
+    def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
+        """One that looks both ways is the class's own."""
+        setting = Setting.of(term.theta)
+        if setting is None or setting.even:
+            return None
+        sizes = tuple(float(size) for size in cls.whole_sizes(term, fit))
+        return cls.of_shape(float(np.sqrt(sizes[0])), term.theta, sizes, 0.0)
+
+    @classmethod
+    def of_shape(cls, value: float, theta: Theta, sizes: Theta, about: float) -> FittedShape | None:
+        from draglag.simulation.effects.smoothing_shrink.fitted import LookingBack
+
+        return LookingBack(value, tuple(theta), tuple(sizes), about)

@@ -2,9 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
 import numpy as np
 
 from draglag.recording import FloatArray
+from draglag.simulation.effects.in_fits import FreedTrace
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """A lateness, s, in stretches from–to of session time, to be taken off the touch events' stamps."""
+
+    size_s: float
+    times_s: tuple[float, ...]
+
+    place: ClassVar[int] = 0
+
+    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+        t_s, xy_mm = without_lateness(trace.t_s, trace.xy_mm, self.size_s, first_s + np.array(self.times_s))
+        return replace(trace, t_s=t_s, xy_mm=xy_mm)
 
 
 def without_lateness(
