@@ -12,7 +12,6 @@ from draglag.gap.fitting.joint import Fit, effects_in_law
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.recording import Beam, Session
 from draglag.simulation.effects import EFFECTS, Effect, effect_class
-from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 from draglag.simulation.law import LatencyLaw
 from draglag.simulation.rig import Rig
 
@@ -80,8 +79,9 @@ def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
 def rig_with_law(
     rig: Rig, form: str, parameters: Mapping[str, float], effects: Sequence[Effect] = ()
 ) -> tuple[Rig, Effect | None]:
-    """A rig with the law of a model instead of its own, and the plateau that a form with one asks for. Its taps are as
-    much later than the rig's as the law's asymptote is.
+    """A rig with the law of a model instead of its own, and the effect that its form has a parameter for, if any.
+
+    Its taps are as much later than the rig's as the law's asymptote is.
 
     Args:
         effects: of the same model: by how much they stamp late is not the law's.
@@ -89,11 +89,12 @@ def rig_with_law(
     Raises DataError for a form the simulation does not have.
     """
     zero = dict.fromkeys(("a1_ms", "a2_s_per_mm", "a4_ms", "a5_s_per_mm", "a7_ms"), 0.0)
-    plateau = parameters.get("plateau_mm_s")
-    own = {name: value for name, value in parameters.items() if name != "plateau_mm_s"}
+    homes = {home.form_parameter: home for home in EFFECTS.values() if home.form_parameter}
+    own = {name: value for name, value in parameters.items() if name not in homes}
     if not own.keys() <= zero.keys():
         raise DataError(f"a law of the form {form} cannot be simulated", "Save a model with --form double_exponential")
-    effect = made(LowSpeedPlateau.id, {"speed_mm_s": plateau}) if plateau else None
+    held = ((homes[name], value) for name, value in parameters.items() if name in homes and value)
+    effect = next((made(home.id, {home.parameters[0].name: value}) for home, value in held), None)
     law = LatencyLaw(**{**zero, **own})
     law = replace(law, a7_ms=law.a7_ms - 1e3 * held_s(effects))
     later_s = 1e-3 * (law.a7_ms - rig.law.a7_ms)

@@ -105,6 +105,11 @@ class Effect(InFits):
     speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
     uneven_ages: ClassVar[bool] = False
     """Whether it leaves positions of uneven age behind, so that edges scatter in time."""
+    seen_by: ClassVar[str] = ""
+    """Module that finds it in the streams: ``look(streams, runs)`` gives the effect, if it is there, and the runs with
+    it repaired. It is imported late, for it builds on the gap."""
+    looked_for: ClassVar[int] = 100
+    """Place among those that are looked for in the streams: each gets runs in which the ones before are repaired."""
     in_the_trace: ClassVar[bool] = False
     """Whether a session simulated again has it already: what was lost, or random, is in the measured streams."""
     estimated_with: ClassVar[bool] = False

@@ -77,6 +77,8 @@ class InFits:
     """The first parameter over the size of its signature, for effects of one signature."""
     of_the_law: ClassVar[bool] = False
     """Whether a fit holds it in its law instead of as a term."""
+    form_parameter: ClassVar[str] = ""
+    """Parameter of a curve's form that is its size, if a form has it."""
     unsure_share: ClassVar[float] = 0.0
     """By which share of what it varies by its columns are not known."""
     refitted_by: ClassVar[str] = ""

@@ -13,13 +13,12 @@ from draglag.simulation.effects.acceleration_lag import ACCEL_UNKNOWN
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.effects.in_fits import FittedTerm, Theta
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.law import USUAL_LATENCY_S
 from draglag.simulation.residual import LineGains, Signature, View, column
 
 if TYPE_CHECKING:
     from draglag.gap.fitting.joint import Fit
     from draglag.gap.fitting.state import Term
-
-USUAL_LATENCY_S = 0.05  # a delay of minus this is the present speed
 
 
 class Setting(NamedTuple):

@@ -14,7 +14,8 @@ from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.asked import Asked
 from draglag.recording import FloatArray, Session
-from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S, LaggingLaw
+from draglag.simulation.effects.lagging_law import LaggingLaw, Setting
+from draglag.simulation.law import USUAL_LATENCY_S
 
 # A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
 USUAL: tuple[Asked, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
@@ -28,7 +29,6 @@ OTHER: tuple[Asked, ...] = (
 )
 FEW: tuple[Asked, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, -0.035), OTHER[-1])  # enough to see that it is another
 LEAST_LEFT_S = 0.003  # of a delay: the placing is true to that
-PRESENT = (1,)  # a lagging law's setting to first order
 LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
 KEPT = 0.9  # of the edges of steady runs, that a delay has to place
 ROUNDS = 2
@@ -60,15 +60,20 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         term = with_what_is_left(term, left_s)
     if asked:
         last = asked[-1].terms[-1]
-        longer = with_what_is_left(last, (LONGER - 1) * last.theta[1])
+        longer = with_what_is_left(last, (LONGER - 1) * _delay_s(last))
         out += [*asked, refit(session, before, [*before.terms, longer])]
     return out
 
 
 def with_what_is_left(term: Term, left_s: float) -> Term:
     """The term at the delay that its fit ended with."""
-    which, delay_s = term.theta
-    return Term(term.effect, (which, float(np.clip(delay_s + left_s, -LONGEST_S, LONGEST_S))), (0.0,))
+    delay_s = float(np.clip(_delay_s(term) + left_s, -LONGEST_S, LONGEST_S))
+    return Term(term.effect, (Setting(*term.theta).which, delay_s), (0.0,))
+
+
+def _delay_s(term: Term) -> float:
+    """The delay at which the law is asked."""
+    return Setting(*term.theta).delay_s or 0.0
 
 
 def delay_profile(fit: Fit, options: Sequence[Asked]) -> FloatArray:

@@ -34,6 +34,7 @@ class LowSpeedPlateau(Effect):
     undone_in: ClassVar[str] = "law of speed"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.low_speed_plateau.refits"
     of_the_law: ClassVar[bool] = True
+    form_parameter: ClassVar[str] = "plateau_mm_s"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("speed_mm_s", "mm/s", 1.0, 500.0, 125.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

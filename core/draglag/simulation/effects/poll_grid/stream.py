@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from draglag.gap.streams.stamps import BEAT, StreamEffect, counted_out
-from draglag.recording import FloatArray, IntArray, TouchTrace
+from draglag.gap.streams.stamps import BEAT, StreamEffect, Streams, counted_out
+from draglag.recording import FloatArray, IntArray, Run, TouchTrace
+from draglag.simulation.effects.poll_grid import PollGrid
 
 FINEST = 12  # ticks that the usual interval may have
 ROUNDING_S = 2e-6  # of stamps in whole µs, and of the fit to them
@@ -52,6 +53,19 @@ class Polled:
     frame_s: float
 
 
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Polls, and runs with the stamps of the panel's frames."""
+    waited = streams.of(polls_in)
+    if waited is None:
+        return None, runs
+    return waited.effect, tuple(replace(r, touch=unpolled(r.touch, waited.effect.value, waited.frame_s)) for r in runs)
+
+
+def polls_in(streams: Streams) -> Polled | None:
+    """The host's polling: empty ticks, groups and uneven ages are those of its beat."""
+    return polled(streams.touches)
+
+
 def polled(touches: Sequence[TouchTrace]) -> Polled | None:
     """The host's polling with its period and jitter, where the stamps are likelier by it than otherwise."""
     grids = _grids(touches)
@@ -68,7 +82,7 @@ def polled(touches: Sequence[TouchTrace]) -> Polled | None:
     jitter_reach_s = 1.96 * float(np.std(scatter)) / np.sqrt(scatter.size) + UNSURE_JITTER * jitter_s
     frame_s = frames[1] * period_s
     effect = StreamEffect(
-        "poll_grid",
+        PollGrid.id,
         "period_s",
         period_s,
         (period_s - reach_s, period_s + reach_s),

@@ -32,6 +32,8 @@ class Deadband(Effect):
     where: ClassVar[str] = "where the stylus is slow or turns"
     shown_apart_by: ClassVar[str] = "a slow line with turns: there a deadband stands still, a trailing contact does not"
     undone_in: ClassVar[str] = "stream"
+    seen_by: ClassVar[str] = "draglag.simulation.effects.deadband.stream"
+    looked_for: ClassVar[int] = 6
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width_mm", "mm", 0.0, 3.0, 0.3),
         Parameter("kind", "1", 0.0, 2.0, 0.0, whole=True),

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
-from draglag.gap.streams.holding import uneven_age_s
 from draglag.motion import local_fit
 from draglag.recording import FloatArray, IntArray, TouchTrace
+from draglag.simulation.effects.sample_hold.ages import uneven_age_s
 
 WINDOW, DEGREE = 17, 3  # ticks of the local path
 SLOWEST = 0.06  # turns a tick: a slower beat is taken for the path's own

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
-from draglag.gap.streams.stamps import StreamEffect
+from draglag.gap.streams.stamps import StreamEffect, Streams
 from draglag.recording import FloatArray, Run, TouchTrace
+from draglag.simulation.effects.loss_of_contact import LossOfContact
+from draglag.simulation.effects.sample_hold.stream import loop_in
 
 LEAST_EVENTS = 60  # of a run
 AROUND = 61  # events whose usual bend is told
@@ -20,6 +22,11 @@ BY_CHANCE = 0.01  # stretches in a session that chance may make
 TELLING, LEAST_USUAL = 4.0, 10.0
 UNEVEN = 0.5  # of a frame that an interval may differ from it by
 INDEPENDENT = 0.8  # of bends; neighbours share two events
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Filled losses of contact, and runs without what filled them."""
+    return filled_losses(runs, streams.of(loop_in) is not None, streams.step_mm)
 
 
 def filled_losses(
@@ -80,7 +87,7 @@ def filled_losses(
     per_min = 60 * count / touching_s
     reach = 1.96 * np.sqrt(count) * 60 / touching_s
     effect = StreamEffect(
-        "loss_of_contact",
+        LossOfContact.id,
         "losses_per_min",
         per_min,
         (per_min - reach, per_min + reach),

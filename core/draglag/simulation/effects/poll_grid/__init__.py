@@ -22,6 +22,8 @@ class PollGrid(Effect):
     follows: ClassVar[str] = "frame"
     where: ClassVar[str] = "every stamp"
     undone_in: ClassVar[str] = "stream"
+    seen_by: ClassVar[str] = "draglag.simulation.effects.poll_grid.stream"
+    looked_for: ClassVar[int] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("period_s", "s", 1e-4, 0.05, 0.008),
         Parameter("jitter_s", "s", 0.0, 1e-3, 4e-5),

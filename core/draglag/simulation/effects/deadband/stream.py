@@ -8,13 +8,14 @@ event that no share has to be judged.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import ndtr
 
-from draglag.gap.streams.stamps import StreamEffect
-from draglag.recording import FloatArray, TouchTrace
-from draglag.simulation.effects.deadband import JUMP
+from draglag.gap.streams.stamps import StreamEffect, Streams, first_of_repeats
+from draglag.recording import FloatArray, Run, TouchTrace
+from draglag.simulation.effects.deadband import JUMP, Deadband
 
 NARROWEST_MM, WIDEST_MM = 0.05, 1.5  # half of the former is 0.6 ms at 45 mm/s
 OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make positions stand still
@@ -27,6 +28,16 @@ STRAY = 1e-3  # share of events that may be anything
 SURE = 10.0  # nats
 WITHIN = 1.92  # nats below the best: not excluded at 95 %
 WIDTHS = 160
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """A deadband, and runs without the positions that stand still."""
+    stood = streams.of(deadband_in)
+    return stood, runs if stood is None else tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
+
+
+def deadband_in(streams: Streams) -> StreamEffect | None:
+    return deadband(streams.touches, streams.step_mm)
 
 
 def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
@@ -56,7 +67,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     reach = float(near[1] - near[0]) + UNSURE * step_mm
     share = stood.size / (stood.size + moved.size)
     return StreamEffect(
-        "deadband",
+        Deadband.id,
         "width_mm",
         width,
         (float(likely[0]) - reach, float(likely[-1]) + reach),
