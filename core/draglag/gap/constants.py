@@ -49,6 +49,9 @@ LAW_KNOTS = 11
 MEMORY_S = 0.5
 """s. How long a wandering lateness lasts. Physical: a hand's pressure and tilt change within half a second."""
 
+LEAST_DIRECTION_MM = 0.001
+"""mm RMS. Directions of the tolerance that move edges by less are left out. Derived: the rounding of the placing."""
+
 NUGGET_MM2 = 1e-6
 """mm². Added to every variance, (1 µm)²: the rounding of the placing. Derived."""
 

@@ -68,9 +68,9 @@ def linearised(
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     members = [*_own(fit), *members_of(fit, parts, allowed)]
     base, residual, law = _without_members(fit)
-    tolerance, precision = _tolerance(fit, members)
+    tolerance = _tolerance(fit, members)
     n_base = base.shape[1]
-    precision = np.concatenate([fit.prior[:n_base], precision])
+    precision = np.concatenate([fit.prior[:n_base], np.ones(tolerance.shape[1])])
     if not keep.all():
         whole = np.zeros(fit.use.size, bool)
         whole[np.flatnonzero(fit.use)[keep]] = True
@@ -131,8 +131,9 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, LawParameters]:
     return base, residual, curve.nearest
 
 
-def _tolerance(fit: Fit, members: Sequence[Member]) -> tuple[FloatArray, FloatArray]:
-    """Columns (m, k) of what is too small to matter and their prior precision (k,)."""
+def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
+    """Columns (m, k) of what is too small to matter, of unit prior variance each: the leading directions of all smooth
+    terms and effects together, the rest of which is less than the rounding."""
     blocks = [(of_unit_rms(c), constants.TOLERANCE_MM) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}
     for member in members:
@@ -141,8 +142,10 @@ def _tolerance(fit: Fit, members: Sequence[Member]) -> tuple[FloatArray, FloatAr
     for settings in by_name.values():
         step = max(1, len(settings) // constants.TOLERATED_SETTINGS)
         blocks += [(of_unit_rms(m.columns), constants.NAMED_TOLERANCE_MM) for m in settings[::step]]
-    precision = [np.full(c.shape[1], sd**-2.0) for c, sd in blocks]
-    return np.column_stack([c for c, _ in blocks]), np.concatenate(precision)
+    columns = np.column_stack([sd * c for c, sd in blocks])
+    left, size, _ = np.linalg.svd(columns, full_matrices=False)
+    leading = size > constants.LEAST_DIRECTION_MM * np.sqrt(columns.shape[0])
+    return np.asarray(left[:, leading] * size[leading])
 
 
 def normal(linear: Linear, levels: Levels) -> Normal:

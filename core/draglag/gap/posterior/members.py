@@ -13,6 +13,7 @@ from draglag.gap.fitting.law_form import LAW_FORM, FlexibleLaw, LawForm, knots_o
 from draglag.gap.fitting.line_gains import line_gains
 from draglag.gap.fitting.noise import Scatter
 from draglag.gap.fitting.signatures import COLUMNS, jumps, shape_free
+from draglag.gap.proposing.proposals import possible_in
 from draglag.recording import FloatArray
 from draglag.simulation.effects import column_of, effect_class
 
@@ -53,6 +54,8 @@ def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]
     out = []
     for effect, make in COLUMNS.items():
         if effect not in columns or (effect in own and effect_class(effect).refitted_by):
+            continue
+        if not possible_in(fit, effect):
             continue
         made = make(fit.view, gains)
         for one in made:

@@ -117,13 +117,22 @@ def compared(
         if id(linear.fit) not in known:
             levels |= dict.fromkeys(_likely_levels(linear, without, tuple(levels), most))
     found: dict[Names, Found] = {}
-    for linear in linears:
-        search = searched(linear, _normals(linear, tuple(levels)), without, most)
-        open_nats = left_open_nats(linear.fit, fits[0])
+    searches = [searched(linear, _normals(linear, tuple(levels)), without, most) for linear in linears]
+    for search in searches:
+        open_nats = left_open_nats(search.linear.fit, fits[0])
         for names, one in _by_names(search, open_nats).items():
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
-    return Pool(tuple(linears), edges, tuple(levels), found, unsure_ages)
+    kept = tuple(_that_matter(found, tuple(levels)))
+    return Pool(tuple(linears), edges, kept, found, unsure_ages)
+
+
+def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[Levels]:
+    """The levels that hold some of the mass of the most probable explanation, or of the one without effects."""
+    best, empty = max(found, key=lambda n: found[n].log_mass), min(found, key=len)
+    each = np.array([log_evidence(found[n].search, found[n].explanation) for n in (best, empty)])
+    near = each > each.max(axis=1, keepdims=True) - constants.GIVEN_UP
+    return [one for one, keep in zip(levels, near.any(axis=0), strict=True) if keep]
 
 
 def _likely_levels(
@@ -152,8 +161,9 @@ def _normals(linear: Linear, levels: Sequence[Levels]) -> tuple[Normal, ...]:
 
 def _own_best(search: Search) -> Explanation | None:
     """The best explanation with all effects of the fit."""
-    by_names = _by_names(search)
-    return max(by_names.values(), key=lambda f: f.log_mass).explanation if by_names else None
+    inside = {name for name in effects_in(search.linear.fit) if name != LowSpeedPlateau.id}
+    own = [e for e in search.explanations if inside <= set(search.names(e))]
+    return max(own, key=lambda e: e.log_mass, default=None)
 
 
 def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:

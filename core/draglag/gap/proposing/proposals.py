@@ -27,6 +27,12 @@ def shown_by_traces(before: Fit, effect: str) -> bool:
     return own is not None and hasattr(own, "shown_by_traces") and bool(own.shown_by_traces(before))
 
 
+def possible_in(before: Fit, effect: str) -> bool:
+    """Whether the touch events leave room for the effect: thousands of events exclude what a hundred edges cannot."""
+    own = own_way(effect)
+    return own is None or not hasattr(own, "possible_in") or bool(own.possible_in(before))
+
+
 def shown_by_edges(before: Fit, effect: str) -> bool:
     """Whether single edges show what the effect's columns do not: worth a refit where something has no name."""
     own = own_way(effect)

@@ -21,6 +21,11 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     return [refit(session, before, [*before.terms, Term(PitchRipple.id, Setting(lattice.pitch_mm, 1.0))])]
 
 
+def possible_in(before: Fit) -> bool:
+    """Whether the touch events show any ripple."""
+    return lattice_in(as_shown(before.runs)) is not None
+
+
 def shown_by_traces(before: Fit) -> bool:
     """Whether the touch events show a ripple of interest, however little of it lies across the beam."""
     lattice = lattice_in(as_shown(before.runs))
