@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import re
+import sys
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 import draglag
 from draglag.correction import realise
+from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.fitting.state import Term
+from draglag.gap.replaying.realised import effects_of_fit
+from draglag.gap.streams.evidence import inspect
+from draglag.gap.streams.stamps import StreamEffect, Streams
+from draglag.gap.traces.run_data import gather
 from draglag.model_file import ModelEffect, Shape
-from draglag.simulation.effects import EFFECTS, Effect
-from draglag.simulation.effects.other_packages import GROUP
+from draglag.protocols import load_protocol
+from draglag.recording import FloatArray, Run, Session
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import EFFECTS, Effect, Parameter
+from draglag.simulation.effects.in_fits import FittedTerm, Parameters
 from draglag.simulation.kinematics import Kinematics, Motion
+from draglag.simulation.residual import LineGains, Signature, View
 
 CORE = Path(draglag.__file__).parent
 HOMES = CORE / "simulation" / "effects"
@@ -50,10 +65,12 @@ def test_no_module_but_the_reproduction_of_the_paper_imports_an_effects_class() 
 
 
 def test_late_modules_are_there_and_have_what_they_are_for() -> None:
-    late = [effect for effect in EFFECTS.values() if effect.refitted_by]
-    assert late
-    assert all(callable(effect.own_module().refits) for effect in late)
-    assert GROUP == "draglag.effects"
+    refitted = [effect for effect in EFFECTS.values() if effect.refitted_by]
+    seen = [effect for effect in EFFECTS.values() if effect.seen_by]
+    assert len(refitted) > 5
+    assert len(seen) > 7
+    assert all(callable(effect.own_module().refits) for effect in refitted)
+    assert all(callable(import_module(effect.seen_by).look) for effect in seen)
 
 
 def moved(effect: Effect) -> tuple[float, float]:
@@ -96,3 +113,63 @@ def test_a_term_without_a_setting_leaves_traces_and_law_as_they_are(name: str) -
     home, term = EFFECTS[name], Term(name, (), (0.01,))
     assert home.undoing(term, ()) == (None, term)
     assert home.asked(()) is None
+
+
+@dataclass(frozen=True)
+class Swing(Effect):
+    """Of two columns, in sine and cosine of the session time."""
+
+    id: ClassVar[str] = "swing"
+    meaning: ClassVar[str] = "The latency swings with a period of 20 s."
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("swing_s", "s", 0.0, 0.05, 0.005),)
+    seen_by: ClassVar[str] = "swing_in_streams"
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + self.value * np.sin(2 * np.pi * k.session_s / 20 + 1.0)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        turn = 2 * np.pi * view.since_start_s / 20
+        return [Signature(latency=np.column_stack([np.sin(turn), np.cos(turn)]))]
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        swing, reach = float(np.hypot(*found.sizes)), 1.96 * float(found.se.max())
+        return {"swing_s": (swing, (swing - reach, swing + reach))}
+
+    @classmethod
+    def where_in(cls, fit: Fit) -> str:
+        return f"in {len(fit.runs)} runs"
+
+
+@pytest.fixture
+def swinging(monkeypatch: pytest.MonkeyPatch) -> Session:
+    monkeypatch.setitem(EFFECTS, Swing.id, Swing)
+    return simulate_session("screen-1", load_protocol("demo"), effects=[Swing(0.008)], seed=2)
+
+
+def test_an_effect_of_two_columns_says_itself_what_its_sizes_mean(swinging: Session) -> None:
+    runs = gather(swinging)
+    fit = fit_session(swinging, runs, [Term(Swing.id)], start=fit_session(swinging, runs))
+    value, (low, high) = parameters_of(Swing.id, fit)["swing_s"]
+    assert low < 0.008 < high
+    assert high - low < 0.002
+    assert value == pytest.approx(0.008, abs=0.001)
+    assert where_of(Swing.id, fit) == f"in {len(runs)} runs"
+    assert effects_of_fit(fit) == (Swing(value),)
+
+
+def test_an_effect_from_outside_is_looked_for_in_the_streams(
+    swinging: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+        seen = StreamEffect(Swing.id, "swing_s", 0.008, (0.007, 0.009), "everywhere", "seen", 1.0)
+        return seen, tuple(replace(run, id=f"{run.id} quiet") for run in runs)
+
+    module = ModuleType("swing_in_streams")
+    module.look = look  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "swing_in_streams", module)
+    seen, repaired = inspect(swinging)
+    assert [item.effect for item in seen] == [Swing.id]
+    assert all(run.id.endswith("quiet") for run in repaired.runs)
+    assert not any(run.id.endswith("quiet") for run in swinging.runs)

@@ -161,7 +161,7 @@ def _normals(linear: Linear, levels: Sequence[Levels]) -> tuple[Normal, ...]:
 
 def _own_best(search: Search) -> Explanation | None:
     """The best explanation with all effects of the fit."""
-    inside = {name for name in effects_in(search.linear.fit) if name != LowSpeedPlateau.id}
+    inside = set(effects_in(search.linear.fit)) - set(effects_in_law(search.linear.fit))
     own = [e for e in search.explanations if inside <= set(search.names(e))]
     return max(own, key=lambda e: e.log_mass, default=None)
 
