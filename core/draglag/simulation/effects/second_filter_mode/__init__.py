@@ -75,8 +75,9 @@ class SecondFilterMode(Effect):
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
         setting = Setting.of(term.theta)
-        shown = setting is not None and setting.shown
-        return Lateness(setting.above, setting.times_s) if setting is not None and shown else None, term
+        if setting is None or not setting.shown:
+            return None, term
+        return Lateness(setting.above, setting.times_s), term
 
     @classmethod
     def undone_s(cls, term: Term, placed: Placed) -> FloatArray | float:
