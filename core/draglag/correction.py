@@ -15,7 +15,7 @@ import numpy as np
 from draglag.clocks import remapped, remapped_within
 from draglag.errors import DataError
 from draglag.events import sample_interval_s, usable
-from draglag.gap.replaying.realised import FittedShape, made
+from draglag.gap.replaying.realised import made
 from draglag.gap.streams.evidence import inspect
 from draglag.inversion import Law, stylus_path
 from draglag.latency.on_clock import nearby
@@ -78,9 +78,10 @@ def realise(effect: ModelEffect) -> Effect:
     """The effect of the simulation that a model file describes. A single number of an unknown name is its size."""
     if effect.shape is not None and effect.shape.sizes:
         shape = effect.shape
-        return FittedShape(
-            next(iter(effect.parameters.values()), 0.0), effect.id, shape.theta, shape.sizes, shape.about
-        )
+        value = next(iter(effect.parameters.values()), 0.0)
+        fitted = EFFECTS[effect.id].of_shape(value, shape.theta, shape.sizes, shape.about)
+        if fitted is not None:
+            return fitted
     numbers = dict(effect.parameters)
     known = {spec.name for spec in EFFECTS[effect.id].parameters}
     main = EFFECTS[effect.id].parameters[0].name
@@ -98,14 +99,14 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
     applied: list[ModelEffect] = []
     left: dict[str, str] = {}
     effects: list[Effect] = []
-    compared = "clock_drift" in {item.id for item in model.effects} and _clock_is_known(session)
+    compared = any(EFFECTS[item.id].seen_by_comparisons for item in model.effects) and _clock_is_known(session)
     if compared:
         session = replace(session, runs=tuple(remapped(run, nearby(run, session.clocks)) for run in session.runs))
     for item in model.effects:
         undone_in = EFFECTS[item.id].undone_in
         if undone_in in IN_THE_LAW:
             left[item.id] = LAW_UNDOES if undone_in == OF_SPEED else "it follows the acceleration"
-        elif item.id == "clock_drift" and compared:
+        elif EFFECTS[item.id].seen_by_comparisons and compared:
             left[item.id] = "the session's own clock comparisons take it out"
         elif undone_in in ("laser", "touch"):
             applied.append(item)
@@ -156,22 +157,23 @@ def corrected_touch(
     left: dict[str, str] = {}
     effects: list[Effect] = []
     for item in model.effects:
-        undone_in = EFFECTS[item.id].undone_in
+        home = EFFECTS[item.id]
+        undone_in, first_s = home.undone_in, home.first_shown_s(t_s, x_mm, y_mm)
         if undone_in in IN_THE_LAW:
             left[item.id] = LAW_UNDOES if undone_in == OF_SPEED else "it follows the acceleration"
             continue
-        if undone_in == "laser" or item.id == "laser_bounce":
+        if undone_in == "laser" or not home.acts_on_touch():
             left[item.id] = "it does not act on touch"
-        elif EFFECTS[item.id].follows == "session_time":
+        elif home.follows == "session_time":
             left[item.id] = "the events do not say how long the screen had been on"
         elif undone_in == "touch" and size[0] > 0:
             applied.append(item)
             effects.append(realise(item))
         elif undone_in == "touch":
             left[item.id] = "the model does not say how large its screen is"
-        elif item.id == "sample_hold":
+        elif first_s is not None:
             applied.append(item)
-            t_s = _first_shown(t_s, x_mm, y_mm)
+            t_s = first_s
         else:
             left[item.id] = "it cannot be undone"
     done = Correction(tuple(applied), left)
@@ -189,13 +191,6 @@ def corrected_touch(
         np.where(good, moved.y_mm[index], np.nan),
         done,
     )
-
-
-def _first_shown(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """The time at which each event's position was first shown, (n,) s."""
-    repeats = np.append(False, (np.diff(x_mm) == 0) & (np.diff(y_mm) == 0))
-    first = np.maximum.accumulate(np.where(repeats, 0, np.arange(t_s.size)))
-    return np.asarray(t_s[first])
 
 
 def _hand(

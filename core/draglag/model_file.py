@@ -143,11 +143,9 @@ class LatencyModel(_Table):
         shown = np.asarray(speed_mm_s, float)
         speed, extra_s = shown, 0.0 * shown
         for effect in self.effects:
-            if effect.id == "low_speed_plateau" and effect.parameters:
-                speed = np.maximum(speed, next(iter(effect.parameters.values())))
-            if effect.id == "second_filter_mode" and {"extra_s", "threshold_mm_s"} <= effect.parameters.keys():
-                above = shown > effect.parameters["threshold_mm_s"]
-                extra_s = np.where(above, effect.parameters["extra_s"], 0.0)
+            home = EFFECTS[effect.id]
+            speed = home.curve_speed(speed, effect.parameters)
+            extra_s = extra_s + home.curve_extra_s(shown, effect.parameters)
         if not extrapolate:
             speed = np.clip(speed, *self.speed_range_mm_s)
         return np.asarray(self.curve.predict_s(speed) + extra_s)

@@ -12,11 +12,12 @@ from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.fitting.parameters import where_of
-from draglag.gap.replaying.realised import FittedShape
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
+from draglag.simulation.effects.second_filter_mode.fitted import FittedMode
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
@@ -93,7 +94,7 @@ def test_what_is_beyond_chance_and_too_small_to_matter_is_tolerated() -> None:
 def test_a_filter_that_switches_at_its_own_times_is_named_with_its_times() -> None:
     rng = np.random.default_rng(3)
     ends = np.cumsum(rng.uniform(4, 12, 120))
-    switched = FittedShape(0.012, "second_filter_mode", (0.0, 2.0, *ends.tolist()), (0.012,))
+    switched = FittedMode(0.012, Setting(0.0, By.TIME, tuple(ends.tolist())).theta, (0.012,))
     session = simulate_session("screen-1", load_protocol("demo"), effects=[switched], seed=5)
     report = close_gap(session)
     assert report.steps[0].effect == "second_filter_mode"
@@ -111,7 +112,7 @@ def test_a_filter_that_switches_at_its_own_times_is_named_with_its_times() -> No
 
 def test_a_switching_filters_times_are_refitted_with_what_hid_them() -> None:
     ends = np.cumsum(np.random.default_rng(5).uniform(4, 12, 120))
-    switched = FittedShape(0.012, "second_filter_mode", (0.0, 2.0, *ends.tolist()), (0.012,))
+    switched = FittedMode(0.012, Setting(0.0, By.TIME, tuple(ends.tolist())).theta, (0.012,))
     asymmetry = parse_effect("direction_asymmetry=0.006")  # half of it, one way down and one way up
     report = close_gap(simulate_session("screen-1", load_protocol("demo"), effects=[switched, asymmetry], seed=5))
     assert report.verdict == "explained"

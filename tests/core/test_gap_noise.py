@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from draglag.gap.fitting.joint import Fit, fit_session
-from draglag.gap.fitting.plateau import plateau_ci95_mm_s
 from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects.low_speed_plateau.interval import plateau_ci95_mm_s
 
 SESSIONS = 4
 

@@ -9,15 +9,17 @@ from scipy.signal import savgol_filter
 
 from draglag.gap import close_gap
 from draglag.gap.replaying.extended import extended_model
-from draglag.gap.replaying.realised import FittedShape
 from draglag.gap.results import GapReport, Step
-from draglag.gap.traces.lateness import without_lateness
 from draglag.gap.traces.run_data import gather
-from draglag.gap.traces.skips import find_skips
 from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import Effect
+from draglag.simulation.effects.fitted_shape import FittedShape
+from draglag.simulation.effects.second_filter_mode.fitted import FittedMode
+from draglag.simulation.effects.second_filter_mode.lateness import without_lateness
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting
+from draglag.simulation.effects.second_filter_mode.skips import find_skips
 from draglag.simulation.kinematics import Kinematics
 
 SIZE_S = 0.012
@@ -27,7 +29,8 @@ CHANGE_MM_S2 = 120.0
 def coming_and_going(every_s: float, seed: int) -> FittedShape:
     """A filter in stretches of random length, over a whole session."""
     ends = np.cumsum(np.random.default_rng(seed).exponential(every_s, round(1200 / every_s)))
-    return FittedShape(SIZE_S, "second_filter_mode", (0.0, 2.0, *ends[: ends.size // 2 * 2].tolist()), (SIZE_S,))
+    times = Setting(0.0, By.TIME, tuple(ends[: ends.size // 2 * 2].tolist()))
+    return FittedMode(SIZE_S, times.theta, (SIZE_S,))
 
 
 def simulated(*effects: Effect, seed: int = 5) -> Session:

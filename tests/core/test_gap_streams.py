@@ -12,9 +12,8 @@ import pytest
 
 from draglag.correction import realise
 from draglag.exchange import read_exchange
-from draglag.gap.streams.stalls import stalls
 from draglag.gap.streams.evidence import inspect
-from draglag.gap.streams.stamps import evened
+from draglag.gap.streams.stalls import stalls
 from draglag.gap.traces.unwarped import Shown, Unwarped
 from draglag.model_file import ModelEffect
 from draglag.protocols import load_protocol
@@ -23,6 +22,7 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effects
 from draglag.simulation.effects.base import Edges
 from draglag.simulation.effects.laser_bounce import LaserBounce
+from draglag.simulation.effects.timestamp_quantisation.stream import evened
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 

@@ -16,15 +16,16 @@ from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.fitting.state import _not_far
 from draglag.gap.replaying.extended import extended_model
-from draglag.gap.replaying.realised import FittedShape, effects_of_fit
-from draglag.gap.streams.lattice import Lattice, lattice_of
+from draglag.gap.replaying.realised import effects_of_fit
 from draglag.gap.traces.asked import asked_speeds, before_s
 from draglag.gap.traces.run_data import RunData, as_shown, gather, undone
 from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
-from draglag.simulation.effects.smoothing_shrink import behind
+from draglag.simulation.effects.pitch_ripple.lattice import Lattice, lattice_of
+from draglag.simulation.effects.smoothing_shrink.fitted import LookingBack, behind
+from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 PITCH_MM = 5.3
@@ -76,7 +77,9 @@ def test_pitch_amplitudes_and_phases_are_those_of_the_ripple(ripple: Session) ->
 
 def test_undone_traces_are_as_quiet_as_they_were_and_lie_where_they_did(sound: Session, ripple: Session) -> None:
     was, shown = gather(sound), gather(ripple)
-    flat = undone(shown, ripple=True, lag_s=0.0)
+    lattice = lattice_in(ripple)
+    assert lattice is not None
+    flat = undone(shown, [lattice])
     assert [data.run.id for data in flat] == [data.run.id for data in was]
     quick = [k for k, data in enumerate(was) if (data.run.nominal_speed_mm_s or 0) > 150]
     louder = [shown[k].noise_mm / was[k].noise_mm for k in quick]
@@ -111,13 +114,14 @@ def test_the_workflow_names_the_ripple_and_leaves_what_a_sound_session_has(sound
 
 
 TIME_CONSTANT_S = 0.045
+LOW_PASS = Sharpening(Setting(TIME_CONSTANT_S))
 
 
 @pytest.fixture(scope="module")
 def low_passed() -> tuple[Session, Session]:
     """A session behind a low-pass, whose delay at rest the panel's latency holds already, and the same without."""
     demo = load_protocol("demo")
-    effect = FittedShape(TIME_CONSTANT_S, "smoothing_shrink", (TIME_CONSTANT_S,), (TIME_CONSTANT_S**2,))
+    effect = LookingBack(TIME_CONSTANT_S, (TIME_CONSTANT_S,), (TIME_CONSTANT_S**2,))
     return simulate_session("screen-1", demo, effects=[effect], seed=4), simulate_session("screen-1", demo, seed=4)
 
 
@@ -166,10 +170,10 @@ def test_a_low_pass_whose_phase_only_delays_is_undone_as_such() -> None:
 
 def test_events_of_a_sharpened_trace_share_noise_as_they_are_said_to(low_passed: tuple[Session, Session]) -> None:
     data = gather(low_passed[0])[5]
-    (sharp,) = undone((data,), ripple=False, lag_s=TIME_CONSTANT_S)
+    (sharp,) = undone((data,), [LOW_PASS])
     rng = np.random.default_rng(3)
     noise_mm = rng.normal(0, 0.1, data.xy_mm.shape)
-    (louder,) = undone((replace(data, xy_mm=data.xy_mm + noise_mm),), ripple=False, lag_s=TIME_CONSTANT_S)
+    (louder,) = undone((replace(data, xy_mm=data.xy_mm + noise_mm),), [LOW_PASS])
     assert sharp.spread is not None
     assert louder.xy_mm - sharp.xy_mm == pytest.approx(sharp.spread @ noise_mm, abs=1e-9)
     assert sharp.t_s[0] - data.t_s[0] >= TIME_CONSTANT_S
@@ -180,7 +184,7 @@ def test_a_trace_too_short_to_be_freed_is_refused(low_passed: tuple[Session, Ses
     data = gather(low_passed[0])[5]
     short = replace(data, t_s=data.t_s[:4], xy_mm=data.xy_mm[:4])
     with pytest.raises(EstimateError, match="cannot be freed"):
-        undone((short,), ripple=False, lag_s=TIME_CONSTANT_S)
+        undone((short,), [LOW_PASS])
 
 
 def test_a_low_pass_of_no_time_leaves_a_path_as_it_is() -> None:

@@ -11,7 +11,7 @@ import pytest
 from draglag.exchange import read_exchange
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.state import Term, term_signature
-from draglag.gap.replaying.realised import OF_FREE_SHAPE, effects_of_fit, made
+from draglag.gap.replaying.realised import effects_of_fit, made
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
@@ -99,7 +99,7 @@ def test_a_fitted_effect_moves_simulated_edges_as_it_moves_measured_ones(name: s
     bare = fit_session(measured, runs)
     fit = fit_session(measured, runs, [Term(name)], start=bare)
     kind = effects_of_fit(fit)[0]
-    assert kind.id == ("fitted_shape" if name in OF_FREE_SHAPE else name)
+    assert kind.id == ("fitted_shape" if name == "spatial_warp" else name)
     found = replay(measured, fit, reference=bare)
     assert found.rms_mm < 1.2 * np.sqrt(np.mean(fit.residual_mm**2)) + 0.02
     # The simulated session, fitted like the measured one, holds the effect in the same size.

@@ -16,9 +16,10 @@ from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.reproduction.published import PLATEAU_MM_S
 from draglag.simulation import simulate_session
-from draglag.simulation.effects import parse_effects
+from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 
 Progress = Callable[[float, str], None]
+PLATEAU = LowSpeedPlateau.id
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,13 @@ class OwnGap:
     @property
     def plateau_mm_s(self) -> tuple[float, tuple[float, float]] | None:
         """The plateau found and its 95 % interval, or None."""
-        step = next((s for s in self.report.steps if s.effect == "low_speed_plateau"), None)
+        step = next((s for s in self.report.steps if s.effect == PLATEAU), None)
         return None if step is None else step.parameters["speed_mm_s"]
 
     @property
     def closed(self) -> bool:
         """Whether the plateau alone was named, and nothing remains."""
-        return self.report.verdict == "explained" and [s.effect for s in self.report.steps] == ["low_speed_plateau"]
+        return self.report.verdict == "explained" and [s.effect for s in self.report.steps] == [PLATEAU]
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -53,7 +54,7 @@ class OwnGap:
 
 def own_gap(seed: int = 3, protocol: Protocol | None = None, progress: Progress | None = None) -> OwnGap:
     """Simulate Screen 2 with the plateau of Fig. 5 and run the gap workflow on it, its whole library allowed."""
-    effects = parse_effects([f"low_speed_plateau={PLATEAU_MM_S:g}"])
+    effects = (LowSpeedPlateau(PLATEAU_MM_S),)
     session = simulate_session("screen-2", protocol or load_protocol("latency-sweep"), effects=effects, seed=seed)
     report = close_gap(session, progress=progress)
     try:
@@ -78,10 +79,10 @@ def gap_words(found: OwnGap) -> Iterator[str]:
         yield f"The plateau was not named (verdict: {report.verdict}, following {report.unexplained_by or 'nothing'})."
         return
     value, (low, high) = plateau
-    step = next(s for s in report.steps if s.effect == "low_speed_plateau")
-    others = [s.effect for s in report.steps if s.effect != "low_speed_plateau"]
+    step = next(s for s in report.steps if s.effect == PLATEAU)
+    others = [s.effect for s in report.steps if s.effect != PLATEAU]
     yield (
-        f"Found and named: low_speed_plateau at {value:.1f} mm/s (95 %: {low:.1f} to {high:.1f}; simulated "
+        f"Found and named: {PLATEAU} at {value:.1f} mm/s (95 %: {low:.1f} to {high:.1f}; simulated "
         f"{found.truth_mm_s:g}), p = {step.p_value:.1g}"
         + (f"; also named: {', '.join(others)}." if others else "; nothing else was named.")
     )

@@ -13,17 +13,15 @@ from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill, lik
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
 from draglag.gap.fitting.search import at_best_rates, cost_beside
-from draglag.gap.fitting.state import State, Term, look, shown_in_trace, stepped, term_signature, usable
+from draglag.gap.fitting.state import State, Term, look, stepped, term_signature, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData, undone
 from draglag.gap.traces.unwarped import Unwarped
 from draglag.recording import FloatArray, Session
-from draglag.simulation.effects import EFFECTS
-from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
+from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
 
-RIPPLE, SMOOTHING = "pitch_ripple", "smoothing_shrink"
 HELD = 1e9  # precision
 STEPS, ATTEMPTS = 12, 6
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
@@ -64,11 +62,14 @@ class Fit:
 
 
 def effects_in(fit: Fit) -> tuple[str, ...]:
-    """Ids of the effects in a fit, sorted: its terms, and a plateau of its law."""
+    """Ids of the effects in a fit, sorted: its terms, and those of its law."""
     named = [term.effect for term in fit.terms if term.effect in EFFECTS]
-    if fit.law.plateau_mm_s > 0:
-        named.append(LowSpeedPlateau.id)
-    return tuple(sorted(named))
+    return tuple(sorted([*named, *effects_in_law(fit)]))
+
+
+def effects_in_law(fit: Fit) -> tuple[str, ...]:
+    """Ids of the effects that a fit holds in its law."""
+    return tuple(name for name, effect in EFFECTS.items() if effect.in_law(fit.law))
 
 
 def restrict(view: View, use: np.ndarray) -> View:
@@ -234,16 +235,10 @@ def _next(
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
-    """Traces with what the terms say undone in them: a ripple if they show it, a low-pass whose setting is its time
-    constant, a second filter that they show. What such a term keeps is what is left of it."""
-    lag_s, *even = next((term.theta for term in terms if term.effect == SMOOTHING and term.theta), (0.0,))
-    switched = next(((term.theta[0], *term.theta[2:]) for term in terms if shown_in_trace(term)), ())
-    ready = undone(runs, any(term.effect == RIPPLE for term in terms), lag_s, bool(even), switched)
-    lattice = ready[0].lattice if ready else None
-    if lattice is None or lattice is runs[0].lattice:
-        return ready, terms
-    left = Term(RIPPLE, (lattice.pitch_mm, 1.0), (0.0,) * 4)
-    return ready, [left if term.effect == RIPPLE else term for term in terms]
+    """Traces with what the terms say undone in them, and the terms: each keeps what is left of it."""
+    each = [effect_class(term.effect).undoing(term, runs) for term in terms]
+    ready = undone(runs, [what for what, _ in each if what is not None])
+    return ready, [left for _, left in each]
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:

@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix, diags, identity
 
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
+from draglag.motion import SPEED_TIMING_S
 from draglag.recording import FloatArray, IntArray
 
 EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)
@@ -25,7 +26,6 @@ UNEVEN = (0.1, 0.3)
 # Panels differ by about 0.7 ms from run to run; more is not noise but something missing.
 RUN_S = (0.0, 0.00025, 0.0005, 0.001)
 RUN_MM = (0.0, 0.05)
-SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
 UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's
 ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over
 SPEED_MEMORY_S = 0.15  # how long the hand's own unevenness, faster than the speed window, lasts

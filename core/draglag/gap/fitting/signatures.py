@@ -11,7 +11,6 @@ from draglag.gap.fitting.model import Geometry, LawParameters, side_of
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, Effect
-from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 from draglag.simulation.residual import Averaged, Signature, View, column
 
 COLUMNS = {
@@ -20,9 +19,6 @@ COLUMNS = {
     if effect.signatures.__func__ is not Effect.signatures.__func__  # type: ignore[attr-defined]
 }
 """Effects that residuals show."""
-
-SIGNATURES = {name: make for name, make in COLUMNS.items() if name != LowSpeedPlateau.id}
-"""Those of them that are fitted as terms; a plateau is part of the law."""
 
 BESIDE = 0.1  # of the panel's width
 JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for

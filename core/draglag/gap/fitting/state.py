@@ -16,14 +16,10 @@ from draglag.gap.traces.asked import NOW, Asked
 from draglag.gap.traces.edges import Placed, place
 from draglag.gap.traces.run_data import RunData
 from draglag.recording import FloatArray
-from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Signature, View
 
-LAGGING = "lagging_law"
-SHOWN = 3.0  # kind of a second filter whose times the touch events show
-FOLLOW_ACCELERATION = ("acceleration_lag", LAGGING)
 FREE = 1e-12  # precision of an effect's size: none
-ACCEL_UNKNOWN = 0.2
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
 FAR_S = 0.001  # moved by more, an edge lies where an effect of its place is another
 STRAYED_S = 0.005  # placed by so much more or less than the place itself asks for, it has not come to an end
@@ -43,11 +39,6 @@ def term_signature(term: Term, view: View) -> Signature:
     """The signature of a term at its setting: an effect's, or that of the curve's own form."""
     of = LawForm if term.effect == LAW_FORM else EFFECTS[term.effect]
     return of.signature_at(term.theta, view)
-
-
-def shown_in_trace(term: Term) -> bool:
-    """Whether it is a second filter that was undone in the traces, by its first setting."""
-    return term.effect == "second_filter_mode" and term.theta[1:2] == (SHOWN,)
 
 
 def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
@@ -81,13 +72,12 @@ def look(
     before: State | None,
 ) -> State:
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
-    asked = next((t.theta[:2] for t in terms if t.effect == LAGGING and len(t.theta) == 2), NOW)
-    when = asked[0], asked[1]
+    asked = (effect_class(t.effect).asked(t.theta) for t in terms)
+    when = next((one for one in asked if one is not None), NOW)
     placed = _placed_anew(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
     view = view_of(placed, law, geometry, width_mm)
-    lag = next((t.theta for t in terms if t.effect == "acceleration_lag" and t.theta), (0.0,))
-    if lag[0] > 0:
-        view = replace(view, accel=view.trace.acceleration(*lag)[0])
+    for term in terms:
+        view = effect_class(term.effect).view_with(term.theta, view)
     signatures = tuple(term_signature(t, view) for t in terms)
     if extra is not None:
         # What an edge was placed by has to hold where it came to lie; beside a hole it may have come from anywhere.
@@ -112,10 +102,11 @@ def _placed_anew(runs: tuple[RunData, ...], law: LawParameters, asked: Asked) ->
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
-    """What effects of the acceleration leave at each edge, mm: it is known to about a fifth of what it varies by."""
+    """What effects leave at each edge whose columns are not known but to a share of what they vary by, mm."""
     blur = np.zeros(view.x_mm.size)
     for term, column in zip(terms, columns, strict=True):
-        if term.effect not in FOLLOW_ACCELERATION:
+        share = effect_class(term.effect).unsure_share
+        if not share:
             continue
         moved = column @ np.array(term.sizes)
         for k in np.unique(placed.run):
@@ -123,7 +114,7 @@ def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, place
             typical = (
                 np.sqrt(np.mean(moved[run] ** 2) / max(np.mean(view.v_across[run] ** 2), 1e-9)) if run.any() else 0
             )
-            blur[placed.run == k] += ACCEL_UNKNOWN * typical * view.v_across[placed.run == k]
+            blur[placed.run == k] += share * typical * view.v_across[placed.run == k]
     return blur
 
 
@@ -143,8 +134,7 @@ def stepped(
     for t in state.terms:
         k = len(t.sizes)
         sizes = tuple(float(q) for q in np.array(t.sizes) + step[n : n + k])
-        # The trace is unwarped by what is found in it.
-        theta = (max(sizes[0], 0.0), *t.theta[1:]) if t.effect == "acceleration_lag" else t.theta
+        theta = effect_class(t.effect).theta_at(t.theta, sizes)
         terms.append(replace(t, sizes=sizes, theta=theta))
         n += k
     there = look(runs, law, geometry, terms, width_mm, state)

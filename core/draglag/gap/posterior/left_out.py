@@ -15,7 +15,7 @@ from draglag.gap.fitting.model import residual_mm
 from draglag.gap.fitting.noise import timing_mm, touch_variances
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.fitting.state import term_signature, total
-from draglag.gap.proposing.judged import open_mm
+from draglag.gap.proposing.left_open import open_mm
 from draglag.recording import FloatArray
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from draglag.gap import constants
-from draglag.gap.fitting.joint import Fit, effects_in
+from draglag.gap.fitting.joint import Fit, effects_in, effects_in_law
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.posterior.law_shape import falling_share
 from draglag.gap.posterior.left_out import left_open_nats
@@ -17,7 +17,6 @@ from draglag.gap.posterior.levels import Levels
 from draglag.gap.posterior.linear import Linear, Normal, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.search import Explanation, Search, log_evidence, searched
-from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 
 Names = tuple[str, ...]
 IN_SPEED = f"{UNNAMED}speed:latency"
@@ -162,7 +161,7 @@ def _normals(linear: Linear, levels: Sequence[Levels]) -> tuple[Normal, ...]:
 
 def _own_best(search: Search) -> Explanation | None:
     """The best explanation with all effects of the fit."""
-    inside = {name for name in effects_in(search.linear.fit) if name != LowSpeedPlateau.id}
+    inside = set(effects_in(search.linear.fit)) - set(effects_in_law(search.linear.fit))
     own = [e for e in search.explanations if inside <= set(search.names(e))]
     return max(own, key=lambda e: e.log_mass, default=None)
 
@@ -172,13 +171,13 @@ def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
     leaves open."""
     fit = search.linear.fit
     inside = set(effects_in(fit))
-    plateau = (LowSpeedPlateau.id,) if fit.law.plateau_mm_s > 0 else ()
-    prior = (float(np.log(constants.P_EFFECT)) if plateau else 0.0) - open_nats
+    of_law = effects_in_law(fit)
+    prior = len(of_law) * float(np.log(constants.P_EFFECT)) - open_nats
     falls = _falling(search)
     masses: dict[Names, float] = {}
     best: dict[Names, Explanation] = {}
     for explanation in search.explanations:
-        names = tuple(sorted((*search.names(explanation), *plateau)))
+        names = tuple(sorted((*search.names(explanation), *of_law)))
         if not inside <= set(names):
             continue
         for named, log_share in _by_shape(names, falls):

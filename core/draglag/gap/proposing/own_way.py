@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from types import ModuleType
 
 from draglag.simulation.effects import effect_class
 
 
 def own_way(effect: str) -> ModuleType | None:
-    """It may have ``refits(session, before, theta)``, ``shown_by_traces(before)`` and ``judged(placed, term)``."""
-    name = effect_class(effect).refitted_by
-    return import_module(name) if name else None
+    """It may have ``refits(session, before, theta)``, ``shown_by_traces(before)``, ``shown_by_edges(before)`` and
+    ``open_mm(placed, term)``."""
+    home = effect_class(effect)
+    return home.own_module() if home.refitted_by else None

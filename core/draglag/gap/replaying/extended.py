@@ -11,12 +11,10 @@ import draglag
 from draglag.curve import FORMS, CurveFit
 from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit
-from draglag.gap.fitting.state import shown_in_trace
-from draglag.gap.replaying.realised import fitted_shape, has_free_shape
 from draglag.gap.results import GapReport, Step
 from draglag.model_file import LatencyModel, ModelEffect, Provenance, Shape, model_of
 from draglag.recording import FloatArray, Session
-from draglag.simulation.effects.second_filter_mode import within
+from draglag.simulation.effects import effect_class
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
@@ -65,10 +63,10 @@ def law_of_fit(fit: Fit) -> CurveFit:
 def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
     """A curve that was fitted to edges of a clock that is off, on the touch events' own clock; the covariance of its
     asymptote with the offset's."""
-    offset = next((step.parameters["offset_s"] for step in steps if step.effect == "clock_offset"), None)
-    if offset is None:
+    off = next((step for step in steps if effect_class(step.effect).laser_late), None)
+    if off is None:
         return curve
-    value_s, (low_s, high_s) = offset
+    value_s, (low_s, high_s) = off.parameters[effect_class(off.effect).parameters[0].name]
     at = FORMS[curve.form].names.index("a7_ms")
     values, covariance = curve.values.copy(), curve.covariance.copy()
     values[at] += 1e3 * value_s
@@ -77,10 +75,10 @@ def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
 
 
 def _undone_s(fit: Fit) -> FloatArray:
-    """How much later every placed edge was shown than the trace says after a second filter was undone in it, (m,) s."""
+    """How much later every placed edge was shown than the trace says after effects were undone in it, (m,) s."""
     out = np.zeros(len(fit.placed))
-    for term in filter(shown_in_trace, fit.terms):
-        out += term.theta[0] * within(term.theta[2:], fit.placed.since_start_s + fit.placed.latency_s)
+    for term in fit.terms:
+        out += effect_class(term.effect).undone_s(term, fit.placed)
     return out
 
 
@@ -116,11 +114,9 @@ def extended_model(session: Session, report: GapReport, created_utc: str = "", i
 
 
 def _effect(step: Step, fit: Fit) -> ModelEffect:
-    shape = None
     term = next((t for t in fit.terms if t.effect == step.effect), None)
-    if term is not None and has_free_shape(term):
-        made = fitted_shape(term, fit)
-        shape = Shape(theta=made.theta, sizes=made.sizes, about=made.about)
+    made = None if term is None else effect_class(step.effect).shape_in(term, fit)
+    shape = None if made is None else Shape(theta=made.theta, sizes=made.sizes, about=made.about)
     return ModelEffect(
         id=step.effect,
         parameters={name: float(value) for name, (value, _) in step.parameters.items()},

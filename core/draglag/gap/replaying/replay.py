@@ -27,15 +27,13 @@ from draglag.gap.traces.run_data import RunData, as_shown, gather
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace
 from draglag.simulation.chain import simulate_run
-from draglag.simulation.effects.base import Effect
+from draglag.simulation.effects import Effect, effect_class
 from draglag.simulation.kinematics import Motion
 from draglag.simulation.residual import View
 from draglag.simulation.rig import Rig
 
 Progress = Callable[[float, str], None]
 
-HELD = "sample_hold"
-REPAIRED = frozenset({"frame_batching", "timestamp_quantisation", "poll_grid", "deadband"})
 SEED = 20260101
 MATCH_S = 0.15  # a simulated edge farther from the measured one is another crossing
 
@@ -196,14 +194,14 @@ def replay(
     if not any(run.laser.t_s.size for run in again.runs):
         raise EstimateError(f"{session.name}: the simulated hand never crosses the beam", "Check beam and calibration")
     tell(0.85, "estimating the simulated runs")
-    simulated = {effect.id for effect in effects}
     # Batches, coarse clocks and the like are repaired before anything is estimated, in the simulation as in the
     # measurement; a loop's delay is seen in the streams as they come.
-    seen = gather(inspect(again)[1] if REPAIRED & simulated else again)
+    repaired = any(effect.undone_in == "stream" and not effect.estimated_with for effect in effects)
+    seen = gather(inspect(again)[1] if repaired else again)
     measured = {data.run.id: data.estimate for data in (raw if raw is not None else fit.runs)}
     estimates = {data.run.id: data.estimate for data in seen}
     runs = tuple(RunReplay(d.run.id, d.run.protocol, measured.get(d.run.id), estimates.get(d.run.id)) for d in fit.runs)
-    if HELD in simulated:
+    if any(effect.estimated_with for effect in effects):
         seen = gather(inspect(again)[1])
     measured_s = fit.placed.t_s[fit.use]
     falling = fit.placed.falling[fit.use]
@@ -239,7 +237,7 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
         raise EstimateError(f"{report.session}: there is no model to simulate with", "; ".join(report.missing))
     tell = progress or (lambda fraction, text: None)
     session = report.judged(session)
-    raw = gather(session) if HELD in {step.effect for step in report.steps} else None
+    raw = gather(session) if any(effect_class(step.effect).estimated_with for step in report.steps) else None
     fits = [report.first]
     for step in report.steps:
         fits.append(step.fit or fits[-1])

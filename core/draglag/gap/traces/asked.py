@@ -16,7 +16,7 @@ from scipy.linalg import solve_banded, solveh_banded
 from scipy.signal import lfilter
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.lagging_law import USUAL_LATENCY_S
+from draglag.simulation.law import USUAL_LATENCY_S
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData

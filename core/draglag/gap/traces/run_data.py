@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity
+from scipy.sparse import csr_matrix
 
 from draglag.errors import EstimateError
 from draglag.events import contact_losses, sample_interval_s
-from draglag.gap.streams.lattice import Lattice, lattice_of
-from draglag.gap.traces.lateness import without_lateness
 from draglag.gap.traces.steep import wide_enough
 from draglag.gap.traces.unwarped import Shown, shown_speed
 from draglag.latency.estimate import RunEstimate, estimate_run, prepare
 from draglag.motion import best_half_width_s, local_fit, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
+from draglag.simulation.effects.in_fits import FreedTrace, Undoing
 
 FEWEST = 6  # edges a run must give to count
 GUESS_S = 0.06
@@ -27,9 +27,8 @@ QUICK_S = 0.004  # no speed changes within less, whatever the panel's rate
 class RunData:
     """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise.
 
-    lattice, lag_s, switched: what was undone in the trace, an electrodes' ripple, a low-pass's time constant and a
-    second filter's lateness with its times; as_shown: the run before that. spread: (n, events shown) by how much each
-    event shown, noise and all, then moves each of the n.
+    undone: what effects did to the trace and was undone in it; as_shown: the run before that. spread: (n, events shown)
+    by how much each event shown, noise and all, then moves each of the n.
     """
 
     run: Run
@@ -42,10 +41,7 @@ class RunData:
     noise_mm: float
     estimate: RunEstimate | None
     guess_s: FloatArray
-    lattice: Lattice | None = None
-    lag_s: float = 0.0
-    even: bool = False
-    switched: tuple[float, ...] = ()
+    undone: tuple[Undoing, ...] = ()
     spread: csr_matrix | None = None
     as_shown: RunData | None = None
 
@@ -151,79 +147,37 @@ def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
     return tuple(data.as_shown or data for data in runs)
 
 
-def undone(
-    runs: tuple[RunData, ...], ripple: bool, lag_s: float, even: bool = False, switched: tuple[float, ...] = ()
-) -> tuple[RunData, ...]:
-    """The runs with the lattice undone that their traces show, if any, a low-pass of time constant ``lag_s``, and a
-    second filter's lateness, s, in the stretches of session time from–to that follow it in ``switched``.
+def undone(runs: tuple[RunData, ...], effects: Sequence[Undoing]) -> tuple[RunData, ...]:
+    """The runs with what these effects did to their traces undone.
 
     Raises EstimateError where nothing of a run is left: the model would take for undone what is not.
     """
-    if not runs:
+    wanted = tuple(sorted(effects, key=lambda effect: effect.place))
+    if not runs or wanted == runs[0].undone:
         return runs
     raw = as_shown(runs)
-    lattice = (runs[0].lattice or lattice_in(raw)) if ripple else None
-    if lattice is runs[0].lattice and (lag_s, even, switched) == (runs[0].lag_s, runs[0].even, runs[0].switched):
-        return runs
-    if lattice is None and lag_s == 0 and not switched:
+    if not wanted:
         return raw
-    out = []
     first_s = min(float(data.t_s[0]) for data in raw)
-    for data in raw:
-        t_s, xy_mm, spread = data.t_s, data.xy_mm, None
-        noise_mm = data.noise_mm
-        if switched:
-            t_s, xy_mm = without_lateness(t_s, xy_mm, switched[0], first_s + np.array(switched[1:]))
-        if lattice is not None:
-            xy_mm = lattice.undone_mm(xy_mm)
-            noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], data.edge_t_s + _guess_s(data.estimate))[1]
-        if lag_s:
-            t_s, xy_mm, spread = _sharpened(t_s, xy_mm, lag_s, float(np.median(data.speed_half_s)), even)
-        widths = _widths(data.run, t_s, xy_mm, data.edge_t_s, data.estimate) if t_s.size else None
-        if widths is None or not np.isfinite(noise_mm):
-            raise EstimateError(
-                f"{data.run.id}: its trace cannot be freed of a ripple or a low-pass", "Leave the run out"
-            )
-        half_s, wide_s, _ = widths
-        out.append(
-            replace(
-                data,
-                t_s=t_s,
-                xy_mm=xy_mm,
-                half_s=half_s,
-                speed_half_s=wide_s,
-                noise_mm=noise_mm,
-                lattice=lattice,
-                lag_s=lag_s,
-                even=even,
-                switched=switched,
-                spread=spread,
-                as_shown=data,
-            )
-        )
-    return wide_enough(tuple(out))
+    return wide_enough(tuple(_undone(data, wanted, first_s) for data in raw))
 
 
-@lru_cache(maxsize=1)
-def lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
-    """The same for the same runs, whichever model is tried on them."""
-    return lattice_of([(data.t_s, data.xy_mm) for data in runs])
-
-
-def _sharpened(
-    t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float, even: bool
-) -> tuple[FloatArray, FloatArray, csr_matrix]:
-    """A trace before a low-pass whose delay at rest is the law's, and by how much each event (columns) moves each of
-    those that are left (rows).
-
-    One of first order that looks back only: u = y + τ ẏ, stamped τ later; an even one, of a phase that only delays, as
-    a moving average is: u = y − ½ τ² ÿ.
-    """
-    fit = local_fit(t_s, xy_mm, t_s, half_width_s)
-    moved = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
-    at = np.minimum(fit.first[:, None] + np.arange(moved.shape[1]), t_s.size - 1)
-    ends = np.arange(0, at.size + 1, at.shape[1])
-    added = csr_matrix((moved.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
-    added.sum_duplicates()
-    spread = (identity(t_s.size, format="csr") + added)[fit.ok]
-    return t_s[fit.ok] + (0.0 if even else lag_s), spread @ xy_mm, spread
+def _undone(data: RunData, effects: tuple[Undoing, ...], first_s: float) -> RunData:
+    trace = FreedTrace(data.t_s, data.xy_mm, data.noise_mm)
+    for effect in effects:
+        trace = effect.freed(trace, data, first_s)
+    widths = _widths(data.run, trace.t_s, trace.xy_mm, data.edge_t_s, data.estimate) if trace.t_s.size else None
+    if widths is None or not np.isfinite(trace.noise_mm):
+        raise EstimateError(f"{data.run.id}: its trace cannot be freed of a ripple or a low-pass", "Leave the run out")
+    half_s, wide_s, _ = widths
+    return replace(
+        data,
+        t_s=trace.t_s,
+        xy_mm=trace.xy_mm,
+        half_s=half_s,
+        speed_half_s=wide_s,
+        noise_mm=trace.noise_mm,
+        undone=effects,
+        spread=trace.spread,
+        as_shown=data,
+    )

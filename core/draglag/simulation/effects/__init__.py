@@ -1,5 +1,6 @@
-"""Every effect the simulation knows, one file each. To add one, write its file and name it here; another package adds
-one by an entry point of the group ``draglag.effects`` (docs/effects.md)."""
+"""Every effect the simulation knows, each with a home of its own: a file, or a package whose modules ``refits`` and
+``stream`` build on the gap workflow and are imported late. To add one, write its home and name it here; another package
+adds one by an entry point of the group ``draglag.effects`` (docs/effects.md)."""
 
 from __future__ import annotations
 

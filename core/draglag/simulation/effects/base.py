@@ -6,14 +6,15 @@ hooks of the chain it acts on. Every hook does nothing unless an effect says oth
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.recording import FloatArray, IntArray
+from draglag.recording import FloatArray, IntArray, Screen
+from draglag.simulation.effects.in_fits import InFits
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View
 
@@ -72,7 +73,7 @@ class Edges:
 
 
 @dataclass(frozen=True)
-class Effect:
+class Effect(InFits):
     """Base of all effects. ``value`` is the size of the effect: the first of ``parameters``.
 
     Raises DataError when a parameter is out of its bounds.
@@ -88,10 +89,6 @@ class Effect:
     """Covariate that its gap follows: speed, session_time, x, direction, kind_of_edge, acceleration, taps, frame …"""
     where: ClassVar[str] = "everywhere"
     """Where it acts, in words for the operator."""
-    per_term: ClassVar[float] = 1.0
-    """The first parameter over the size of its signature, for effects of one signature."""
-    size_is_the_term_s: ClassVar[bool] = True
-    """Whether the first parameter is proportional to the term's size (else the gap has a rule for it)."""
     shares_column_of: ClassVar[str] = ""
     """Id of the effect that moves edges in the same way: edges cannot distinguish the two."""
     shown_apart_by: ClassVar[str] = ""
@@ -106,10 +103,22 @@ class Effect:
     undone_in: ClassVar[str] = ""
     """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
     speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
-    refitted_by: ClassVar[str] = ""
-    """Module that begins its refits, where a plain one at the best setting of its columns does not find it."""
     uneven_ages: ClassVar[bool] = False
     """Whether it leaves positions of uneven age behind, so that edges scatter in time."""
+    seen_by: ClassVar[str] = ""
+    """Module that finds it in the streams: ``look(streams, runs)`` gives the effect, if it is there, and the runs with
+    it repaired. It is imported late, for it builds on the gap."""
+    looked_for: ClassVar[int] = 100
+    """Place among those that are looked for in the streams: each gets runs in which the ones before are repaired."""
+    in_the_trace: ClassVar[bool] = False
+    """Whether a session simulated again has it already: what was lost, or random, is in the measured streams."""
+    estimated_with: ClassVar[bool] = False
+    """Whether latencies are estimated with it in the stream of events, though it can be repaired there: its delay is
+    part of what a program sees."""
+    laser_late: ClassVar[bool] = False
+    """Whether its first parameter, s, is by how much the laser's edges are stamped late, all alike."""
+    seen_by_comparisons: ClassVar[bool] = False
+    """Whether a session's own comparisons of the clocks take it out."""
     order: ClassVar[int] = 0
     """Place in the stream of events: what happens nearer to the glass comes first."""
     settings: ClassVar[tuple[tuple[float, ...], ...]] = ()
@@ -169,6 +178,14 @@ class Effect:
         """(m,) what the laser's clock, believed to follow the host's, shows at session time t."""
         return t_s
 
+    def stamped_late_s(self) -> float:
+        """By how much it stamps touch events late on the average, s, which repaired stamps do not show."""
+        return 0.0
+
+    def true_intercept_mm(self, intercept_mm: float, slope: float, screen: Screen) -> float:
+        """Intercept of the beam in the world, from that in the coordinates of a screen with the effect."""
+        return intercept_mm
+
     def longest_wait_s(self, frame_s: float) -> float:
         """How long an event may wait at most, s, from one every ``frame_s``: taps and drags need not wait alike."""
         return 0.0
@@ -181,6 +198,27 @@ class Effect:
     def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Positions (n, 2) of one contact as they were before the effect at the setting theta; times t_s (n,)."""
         return xy_mm
+
+    @classmethod
+    def curve_speed(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray:
+        """(n,) the speed that a law of speed is given, from the one it would be given, for effects ``undone_in`` it."""
+        return speed_mm_s
+
+    @classmethod
+    def curve_extra_s(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray | float:
+        """(n,) what is added to the latency of a law of speed at each speed, s, for effects ``undone_in`` it."""
+        return 0.0
+
+    @classmethod
+    def acts_on_touch(cls) -> bool:
+        """Whether it changes anything of the touch events."""
+        hooks = ("law_speed", "latency", "position", "events")
+        return any(getattr(cls, hook) is not getattr(Effect, hook) for hook in hooks)
+
+    @classmethod
+    def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:
+        """Times (n,) of events before the effect, as far as the events alone tell; None where they do not."""
+        return None
 
     @classmethod
     def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature | None:

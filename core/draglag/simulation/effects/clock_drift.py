@@ -24,6 +24,7 @@ class ClockDrift(Effect):
     per_term: ClassVar[float] = 1e6
     shown_apart_by: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
     undone_in: ClassVar[str] = "laser"
+    seen_by_comparisons: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("drift_ppm", "ppm", -500.0, 500.0, 30.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

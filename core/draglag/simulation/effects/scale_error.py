@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from draglag.recording import FloatArray
+from draglag.recording import FloatArray, Screen
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters
 from draglag.simulation.kinematics import Kinematics
 
 
@@ -19,7 +20,6 @@ class ScaleError(Effect):
     where: ClassVar[str] = "every edge, outwards or inwards"
     shares_column_of: ClassVar[str] = "beam_width"
     shown_apart_by: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
-    size_is_the_term_s: ClassVar[bool] = False
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "other stylus"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02),)
@@ -34,3 +34,14 @@ class ScaleError(Effect):
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         x = x_mm + self.value * (k.motion.x_mm - k.width_mm / 2)
         return x, y_mm + self.value * (k.motion.y_mm - k.height_mm / 2)
+
+    def true_intercept_mm(self, intercept_mm: float, slope: float, screen: Screen) -> float:
+        middle = 0.5 * (screen.height_mm - slope * screen.width_mm)
+        return (intercept_mm + self.value * middle) / (1 + self.value)
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        """A screen that reads large by a share shows the disc large by the same share."""
+        diameter = found.fit.geometry.diameter_mm
+        value, reach = found.sizes[0] / diameter, Z95 * found.se[0] / diameter
+        return {"share": (float(value), (float(value - reach), float(value + reach)))}

@@ -58,7 +58,4 @@ class WarmUp(Effect):
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        return [
-            Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(tau,))
-            for tau in TIMES_S
-        ]
+        return [Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(tau,)) for tau in TIMES_S]

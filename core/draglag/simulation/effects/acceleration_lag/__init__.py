@@ -1,0 +1,85 @@
+"""The latency depends on whether the stylus speeds up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.in_fits import FittedTerm, Theta
+from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
+
+LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5, 3e-5)  # sizes to begin from
+# Standard deviation of the window over which a panel's tracker may smooth the speed that it takes the acceleration of.
+WINDOWS_S = (0.05, 0.03, 0.07)
+ACCEL_UNKNOWN = 0.2  # share of a speed's change: how smooth it is taken for, no number of edges averages away
+
+
+class Setting(NamedTuple):
+    """lag_s3_mm: the size with which the trace is read, s per mm/s²; window_s: of the panel's smoothing of speeds."""
+
+    lag_s3_mm: float = 0.0
+    window_s: float = WINDOWS_S[0]
+
+
+@dataclass(frozen=True)
+class AccelerationLag(Effect):
+    """The latency depends on whether the stylus speeds up."""
+
+    id: ClassVar[str] = "acceleration_lag"
+    meaning: ClassVar[str] = "The latency grows in proportion to the tangential acceleration of the stylus."
+    follows: ClassVar[str] = "acceleration"
+    where: ClassVar[str] = "where the speed changes"
+    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    undone_in: ClassVar[str] = "law"
+    refitted_by: ClassVar[str] = "draglag.simulation.effects.acceleration_lag.refits"
+    unsure_share: ClassVar[float] = ACCEL_UNKNOWN
+    needs: ClassVar[str] = "changing speed"
+    unseen_without: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_s_per_mm_s2", "s per mm/s²", -5e-05, 5e-05, 2e-06),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "lagging_law",
+            "at a nearly constant acceleration an older speed and a lower speed are the same",
+            "runs whose speed changes quickly: chirp and steps",
+        ),
+    )
+
+    def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
+        return latency_s + self.value * k.tangential_mm_s2
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # As the trace shows it, amplified by the effect itself: enough to find it. Its own size takes that back.
+        return [Signature(latency=column(view.accel), theta=(0.0,), share=1 / len(LAGS_S3_MM))]
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        setting = Setting(*theta)
+        if setting.lag_s3_mm <= 0:
+            return Signature(latency=column(view.accel), theta=setting._replace(lag_s3_mm=0.0))
+        accel, change = view.trace.acceleration(*setting)
+        # A trace whose latency grows shows a speed too low, and the law is asked at that speed.
+        late = accel + view.law_slope * view.speed * change
+        return Signature(latency=column(late), theta=setting)
+
+    @classmethod
+    def size_sd(cls, found: FittedTerm) -> float:
+        return float(np.hypot(found.se[0], ACCEL_UNKNOWN * abs(found.sizes[0])))
+
+    @classmethod
+    def view_with(cls, theta: Theta, view: View) -> View:
+        """The acceleration of the stylus, which a trace behind the effect hides."""
+        setting = Setting(*theta)
+        if setting.lag_s3_mm <= 0:
+            return view
+        return replace(view, accel=view.trace.acceleration(*setting)[0])
+
+    @classmethod
+    def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:
+        """The trace is freed of what is found in it."""
+        return Setting(*theta)._replace(lag_s3_mm=max(sizes[0], 0.0))

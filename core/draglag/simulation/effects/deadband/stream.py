@@ -1,0 +1,113 @@
+"""Positions that stand still until the stylus has moved by a width, and then jump there: a deadband.
+
+Against it: a loop or a filter that repeats positions whenever it does, each run with a share of its own. Under a
+deadband no repeated position lies a width behind the stylus, and no step is shorter; both readings say so much of every
+event that no share has to be judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import ndtr
+
+from draglag.gap.streams.stamps import StreamEffect, Streams, first_of_repeats
+from draglag.recording import FloatArray, Run, TouchTrace
+from draglag.simulation.effects.deadband import JUMP, Deadband
+
+NARROWEST_MM, WIDEST_MM = 0.05, 1.5  # half of the former is 0.6 ms at 45 mm/s
+OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make positions stand still
+OFF_PATH_MM = (0.02, 0.04, 0.08, 0.16)  # by how much a stylus may lie off the straight way between two jumps
+ROUNDED = 0.41  # standard deviation of a difference of two rounded coordinates, in steps
+FINEST_MM = 5e-4
+UNSURE = 0.5  # of a step of whole coordinates: rounding is no normal scatter
+WHOLE, SHARE_WHOLE = 0.02, 0.95  # of a step; of the distances between coordinates
+STRAY = 1e-3  # share of events that may be anything
+SURE = 10.0  # nats
+WITHIN = 1.92  # nats below the best: not excluded at 95 %
+WIDTHS = 160
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """A deadband, and runs without the positions that stand still."""
+    stood = streams.of(deadband_in)
+    return stood, runs if stood is None else tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
+
+
+def deadband_in(streams: Streams) -> StreamEffect | None:
+    return deadband(streams.touches, streams.step_mm)
+
+
+def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
+    """A jump deadband with its width, where the stream is likelier by it than by positions that repeat at random.
+
+    Args:
+        step_mm: of coordinates that are whole steps.
+    """
+    runs = [_stood_and_moved(touch) for touch in touches]
+    stood, moved = (np.concatenate(each) for each in zip(*runs, strict=True))
+    if not stood.size or not moved.size:
+        return None
+    at_random = sum(_of_share(behind.size, steps.size) for behind, steps in runs)
+    step_mm = step_mm or _fine_step_mm(touches)
+    rounding_mm = max(ROUNDED * step_mm, FINEST_MM)
+    narrowest = max(OF_STEPS * step_mm, NARROWEST_MM)
+    if narrowest >= WIDEST_MM:
+        return None
+    widths = np.geomspace(narrowest, WIDEST_MM, WIDTHS)
+    best = float(widths[int(np.argmax([_of_width(w, stood, moved, rounding_mm) for w in widths]))])
+    near = np.linspace(max(0.94 * best, narrowest), 1.06 * best, WIDTHS)
+    gains = np.array([_of_width(w, stood, moved, rounding_mm) for w in near])
+    width = float(near[int(np.argmax(gains))])
+    if gains.max() - at_random < SURE or width <= 1.01 * narrowest:
+        return None
+    likely = near[gains > gains.max() - WITHIN]
+    reach = float(near[1] - near[0]) + UNSURE * step_mm
+    share = stood.size / (stood.size + moved.size)
+    return StreamEffect(
+        Deadband.id,
+        "width_mm",
+        width,
+        (float(likely[0]) - reach, float(likely[-1]) + reach),
+        "where the stylus is slow or turns",
+        f"{100 * share:.0f} % of positions stand still until the stylus is {width:.2f} mm away; none is shorter",
+        share,
+        also=(("kind", JUMP, (JUMP, JUMP)),),
+    )
+
+
+def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
+    """How far the stylus was from each repeated position, on the straight way to the next; lengths of all steps; mm."""
+    step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
+    fresh = np.flatnonzero(np.append(True, step > 0))
+    repeats = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
+    last = np.searchsorted(fresh, repeats, side="right") - 1
+    begin, end = fresh[last], fresh[last + 1]
+    share = (touch.t_s[repeats] - touch.t_s[begin]) / np.maximum(touch.t_s[end] - touch.t_s[begin], 1e-9)
+    return share * step[end - 1], step[step > 0]
+
+
+def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
+    """Step of coordinates that are whole steps but rarely the same; 0 where they are none."""
+    values = np.unique(np.round(np.concatenate([touch.x_mm for touch in touches]), 6))
+    apart = np.diff(values)
+    if not apart.size or apart.min() < FINEST_MM:
+        return 0.0
+    steps = apart / apart.min()
+    return float(apart.min()) if np.mean(np.abs(steps - np.round(steps)) < WHOLE) > SHARE_WHOLE else 0.0
+
+
+def _of_share(stood: int, moved: int) -> float:
+    """Log-likelihood of so many repeats among a run's events, whatever the stylus does."""
+    counts = np.array([stood, moved], float)
+    shares = counts / max(float(counts.sum()), 1.0)
+    return float(np.sum(counts * np.log(np.maximum(shares, 1e-12))))
+
+
+def _of_width(width_mm: float, stood_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
+    """Log-likelihood that those that stood were within the width of the stylus, and those that moved were not."""
+    moved = (1 - STRAY) * ndtr((moved_mm[moved_mm < 2 * width_mm] - width_mm) / rounding_mm) + STRAY
+    stood = max(float(np.sum(np.log((1 - STRAY) * ndtr((width_mm - stood_mm) / off) + STRAY))) for off in OFF_PATH_MM)
+    return float(np.sum(np.log(moved))) + stood

@@ -1,0 +1,49 @@
+"""Touch frames arrive in groups."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents
+
+
+@dataclass(frozen=True)
+class FrameBatching(Effect):
+    """Touch frames arrive in groups."""
+
+    id: ClassVar[str] = "frame_batching"
+    meaning: ClassVar[str] = (
+        "Touch frames are delivered in groups of this many, all stamped when the last of them arrives, 20 µs apart."
+    )
+    follows: ClassVar[str] = "frame"
+    undone_in: ClassVar[str] = "stream"
+    seen_by: ClassVar[str] = "draglag.simulation.effects.frame_batching.stream"
+    looked_for: ClassVar[int] = 2
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("frames", "1", 1.0, 20.0, 2.0, whole=True),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "timestamp_quantisation",
+            "both make stamps late by up to a few frames",
+            "none: groups and grids show in the stamps themselves",
+        ),
+        Confounder(
+            "curve constant",
+            "the mean delay of a group is a constant latency",
+            "taps through the same host",
+        ),
+    )
+    order: ClassVar[int] = 3
+
+    def longest_wait_s(self, frame_s: float) -> float:
+        return self.value * frame_s
+
+    def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
+        n, size = len(events.t_s), round(self.value)
+        first = int(rng.integers(size))  # where in a group the run begins
+        group = (np.arange(n) + first) // size
+        last = np.searchsorted(group, group, side="right") - 1
+        late = events.t_s[last] - 20e-6 * (last - np.arange(n))
+        return TouchEvents(np.maximum(late, events.t_s), events.x_mm, events.y_mm, events.contact_id)

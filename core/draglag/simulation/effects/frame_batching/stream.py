@@ -1,0 +1,74 @@
+"""Frames that are delivered in batches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.gap.streams.stamps import StreamEffect, Streams
+from draglag.recording import Run, TouchTrace
+from draglag.simulation.effects.frame_batching import FrameBatching
+from draglag.simulation.effects.poll_grid.stream import polls_in
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Batches, and runs in which each frame of a batch has its own time."""
+    batched = streams.of(batches_in)
+    if batched is None:
+        return None, runs
+    return batched, tuple(replace(r, touch=spread(r.touch, round(batched.value))) for r in runs)
+
+
+def batches_in(streams: Streams) -> StreamEffect | None:
+    """Frames delivered together; none where they arrive in the groups of a host's polls."""
+    return None if streams.of(polls_in) is not None else batches(streams.touches)
+
+
+def batches(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Frames delivered together: intervals of (nearly) nothing between long ones, in groups of one size."""
+    sizes: list[int] = []
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        typical = (touch.t_s[-1] - touch.t_s[0]) / max(dt.size, 1)
+        together = dt < 0.25 * typical
+        if np.mean(together) < 0.3:
+            return None
+        ends = np.flatnonzero(np.append(~together, True))
+        sizes += list(np.diff(np.append(-1, ends)))
+    size = int(np.median(sizes))
+    if size < 2:
+        return None
+    right = float(np.mean(np.array(sizes) == size))
+    if right < 0.6 or (right < 0.995 and _exact_grid(touches)):
+        return None
+    return StreamEffect(
+        FrameBatching.id,
+        "frames",
+        float(size),
+        (float(size), float(size)),
+        "every frame",
+        f"frames arrive {size} at a time in {100 * right:.0f} % of groups",
+        right,
+    )
+
+
+def _exact_grid(touches: list[TouchTrace]) -> bool:
+    """Whether stamps are multiples of one interval to a thousandth: a clock's ticks, not a digitiser's frames."""
+    apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
+    tick_s = float(np.median(apart_s[apart_s > 0.25 * np.mean(apart_s)]))
+    off_s = np.abs(apart_s - tick_s * np.round(apart_s / tick_s))
+    return bool(np.mean(off_s < 1e-3 * tick_s) > 0.95)
+
+
+def spread(touch: TouchTrace, size: int) -> TouchTrace:
+    """Give each frame of a batch its own time: the last one keeps the stamp, the others lie a frame apart before it."""
+    t = touch.t_s
+    if t.size < 3:
+        return touch
+    frame_s = (t[-1] - t[0]) / (t.size - 1)
+    last = np.append(np.diff(t) >= 0.25 * frame_s, True)
+    ends = np.flatnonzero(last)
+    which = np.searchsorted(ends, np.arange(t.size))
+    spread = t[ends[which]] - (ends[which] - np.arange(t.size)) * frame_s
+    return replace(touch, t_s=spread)

@@ -1,0 +1,28 @@
+"""Touch frames get lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.simulation.effects.base import Effect, Parameter, TouchEvents
+
+
+@dataclass(frozen=True)
+class FrameDrop(Effect):
+    """Touch frames get lost."""
+
+    id: ClassVar[str] = "frame_drop"
+    title: ClassVar[str] = "dropped frames"
+    meaning: ClassVar[str] = "This share of the touch frames never arrives, each independently of the others."
+    follows: ClassVar[str] = "frame"
+    in_the_trace: ClassVar[bool] = True
+    seen_by: ClassVar[str] = "draglag.simulation.effects.frame_drop.stream"
+    looked_for: ClassVar[int] = 5
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 0.0, 0.9, 0.1),)
+    order: ClassVar[int] = 2
+
+    def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
+        return events.take(rng.uniform(size=len(events.t_s)) >= self.value)

@@ -1,0 +1,66 @@
+"""Frames that never arrived."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.gap.streams.stamps import StreamEffect, Streams, share_interval
+from draglag.recording import Run, TouchTrace
+from draglag.simulation.effects.frame_batching.stream import batches_in
+from draglag.simulation.effects.frame_drop import FrameDrop
+from draglag.simulation.effects.poll_grid.stream import polls_in
+from draglag.simulation.effects.sample_hold.stream import loop_in
+from draglag.simulation.effects.timestamp_quantisation.stream import clock_in
+
+LEAST_HOLE, LONGEST_HOLE = 6, 60  # frames from one event to the next, where others are lost
+UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open which frame a stamp is of
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Missing frames, where stamps are those of frames; nobody can repair them."""
+    coarse = streams.of(clock_in)
+    told = streams.of(loop_in) is None if coarse is None else not coarse.undone
+    if not told or streams.of(polls_in) is not None or streams.of(batches_in) is not None:
+        return None, runs
+    dropped = drops(streams.touches)
+    if dropped is None or coarse is None:
+        return dropped, runs
+    low, high = (share * one for share, one in zip((1 - UNSURE, 1 + UNSURE), dropped.ci95, strict=True))
+    return replace(dropped, ci95=(low, min(high, 1.0))), runs
+
+
+def drops(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Missing frames: intervals of two or more whole frames, far too many for losses of contact."""
+    whole, short = [], 0
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        frame_s = float(np.median(dt))
+        if frame_s <= 0:
+            continue
+        apart = np.round(dt / frame_s)
+        near = np.abs(dt - apart * frame_s) < 0.2 * frame_s
+        # What comes at once after a pause was held back, not lost.
+        short += int(np.count_nonzero(near & (apart == 0)))
+        whole.append(apart[near & (apart >= 1) & (apart <= LONGEST_HOLE)].astype(np.int64))
+    of_length = np.bincount(np.concatenate(whole or [np.zeros(0, np.int64)]), minlength=LONGEST_HOLE + 2)
+    # Longer holes are the tail of the shorter ones up to the first length that is not there: then, contact was lost.
+    of_length = of_length[: max(int(np.argmin(of_length[1:] > 0)) + 1, LEAST_HOLE + 1)]
+    frames = np.arange(of_length.size)
+    lost = int(of_length[2:] @ (frames[2:] - 1)) - short
+    total = int(of_length @ frames)
+    together = float(of_length[2:] @ (frames[2:] - 1) ** 2)
+    share = lost / max(total, 1)
+    mean_hole = lost / max(int(of_length[2:].sum()), 1)
+    if share < 0.03:
+        return None
+    return StreamEffect(
+        FrameDrop.id,
+        "share",
+        share,
+        share_interval(lost, max(total, 1), together / lost),
+        f"{mean_hole:.2g} frames at a time, all through" if mean_hole > 1.2 else "single frames, all through",
+        f"{100 * share:.1f} % of frames are missing",
+        share,
+    )

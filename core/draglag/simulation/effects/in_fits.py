@@ -1,0 +1,156 @@
+"""What an effect is in a fit: how a term of it becomes numbers, words and an effect of the simulation, and what it
+changes in traces and views. Every hook has a default that suits an effect of one column, proportional to its size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, ClassVar, Protocol
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from draglag.recording import FloatArray
+
+if TYPE_CHECKING:
+    from draglag.gap.fitting.joint import Fit
+    from draglag.gap.fitting.model import LawParameters
+    from draglag.gap.fitting.state import Term
+    from draglag.gap.traces.edges import Placed
+    from draglag.gap.traces.run_data import RunData
+    from draglag.simulation.effects.base import Parameter
+    from draglag.simulation.effects.fitted_shape import FittedShape
+    from draglag.simulation.residual import View
+
+Theta = tuple[float, ...]
+Parameters = dict[str, tuple[float, tuple[float, float]]]
+"""Parameter → (value, 95 % interval)."""
+Z95 = 1.96  # standard deviations to either end of a 95 % interval
+
+
+@dataclass(frozen=True)
+class FittedTerm:
+    """A term of a converged fit.
+
+    Attributes: own: which columns of the fit's design are the term's. sizes: (k,) with what was undone of it in the
+    traces. se: (k,) their standard errors.
+    """
+
+    fit: Fit
+    term: Term
+    own: slice
+    sizes: FloatArray
+    se: FloatArray
+
+
+@dataclass(frozen=True)
+class FreedTrace:
+    """A run's events while effects are undone in them: t_s (n,), xy_mm (n, 2), noise_mm of one event.
+
+    spread: (n, events shown) by how much each event shown, noise and all, moves each of the n; None: itself alone.
+    """
+
+    t_s: FloatArray
+    xy_mm: FloatArray
+    noise_mm: float
+    spread: csr_matrix | None = None
+
+
+class Undoing(Protocol):
+    """What is undone of an effect in the traces; equal to another that does the same."""
+
+    place: ClassVar[int]
+    """Among several: the smaller one is undone first."""
+
+    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+        """The events of a run without the effect. shown: the run as the panel showed it; first_s: the first event of
+        the session, host time."""
+        ...
+
+
+class InFits:
+    """The side of an effect that a fit sees."""
+
+    parameters: ClassVar[tuple[Parameter, ...]]
+    per_term: ClassVar[float] = 1.0
+    """The first parameter over the size of its signature, for effects of one signature."""
+    of_the_law: ClassVar[bool] = False
+    """Whether a fit holds it in its law instead of as a term."""
+    form_parameter: ClassVar[str] = ""
+    """Parameter of a curve's form that is its size, if a form has it."""
+    unsure_share: ClassVar[float] = 0.0
+    """By which share of what it varies by its columns are not known."""
+    refitted_by: ClassVar[str] = ""
+    """Module that begins its refits, where a plain one at the best setting of its columns does not find it."""
+
+    @classmethod
+    def own_module(cls) -> ModuleType:
+        """The module ``refitted_by``, imported now: it builds on the fit, which builds on the effects."""
+        return import_module(cls.refitted_by)
+
+    @classmethod
+    def in_law(cls, law: LawParameters) -> bool:
+        """Whether a law holds it."""
+        return False
+
+    @classmethod
+    def law_parameters(cls, fit: Fit) -> Parameters:
+        """Its parameters, where it is part of the fit's law."""
+        return {}
+
+    @classmethod
+    def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
+        """A term's sizes (k,), with what was undone of it in the traces or asked of the law itself."""
+        return np.array(term.sizes)
+
+    @classmethod
+    def size_sd(cls, found: FittedTerm) -> float:
+        """Standard deviation of a term's first size, with what no number of edges averages away."""
+        return float(found.se[0])
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        """A term in the effect's own parameters: proportional to its first size, unless an effect says otherwise."""
+        value, reach = cls.per_term * found.sizes[0], abs(cls.per_term) * Z95 * cls.size_sd(found)
+        return {cls.parameters[0].name: (float(value), (float(value - reach), float(value + reach)))}
+
+    @classmethod
+    def where_in(cls, fit: Fit) -> str | None:
+        """Where it acts in the session of a fit, in words; None: as its class says."""
+        return None
+
+    @classmethod
+    def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
+        """A term as the simulation has it, where the effect's parameters do not say all of it; None where they do."""
+        return None
+
+    @classmethod
+    def of_shape(cls, value: float, theta: Theta, sizes: Theta, about: float) -> FittedShape | None:
+        """The same from the numbers of ``shape_in``, as a model file holds them."""
+        return None
+
+    @classmethod
+    def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
+        """What is to be undone of it in the traces, if anything, and the term that is then left."""
+        return None, term
+
+    @classmethod
+    def undone_s(cls, term: Term, placed: Placed) -> FloatArray | float:
+        """How much later every placed edge was shown than a trace says in which the term was undone, (m,) s."""
+        return 0.0
+
+    @classmethod
+    def asked(cls, theta: Theta) -> tuple[float, float] | None:
+        """(which, delay_s) of the speed that the law is asked at, as ``gap.traces.asked`` has it; None: the edge's."""
+        return None
+
+    @classmethod
+    def view_with(cls, theta: Theta, view: View) -> View:
+        """The edges as they are seen with the effect at its setting."""
+        return view
+
+    @classmethod
+    def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:
+        """The setting after a step that led to these sizes, for effects whose setting follows their size."""
+        return theta

@@ -1,0 +1,90 @@
+"""The latency follows an older speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+
+from draglag.motion import SPEED_TIMING_S
+from draglag.recording import FloatArray
+from draglag.simulation.effects.acceleration_lag import ACCEL_UNKNOWN
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.in_fits import FittedTerm, Theta
+from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.law import USUAL_LATENCY_S
+from draglag.simulation.residual import LineGains, Signature, View, column
+
+if TYPE_CHECKING:
+    from draglag.gap.fitting.joint import Fit
+    from draglag.gap.fitting.state import Term
+
+
+class Setting(NamedTuple):
+    """which: the speed of a time before, 0, or of a share of each edge's latency before, 1. delay_s: at which the law
+    is asked already, 0 with ``which`` 1: of the usual latency; None: to first order in the delay."""
+
+    which: float = 0.0
+    delay_s: float | None = None
+
+
+@dataclass(frozen=True)
+class LaggingLaw(Effect):
+    """The latency follows an older speed."""
+
+    id: ClassVar[str] = "lagging_law"
+    meaning: ClassVar[str] = (
+        "The latency follows the speed the stylus had some time before, not the speed at the reported position."
+    )
+    follows: ClassVar[str] = "acceleration"
+    where: ClassVar[str] = "where the speed changes"
+    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    undone_in: ClassVar[str] = "law"
+    refitted_by: ClassVar[str] = "draglag.simulation.effects.lagging_law.refits"
+    unsure_share: ClassVar[float] = ACCEL_UNKNOWN
+    needs: ClassVar[str] = "changing speed"
+    unseen_without: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "acceleration_lag",
+            "at a nearly constant acceleration an older speed and a lower speed are the same",
+            "runs whose speed changes quickly: chirp and steps",
+        ),
+    )
+
+    def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
+        t = k.motion.t_s
+        return np.interp(t - self.value, t, speed_mm_s)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # A speed some time ago; or (negative) one towards the present, which is a latency later than the edge's own.
+        past = -view.law_slope * view.accel
+        present = past * view.latency_s / USUAL_LATENCY_S
+        return [Signature(latency=column(c), theta=(k,)) for k, c in enumerate((past, present))]
+
+    @classmethod
+    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
+        """Where the law is asked at the speed of another time already: what is left of the delay."""
+        which, delay_s = Setting(*theta)
+        if delay_s is None:
+            return super().signature_at(theta, view)
+        share = view.latency_s / USUAL_LATENCY_S if which else np.ones(view.latency_s.size)
+        _, change = view.trace.earlier(delay_s * share)
+        return Signature(latency=column(-view.law_slope * change * share), theta=theta)
+
+    @classmethod
+    def asked(cls, theta: Theta) -> tuple[float, float] | None:
+        which, delay_s = Setting(*theta)
+        return None if delay_s is None else (which, delay_s)
+
+    @classmethod
+    def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
+        return np.array(term.sizes) + (Setting(*term.theta).delay_s or 0.0)
+
+    @classmethod
+    def size_sd(cls, found: FittedTerm) -> float:
+        """Of which moment a speed is, and how smooth its change, is not known to better."""
+        return float(np.hypot(found.se[0], np.hypot(SPEED_TIMING_S, ACCEL_UNKNOWN * found.sizes[0])))

@@ -1,0 +1,101 @@
+"""A law that follows the speed of another moment: asked at that speed, over a grid of delays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.likelihood import profile
+from draglag.gap.fitting.noise import scatter
+from draglag.gap.fitting.state import Term, look
+from draglag.gap.fitting.whitening import Whitener, whitener
+from draglag.gap.proposing.plain import refit
+from draglag.gap.traces.asked import Asked
+from draglag.recording import FloatArray, Session
+from draglag.simulation.effects.lagging_law import LaggingLaw, Setting
+from draglag.simulation.law import USUAL_LATENCY_S
+
+# A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
+USUAL: tuple[Asked, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
+CLEARLY = 10.0  # deviance: 5 nats, what a promising effect gains alone
+LONGEST_S = 0.3
+PAST_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
+OTHER: tuple[Asked, ...] = (
+    *((0.0, s) for s in PAST_S),
+    (0.0, -0.035),
+    (1.0, -0.5 * USUAL_LATENCY_S),
+)
+FEW: tuple[Asked, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, -0.035), OTHER[-1])  # enough to see that it is another
+LEAST_LEFT_S = 0.003  # of a delay: the placing is true to that
+LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
+KEPT = 0.9  # of the edges of steady runs, that a delay has to place
+ROUNDS = 2
+
+
+def shown_by_traces(before: Fit) -> bool:
+    """Whether a law asked at the speed of another moment fits the edges better than at the moments of sound panels."""
+    found = delay_profile(before, [*USUAL, *FEW])
+    return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > CLEARLY)
+
+
+def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
+    """To first order in the delay; with the law asked at the likeliest delay, and at a longer one."""
+    own = LaggingLaw.id
+    out = [refit(session, before, [*before.terms, Term(own, theta)])] if theta else []
+    profile_ = delay_profile(before, OTHER)
+    if not np.isfinite(profile_).any():
+        return out
+    term = Term(own, OTHER[int(np.argmax(profile_))], (0.0,))
+    asked: list[Fit] = []
+    for _ in range(ROUNDS):
+        fit = refit(session, before, [*before.terms, term])
+        if fit is None:
+            break
+        asked.append(fit)
+        left_s = fit.terms[-1].sizes[0]
+        if abs(left_s) < LEAST_LEFT_S:
+            break
+        term = with_what_is_left(term, left_s)
+    if asked:
+        last = asked[-1].terms[-1]
+        longer = with_what_is_left(last, (LONGER - 1) * _delay_s(last))
+        out += [*asked, refit(session, before, [*before.terms, longer])]
+    return out
+
+
+def with_what_is_left(term: Term, left_s: float) -> Term:
+    """The term at the delay that its fit ended with."""
+    delay_s = float(np.clip(_delay_s(term) + left_s, -LONGEST_S, LONGEST_S))
+    return Term(term.effect, (Setting(*term.theta).which, delay_s), (0.0,))
+
+
+def _delay_s(term: Term) -> float:
+    """The delay at which the law is asked."""
+    return Setting(*term.theta).delay_s or 0.0
+
+
+def delay_profile(fit: Fit, options: Sequence[Asked]) -> FloatArray:
+    """Twice the log-likelihood of the edges of steady runs with the law asked at each option's speed, (k,).
+
+    Law and all else are adjusted linearly, the delay is held. −inf where too few edges can be placed.
+    """
+    components = fit.whiteners[fit.best].components
+    own = LaggingLaw.id
+    rest = [t for t in fit.terms if t.effect != own]
+    out = np.full(len(options), -np.inf)
+    steady = fit.use & fit.placed.steady  # sudden changes of speed are too rough a test to choose by
+    now = look(fit.runs, fit.law, fit.geometry, [*rest, Term(own, (0.0, 0.0), (0.0,))], fit.width_mm, None)
+    weighed: tuple[np.ndarray, Whitener] | None = None
+    for k, asked in enumerate(options):
+        state = look(fit.runs, fit.law, fit.geometry, [*rest, Term(own, asked, (0.0,))], fit.width_mm, now)
+        use = steady & state.placed.ok & np.isfinite(state.residual)
+        if np.count_nonzero(use) < KEPT * np.count_nonzero(steady):
+            continue
+        if weighed is None or not np.array_equal(use, weighed[0]):
+            weighed = use, whitener(scatter(fit.runs, state.placed, use, state.blur_mm), components)
+        white = weighed[1]
+        value = profile(white, state.residual[use], state.design[use][:, :-1], state.prior[:-1])[0]
+        out[k] = 2 * value * np.count_nonzero(steady) / np.count_nonzero(use)
+    return out

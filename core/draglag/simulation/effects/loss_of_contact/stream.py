@@ -1,0 +1,166 @@
+"""Losses of contact that something filled in with straight lines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
+
+from draglag.gap.streams.stamps import StreamEffect, Streams
+from draglag.recording import FloatArray, Run, TouchTrace
+from draglag.simulation.effects.loss_of_contact import LossOfContact
+from draglag.simulation.effects.sample_hold.stream import loop_in
+
+LEAST_EVENTS = 60  # of a run
+AROUND = 61  # events whose usual bend is told
+SMOOTH, SPEEDS = 7, 24  # events, and speeds of a session, over which a bend is averaged
+LARGE_MM2 = 1e6  # where nothing is known
+CALMER, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
+BY_CHANCE = 0.01  # stretches in a session that chance may make
+# Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
+TELLING, LEAST_USUAL = 4.0, 10.0
+UNEVEN = 0.5  # of a frame that an interval may differ from it by
+INDEPENDENT = 0.8  # of bends; neighbours share two events
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Filled losses of contact, and runs without what filled them."""
+    return filled_losses(runs, streams.of(loop_in) is not None, streams.step_mm)
+
+
+def filled_losses(
+    runs: tuple[Run, ...], held: bool, resolution_mm: float = 0.0
+) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in.
+
+    ``held``: positions are of uneven age, so that only the straightness can tell, and has to last longer.
+    resolution_mm: of coordinates that are whole steps. A line of those bends, too, if less than the noise: a stretch
+    then has to be likelier a line than chance makes any.
+    """
+    least = 4 if held else 3
+    n_events = sum(run.touch.t_s.size for run in runs)
+    length_s: list[float] = []
+    total_s = 0.0
+    out = []
+    calm = _usual_at_speed([run.touch for run in runs]) if resolution_mm else {}
+    for index, run in enumerate(runs):
+        t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
+        if t.size < LEAST_EVENTS:
+            out.append(run)
+            continue
+        # How far each event lies from the line between its neighbours at its own stamp: stamps are not quite even.
+        share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
+        off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
+        bend = np.hypot(*off)
+        if held:
+            # Positions of uneven age lie unevenly along the line, but on it.
+            chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
+            bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
+        moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
+        straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
+        if resolution_mm:
+            even = _even(t)
+            of_even = uniform_filter1d(np.array(off) ** 2 * even, AROUND, axis=1)
+            usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
+            usual_mm2 = np.minimum(usual_mm2, np.maximum(calm[index], resolution_mm**2 / 8))
+            if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
+                out.append(run)  # where a slow path stays on one step, anything is a line
+                continue
+            if not held:
+                straight = _likelier_lines(np.array(off), usual_mm2, even, resolution_mm, n_events)
+        total_s += float(t[-1] - t[0])
+        keep = np.ones(t.size, bool)
+        for start, end in _stretches(straight, least):
+            length_s.append(float(t[end + 1] - t[start]))
+            keep[start + 1 : end + 1] = False
+        if keep.all():
+            out.append(run)
+            continue
+        ids = run.touch.contact_id[keep] if run.touch.contact_id.size == keep.size else run.touch.contact_id
+        touch = TouchTrace(t[keep], x[keep], y[keep], ids, gaps_s=run.touch.gaps_s)
+        out.append(replace(run, touch=touch))
+    count = len(length_s)
+    if count < 4:
+        return None, runs
+    touching_s = max(total_s - sum(length_s), 1.0)  # contact is lost while there is contact
+    per_min = 60 * count / touching_s
+    reach = 1.96 * np.sqrt(count) * 60 / touching_s
+    effect = StreamEffect(
+        LossOfContact.id,
+        "losses_per_min",
+        per_min,
+        (per_min - reach, per_min + reach),
+        "straight lines in the trace",
+        f"{count} straight fills of {1e3 * float(np.median(length_s)):.0f} ms (median)",
+        count / max(len(runs), 1),
+    )
+    return effect, tuple(out)
+
+
+def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:
+    """(begin, end) of every stretch of True values (n,) that is at least so long; end excluded."""
+    change = np.diff(straight.astype(np.int8), prepend=0, append=0)
+    ends = zip(np.flatnonzero(change > 0).tolist(), np.flatnonzero(change < 0).tolist(), strict=True)
+    return [(begin, end) for begin, end in ends if end - begin >= least]
+
+
+def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
+    """By run, the mean square bend (n,) mm² that is usual at the speed of each inner event, in all runs together.
+
+    A filter that averages over longer where the stylus is slow makes lines of its own, at one speed as a rule; what is
+    lost of a contact is lost at any.
+    """
+    bends, speeds = {}, {}
+    for index, touch in enumerate(touches):
+        t, x, y = touch.t_s, touch.x_mm, touch.y_mm
+        if t.size < LEAST_EVENTS:
+            continue
+        share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
+        even = _even(t)
+        square = sum((v[1:-1] - v[:-2] - share * (v[2:] - v[:-2])) ** 2 for v in (x, y)) / 2
+        weight = uniform_filter1d(even, SMOOTH)
+        mean = uniform_filter1d(square * even, SMOOTH) / np.maximum(weight, 1 / SMOOTH)
+        bends[index] = np.where(weight > 0.5, mean, np.nan)
+        length = uniform_filter1d(np.hypot(np.diff(x), np.diff(y)), SMOOTH)
+        speeds[index] = length[1:] / np.maximum(uniform_filter1d(np.diff(t), SMOOTH)[1:], 1e-9)
+    if not bends:
+        return {}
+    all_speeds, all_bends = np.concatenate(list(speeds.values())), np.concatenate(list(bends.values()))
+    limits = np.quantile(all_speeds, np.linspace(0, 1, SPEEDS + 1)[1:-1])
+    of_speed = np.digitize(all_speeds, limits)
+    level = np.array([np.nanquantile(np.append(all_bends[of_speed == k], LARGE_MM2), CALMER)
+                      for k in range(SPEEDS)])  # fmt: skip
+    level = minimum_filter1d(level, NEIGHBOURS)
+    return {index: level[np.digitize(speed, limits)] for index, speed in speeds.items()}
+
+
+def _even(t_s: np.ndarray) -> np.ndarray:
+    """1 at inner events (n,) that lie a frame from both neighbours, else 0: about a burst any path bends. None does
+    where a clock coarser than the frames stamps most of them alike."""
+    frame_s = float(np.median(np.diff(t_s)))
+    if frame_s <= 0:
+        return np.zeros(max(t_s.size - 2, 0))
+    frames = np.diff(t_s) / frame_s
+    return np.asarray((np.abs(np.array([frames[:-1], frames[1:]]) - 1) < UNEVEN).all(axis=0), float)
+
+
+def _likelier_lines(
+    off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, resolution_mm: float, n_events: int
+) -> np.ndarray:
+    """Events (n,) in stretches whose bends off_mm (2, n) are those of rounded lines and not the usual ones around."""
+    rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
+    gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
+    gain *= INDEPENDENT * even
+    enough = np.log(n_events / BY_CHANCE)
+    lines = np.zeros(gain.size, bool)
+    total, start, top, end = 0.0, 0, 0.0, 0
+    for k, more in enumerate(np.append(gain, -np.inf)):
+        total += more
+        if total > top:
+            top, end = total, k
+        if total <= 0 or total < top - enough:
+            if top > enough:
+                lines[start : end + 1] = True
+            total, start, top = 0.0, k + 1, 0.0
+    return lines

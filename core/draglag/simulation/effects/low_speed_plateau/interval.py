@@ -1,0 +1,49 @@
+"""How surely a plateau's speed is known: its likelihood profile, the rest of the law at its best for each speed.
+
+Between the fastest run below and the slowest above it the law is seen by nobody. Whether it bends there is open to the
+rates, and the curvature at the best point alone states an error that is too small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import t as student
+
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.rates import pairs_at, without_law
+from draglag.recording import FloatArray
+
+RATES_S_MM = np.geomspace(0.001, 0.06, 20)
+REACH = np.geomspace(0.7, 1.4, 57)  # of the best speed
+N_LAW = 6  # parameters of Eq. 5 with a plateau
+
+
+def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
+    """95 % interval of the fit's plateau speed, never narrower than the one from the curvature at its best.
+
+    What differs from run to run is sized by the runs that the law leaves over: Student's t instead of the normal's, and
+    the likeliest size of it is too small by as much as the law has taken up.
+    """
+    best = fit.law.plateau_mm_s
+    n_runs = np.unique(fit.run_index).size
+    over = max(n_runs - N_LAW, 3)
+    wide = float(student.ppf(0.975, over) * np.sqrt(n_runs / over))
+    reach = wide * float(np.sqrt(max(fit.covariance[5, 5], 0.0)))
+    speeds = best * REACH
+    gain = _profile(fit, speeds)
+    likely = speeds[gain >= gain.max() - wide**2]
+    if not likely.size:
+        return best - reach, best + reach
+    return min(float(likely[0]), best - reach), max(float(likely[-1]), best + reach)
+
+
+def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:
+    """Twice the log-likelihood, up to a constant, of each plateau speed (k,); one rate alone is a law, too."""
+    placed, use = fit.placed, fit.use
+    v_n = placed.v_mm_s[use, 1] * placed.stretch[use]
+    n_law = N_LAW if fit.law.plateau_mm_s > 0 else N_LAW - 1
+    rest, prior = fit.design[:, n_law:], fit.prior[n_law:]
+    white = fit.whiteners[fit.best]
+    told = without_law(fit.law, placed.speed_mm_s[use], v_n, fit.residual_mm, rest, prior, white)
+    at = (pairs_at(told, float(plateau), RATES_S_MM) for plateau in plateaus_mm_s)
+    return np.array([max(float(pairs.gain.max()), pairs.alone) for pairs in at])

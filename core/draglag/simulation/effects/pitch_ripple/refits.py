@@ -1,0 +1,32 @@
+"""A ripple in the electrodes' pitch: thousands of events show what a hundred edges cannot."""
+
+from __future__ import annotations
+
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.state import Term
+from draglag.gap.proposing.plain import refit
+from draglag.gap.traces.run_data import as_shown
+from draglag.recording import Session
+from draglag.simulation.effects.pitch_ripple import PitchRipple, Setting
+from draglag.simulation.effects.pitch_ripple.lattice import lattice_in
+
+LEAST_MM = 0.1  # of amplitude, in the touch events: twice the size of interest
+
+
+def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
+    """The ripple that the touch events show, undone in the traces; none where they show none."""
+    lattice = lattice_in(as_shown(before.runs))
+    if lattice is None:
+        return []
+    return [refit(session, before, [*before.terms, Term(PitchRipple.id, Setting(lattice.pitch_mm, 1.0))])]
+
+
+def possible_in(before: Fit) -> bool:
+    """Whether the touch events show any ripple."""
+    return lattice_in(as_shown(before.runs)) is not None
+
+
+def shown_by_traces(before: Fit) -> bool:
+    """Whether the touch events show a ripple of interest, however little of it lies across the beam."""
+    lattice = lattice_in(as_shown(before.runs))
+    return lattice is not None and float(abs(lattice.sizes_mm).max()) > LEAST_MM

@@ -1,0 +1,64 @@
+"""Touch events wait for the host's next poll."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents
+
+
+@dataclass(frozen=True)
+class PollGrid(Effect):
+    """Touch events wait for the host's next poll."""
+
+    id: ClassVar[str] = "poll_grid"
+    title: ClassVar[str] = "polling of the bus"
+    meaning: ClassVar[str] = (
+        "Touch events wait until the host asks for them, once in this period, and are stamped when they arrive."
+    )
+    follows: ClassVar[str] = "frame"
+    where: ClassVar[str] = "every stamp"
+    undone_in: ClassVar[str] = "stream"
+    seen_by: ClassVar[str] = "draglag.simulation.effects.poll_grid.stream"
+    looked_for: ClassVar[int] = 1
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("period_s", "s", 1e-4, 0.05, 0.008),
+        Parameter("jitter_s", "s", 0.0, 1e-3, 4e-5),
+    )
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "timestamp_quantisation",
+            "both put stamps on a grid, a coarse clock without any jitter",
+            "none: the stamps themselves show the jitter",
+        ),
+        Confounder(
+            "frame_drop",
+            "both leave places on a grid of stamps empty, a poll in a regular beat",
+            "none: the beat shows in the stamps themselves",
+        ),
+        Confounder(
+            "curve constant",
+            "the mean wait is a constant latency of half a period",
+            "taps through another bus",
+        ),
+    )
+    order: ClassVar[int] = 3
+
+    jitter_s: float = 4e-5
+
+    def longest_wait_s(self, frame_s: float) -> float:
+        return self.value
+
+    def stamped_late_s(self) -> float:
+        return 0.5 * self.value
+
+    def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
+        period, phase = self.value, rng.uniform()
+        polled = period * (np.ceil(events.t_s / period - phase) + phase)
+        # an arrival is never early
+        jitter = np.minimum(self.jitter_s * rng.standard_exponential(polled.size), 0.4 * period)
+        late = np.maximum.accumulate(np.round(polled + jitter, 6))
+        return TouchEvents(late, events.x_mm, events.y_mm, events.contact_id)

@@ -1,0 +1,219 @@
+"""Touch events that wait for the host's next poll: stamps on a grid with a jitter, which frames fill in a steady beat.
+
+Three readings of such stamps are weighed by their likelihoods. A clock that rounds puts them on the grid exactly. A
+panel whose own frames are the grid, some of them lost or delivered in groups, fills it by chance or in a fixed pattern:
+how many ticks an event is behind the one before depends on that one alone. A poll of another period than the frames'
+fills it as the two beat: frame i comes with the first tick after i periods of the panel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtr
+
+from draglag.gap.streams.stamps import BEAT, StreamEffect, Streams, counted_out
+from draglag.recording import FloatArray, IntArray, Run, TouchTrace
+from draglag.simulation.effects.poll_grid import PollGrid
+
+FINEST = 12  # ticks that the usual interval may have
+ROUNDING_S = 2e-6  # of stamps in whole µs, and of the fit to them
+LOOSE = 0.12  # of a tick: intervals that scatter by more are on no grid
+SHORTEST_S = (
+    1.5e-3  # hosts poll USB every 1 ms at best: that wait, 0.5 ms with a scatter of 0.3, is part of any latency
+)
+WINDOWS = (64, 512)  # events over which the panel's clock keeps its phase
+FEWEST, ENOUGH = 16, 8000  # events of a window that counts; events that are enough
+PHASES = np.linspace(-1.3, 0.3, 48)  # of the first event of a window, in ticks
+JITTERS = (0.01, 0.03, 0.1, 0.25)  # of the panel's own frames, in ticks
+STRAY = 1e-3  # share of events that may be anywhere
+SURE = 10.0  # nats
+FAR = 12.0  # robust standard deviations, within which an arrival is one of the usual
+UNSURE_JITTER = 0.15  # of its size: events of one poll keep their order
+EARLY = 0.15  # of a tick: a frame may come so much later than its clock says
+FOLLOWED = 0.2  # of what a frame lies beyond its poll
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Stamps of one run on the grid: ticks (n,), their period, and how far each stamp lies off, (n,) s."""
+
+    tick: IntArray
+    period_s: float
+    off_s: FloatArray
+
+
+@dataclass(frozen=True)
+class Polled:
+    """A host's polling as a stream effect, and the interval of the panel's own frames."""
+
+    effect: StreamEffect
+    frame_s: float
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """Polls, and runs with the stamps of the panel's frames."""
+    waited = streams.of(polls_in)
+    if waited is None:
+        return None, runs
+    return waited.effect, tuple(replace(r, touch=unpolled(r.touch, waited.effect.value, waited.frame_s)) for r in runs)
+
+
+def polls_in(streams: Streams) -> Polled | None:
+    """The host's polling: empty ticks, groups and uneven ages are those of its beat."""
+    return polled(streams.touches)
+
+
+def polled(touches: Sequence[TouchTrace]) -> Polled | None:
+    """The host's polling with its period and jitter, where the stamps are likelier by it than otherwise."""
+    grids = _grids(touches)
+    if not grids or grids[0].period_s < SHORTEST_S or _looseness(grids) * grids[0].period_s < ROUNDING_S:
+        return None  # no grid, a wait too short for a name, or a clock that rounds
+    frames = max((_beat(grids, longest) for longest in WINDOWS), key=lambda found: found[0])
+    if frames[0] < SURE:
+        return None
+    each_s = np.array([grid.period_s for grid in grids])
+    period_s = float(np.mean(each_s))
+    reach_s = 1.96 * float(np.std(each_s)) / np.sqrt(each_s.size) + 1e-5 * period_s
+    scatter = np.array([_of_most(grid.off_s) for grid in grids])
+    jitter_s = float(np.mean(scatter))
+    jitter_reach_s = 1.96 * float(np.std(scatter)) / np.sqrt(scatter.size) + UNSURE_JITTER * jitter_s
+    frame_s = frames[1] * period_s
+    effect = StreamEffect(
+        PollGrid.id,
+        "period_s",
+        period_s,
+        (period_s - reach_s, period_s + reach_s),
+        "every stamp",
+        f"stamps lie on a grid of {1e3 * period_s:.2f} ms to {1e6 * jitter_s:.0f} µs; the panel's frames come every "
+        f"{1e3 * frame_s:.2f} ms",
+        1.0,
+        undone=all(_even_again(touch, period_s, frame_s) for touch in touches),
+        also=(("jitter_s", jitter_s, (max(jitter_s - jitter_reach_s, 0.0), jitter_s + jitter_reach_s)),),
+    )
+    return Polled(effect, frame_s)
+
+
+def unpolled(touch: TouchTrace, period_s: float, frame_s: float) -> TouchTrace:
+    """Stamps of the panel's even frames instead of the polls'; the mean wait stays in them."""
+    if touch.t_s.size < 100:
+        return touch
+    count = _frames(_on_grid(touch.t_s, period_s).tick, frame_s / period_s)
+    typical_s = float(np.polyfit(count, touch.t_s, 1)[0])
+    return replace(touch, t_s=counted_out(touch.t_s, count, typical_s, period_s))
+
+
+def _frames(tick: IntArray, frame: float) -> FloatArray:
+    """Number of the frame that each event is of, (n,): the next, unless it would have waited longer than a period."""
+    count, begun = [0], 0.0
+    for now in (tick - tick[0]).tolist():
+        waited = now - begun - frame * (count[-1] + 1)
+        missing = max(int(np.ceil((waited - 1 - EARLY) / frame)), 0)
+        waited -= missing * frame
+        count.append(count[-1] + 1 + missing)
+        begun += FOLLOWED * (min(waited, 0.0) + max(waited - 1, 0.0))  # the panel's clock wanders
+    return np.array(count[1:], float)
+
+
+def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
+    """The stamps on the grid that they lie on most closely for its size; empty without any."""
+    apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
+    usual_s = float(np.mean(apart_s))
+    apart_s = apart_s[(apart_s > 0.25 * usual_s) & (apart_s < 6 * usual_s)]
+    best, loosest = [], LOOSE
+    for parts in range(1, FINEST + 1 if apart_s.size > 50 else 0):
+        period_s = float(np.median(apart_s)) / parts
+        for _ in range(3):
+            whole = np.maximum(np.round(apart_s / period_s), 1)
+            near = np.abs(apart_s - whole * period_s) < 0.25 * period_s
+            period_s = float(np.sum(apart_s[near]) / np.sum(whole[near])) if near.any() else period_s
+        # intervals scatter by the square root of two as much as stamps, whole runs by no less
+        if _spread(apart_s - period_s * np.round(apart_s / period_s)) > 2 * loosest * period_s:
+            continue
+        grids = [_on_grid(touch.t_s, period_s) for touch in touches]
+        if (loose := _looseness(grids)) < loosest:
+            best, loosest = grids, loose
+    return best
+
+
+def _looseness(grids: Sequence[_Grid]) -> float:
+    """By how much stamps lie off the grid, in ticks: median over the runs."""
+    return float(np.median([_spread(grid.off_s) / grid.period_s for grid in grids]))
+
+
+def _spread(values: FloatArray) -> float:
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def _of_most(values: FloatArray) -> float:
+    """Standard deviation without what lies far off: arrivals are late and never early."""
+    off = values - np.median(values)
+    return float(np.std(off[np.abs(off) < FAR * _spread(values)]))
+
+
+def _on_grid(t_s: FloatArray, period_s: float) -> _Grid:
+    tick = np.zeros(t_s.size, np.int64)
+    off_s = np.zeros(t_s.size)
+    for _ in range(2):
+        tick = np.concatenate([[0], np.cumsum(np.round(np.diff(t_s) / period_s))]).astype(np.int64)
+        along = tick - np.mean(tick)
+        period_s = float(along @ (t_s - t_s[0]) / max(float(along @ along), 1.0))
+        off_s = t_s - np.mean(t_s) - period_s * along
+    return _Grid(tick, period_s, off_s)
+
+
+def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
+    """Log-likelihood of a beat less that of ticks that depend on the one before alone; frames' period in ticks."""
+    steps = np.concatenate([np.diff(grid.tick) for grid in grids])
+    usual = float(np.mean(steps[steps <= 3 * max(float(np.median(steps)), 1.0)]))
+    windows = [window for grid in grids for window in _windows(grid.tick, int(np.ceil(usual)) + 1, longest)]
+    if not windows or np.mean(steps == np.median(steps)) == 1:
+        return -np.inf, usual
+    whole = np.array([[w[-1] - w[0], w.size - 1] for w in windows]).sum(axis=0)
+    windows = windows[:: int(np.ceil(whole[1] / ENOUGH))]
+    frame = float(whole[0] / whole[1])
+    by_beat = max(sum(_of_beat(w, frame, jitter) for w in windows) for jitter in JITTERS)
+    return by_beat - _of_neighbours(windows), frame
+
+
+def _windows(tick: IntArray, most: int, longest: int) -> list[IntArray]:
+    """Stretches of events none of which is missing for certain."""
+    parts = np.split(tick, np.flatnonzero(np.diff(tick) > most) + 1)
+    cut = [part[k : k + longest] for part in parts for k in range(0, part.size, longest)]
+    return [window for window in cut if window.size >= FEWEST]
+
+
+def _of_beat(tick: IntArray, frame: float, jitter: float) -> float:
+    """Log-likelihood of ticks (n,), frames being that many apart and each seen at the first tick after it."""
+    at = frame * np.arange(tick.size) + PHASES[:, None]
+    late = tick - tick[0] - at
+    each = ndtr(late / jitter) - ndtr((late - 1) / jitter)
+    of_phase = np.log((1 - STRAY) * each + STRAY / 4).sum(axis=1)
+    return float(np.logaddexp.reduce(of_phase) - np.log(PHASES.size))
+
+
+def _of_neighbours(windows: Sequence[IntArray]) -> float:
+    """Log-likelihood of steps each of which depends on the one before alone, or of patterns that repeat exactly."""
+    best = -np.inf
+    for order in (1, 2, 3):
+        counts: dict[tuple[int, ...], dict[int, int]] = {}
+        for window in windows:
+            steps = np.diff(window).tolist()
+            for k in range(order, len(steps)):
+                following = counts.setdefault(tuple(steps[k - order : k]), {})
+                following[steps[k]] = following.get(steps[k], 0) + 1
+        total = sum(n * np.log(n / sum(own.values())) for own in counts.values() for n in own.values())
+        free = sum(len(own) - 1 for own in counts.values())
+        events = sum(sum(own.values()) for own in counts.values())
+        best = max(best, total - 0.5 * free * np.log(max(events, 1)))
+    return float(best)
+
+
+def _even_again(touch: TouchTrace, period_s: float, frame_s: float) -> bool:
+    """Whether stamps lie within one period of the even frames that are put in their place."""
+    if touch.t_s.size < 100:
+        return True
+    wait_s = touch.t_s - unpolled(touch, period_s, frame_s).t_s
+    return bool(np.ptp(np.quantile(wait_s, [0.01, 0.99])) < BEAT * period_s)

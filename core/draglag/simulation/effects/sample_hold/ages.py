@@ -1,0 +1,57 @@
+"""By how much the age of positions varies from stamp to stamp."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from draglag.gap.streams.stamps import FAST_MM_S
+from draglag.recording import TouchTrace
+
+UNEVEN_AGE = 0.03  # of the interval between stamps
+STILL = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay
+
+
+def still_uneven(held: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
+    """Whether positions of uneven age are hardly evener after their ages were undone."""
+    before_s = uneven_age_s(held)
+    return before_s > UNEVEN_AGE * period_s and uneven_age_s(even) > STILL * before_s
+
+
+def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
+    """By how much the age of the positions varies from stamp to stamp, s (median over runs fast enough to tell; or 0).
+
+    A position of another age lies further along the path, not beside it: what third differences scatter by along the
+    motion beyond what they do across it, less what the stamps themselves scatter by.
+    """
+    ages = []
+    for touch in touches:
+        t_s, xy_mm = touch.t_s, np.column_stack([touch.x_mm, touch.y_mm])
+        frame_s = float(np.median(np.diff(t_s)))
+        third = xy_mm[3:] - 3 * xy_mm[2:-1] + 3 * xy_mm[1:-2] - xy_mm[:-3]
+        chord, span_s = xy_mm[3:] - xy_mm[:-3], t_s[3:] - t_s[:-3]
+        length = np.hypot(chord[:, 0], chord[:, 1])
+        whole = (np.abs(span_s - 3 * frame_s) < 0.3 * frame_s) & (length > 0)
+        if np.count_nonzero(whole) < 200:
+            continue
+        speed = float(np.median(length[whole] / span_s[whole]))
+        if speed < FAST_MM_S:
+            continue
+        ahead = chord[whole] / length[whole, None]
+        along = np.sum(third[whole] * ahead, axis=1)
+        across = third[whole, 0] * ahead[:, 1] - third[whole, 1] * ahead[:, 0]
+        # Where the motion turns, a latency that depends on direction jumps by itself.
+        straight = np.abs(ahead[:, 1]) > 0.4
+        along, across = along[straight], across[straight]
+        # 1 + 9 + 9 + 1: what third differences make of the variance of single events.
+        variance_s2 = (_calm_variance(along) - _calm_variance(across)) / 20 / speed**2
+        variance_s2 -= step_mm**2 / 12 / speed**2  # the coordinate that hardly changes is rounded alike
+        stamps_s2 = 0.5 * _calm_variance(np.diff(t_s)[np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s])
+        ages.append(float(np.sqrt(max(variance_s2 - stamps_s2, 0.0))))
+    return float(np.median(ages)) if ages else 0.0
+
+
+def _calm_variance(values: np.ndarray) -> float:
+    """Mean square about the median, far values brought in to six robust standard deviations."""
+    off = values - np.median(values)
+    far = 6 * 1.4826 * float(np.median(np.abs(off)))
+    return float(np.mean(np.clip(off, -far, far) ** 2))

@@ -1,0 +1,87 @@
+"""Touch events that a host's loop held: stamps of its ticks, on positions that repeat or are of uneven age."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.gap.streams.stamps import StreamEffect, Streams, first_of_repeats, repeats
+from draglag.recording import Run, TouchTrace
+from draglag.simulation.effects.deadband.stream import deadband_in
+from draglag.simulation.effects.frame_batching.stream import batches_in
+from draglag.simulation.effects.pitch_ripple.lattice import lattice_of
+from draglag.simulation.effects.poll_grid.stream import polls_in
+from draglag.simulation.effects.sample_hold import SampleHold
+from draglag.simulation.effects.sample_hold.ages import UNEVEN_AGE, still_uneven, uneven_age_s
+from draglag.simulation.effects.sample_hold.unheld import unheld
+from draglag.simulation.effects.timestamp_quantisation.stream import clock_in
+
+STEPS = 3.0  # of its coordinates that a run advances by from event to event, where a repeat means something
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """A loop, and runs with the positions of even age, or without those that repeat."""
+    held = streams.of(loop_in)
+    if held is None or streams.of(batches_in) is not None or streams.of(clock_in) is not None:
+        return None, runs  # a grid of stamps without repeated positions is a coarse clock's
+    first = [first_of_repeats(r.touch) for r in runs]
+    even = unheld(first, 1 / held.value)
+    if even is not None and still_uneven(first, even, 1 / held.value):
+        even = None  # another beat was taken for theirs
+    repaired = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
+    return replace(held, undone=even is not None), repaired
+
+
+def loop_in(streams: Streams) -> StreamEffect | None:
+    """A loop; none where what repeats is a deadband's, and where uneven ages are those of polls."""
+    other = streams.of(deadband_in) is not None or streams.of(polls_in) is not None
+    return None if other else hold(streams.touches, streams.step_mm)
+
+
+def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
+    """A host loop that writes the last event at each tick: even stamps, and positions that repeat or advance unevenly.
+
+    A loop faster than the touch repeats positions; a slower one skips events, now one, now two, so the path advances
+    unevenly at even stamps. step_mm: of the coordinates; a slow drag repeats coarse ones by itself.
+    """
+    intervals = np.concatenate([np.diff(t.t_s) for t in touches])
+    period_s = float(np.median(intervals))
+    if period_s <= 0:
+        return None
+    whole = np.maximum(np.round(intervals / period_s), 1)
+    regular = np.abs(intervals - period_s * whole) < 0.015 * period_s
+    advance = [float(np.median(np.hypot(np.diff(t.x_mm), np.diff(t.y_mm)))) for t in touches]
+    told = [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm >= STEPS * step_mm]
+    # Where the loop is faster than the touch most events repeat, and none advances by the usual step.
+    told = told or [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm == 0]
+    share = float(np.mean(np.concatenate(told))) if told else 0.0
+    age_s = uneven_age_s(touches, step_mm)
+    if share <= 0.02 and age_s > UNEVEN_AGE * period_s:
+        # A ripple of the panel is uneven along the path as well, but by its place.
+        ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
+        if ripple is not None:
+            even = [_at(t, ripple.undone_mm(np.column_stack([t.x_mm, t.y_mm]))) for t in touches]
+            age_s = uneven_age_s(even, step_mm)
+    if float(np.mean(regular)) < 0.97 or not (share > 0.02 or age_s > UNEVEN_AGE * period_s):
+        return None
+    period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
+    spread = float(np.std(intervals[regular] / whole[regular])) / np.sqrt(intervals.size)
+    rate = 1 / period_s
+    reach = max(1.96 * spread * rate**2, 1e-4 * rate)
+    what = f"{100 * share:.0f} % of positions repeat the one before"
+    if share <= 0.02:
+        what = f"the age of their positions varies by {1e3 * age_s:.1f} ms"
+    return StreamEffect(
+        SampleHold.id,
+        "rate_hz",
+        rate,
+        (rate - reach, rate + reach),
+        "every tick of the host's loop",
+        f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
+        max(share, age_s / period_s),
+    )
+
+
+def _at(touch: TouchTrace, xy_mm: np.ndarray) -> TouchTrace:
+    return TouchTrace(touch.t_s, xy_mm[:, 0], xy_mm[:, 1], touch.contact_id, gaps_s=touch.gaps_s)

@@ -1,0 +1,200 @@
+"""The age of held positions, undone: a frame clock seen through a slower or faster host loop.
+
+At tick j the loop writes the newest frame, whose age is p_f · frac(α j − φ): p_f the frames' period, α = p_t / p_f less
+whole frames, φ the run's own phase. A position of greater age lies further back along the path, by its age times the
+speed; so α is the line that the runs' deviations along the path share, and φ where the sawtooth fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.signal import savgol_filter
+
+from draglag.motion import local_fit
+from draglag.recording import FloatArray, IntArray, TouchTrace
+from draglag.simulation.effects.sample_hold.ages import uneven_age_s
+
+WINDOW, DEGREE = 17, 3  # ticks of the local path
+SLOWEST = 0.06  # turns a tick: a slower beat is taken for the path's own
+LINES = 4  # of the spectrum that are tried
+GRID = 1 << 16
+PHASES = np.arange(64) / 64
+IN_STEP = 4  # frames a tick, halves, thirds and quarters of one
+FASTEST = 6  # runs that tell α: the faster, the less a position's noise is in time
+NEAR_JUMP = 0.2  # of a turn: a jump may come so much sooner or later
+LEAST_GAIN = 0.1  # share of the fast runs' deviations that the sawtooth has to explain; of noise it explains 0.01
+HEIGHT = (0.45, 1.1)  # of the frames' period, that a sawtooth may seem to have: frames that jitter blur its jumps
+
+
+@dataclass(frozen=True)
+class _Deviation:
+    """Of one run: tick of each event (n,), how far it lies ahead of its path in time (n,) s, and the weight of that."""
+
+    tick: IntArray
+    ahead_s: FloatArray
+    weight: FloatArray
+
+
+def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
+    """Positions as if all were of the mean age, or at times as if they were; None where the beat cannot be seen.
+
+    Args:
+        period_s: of the host's loop.
+    """
+    seen = [_deviation(touch, period_s) for touch in touches]
+    fast = sorted((d for d in seen if d is not None), key=lambda d: -float(d.weight.mean()))[:FASTEST]
+    if not fast:
+        return None
+    alpha = _turns_a_tick(fast)
+    parts = np.arange(1, IN_STEP + 1)
+    if float(np.min(np.abs(parts * alpha - np.round(parts * alpha)))) * min(run.tick[-1] for run in fast) < 1:
+        return None  # loop and frames keep step: which ages take turns does not show
+    best = [_sawtooth(run, alpha) for run in fast]
+    if float(np.median([fit.share for fit in best])) < LEAST_GAIN:
+        return None
+    # The sawtooth's height is the frames' period, of which only p_t / (n + α) are possible; jitter makes it look lower.
+    height_s = float(np.median([fit.height_s for fit in best]))
+    possible_s = period_s / (np.arange(6) + alpha)
+    told_s = possible_s[(HEIGHT[0] * possible_s < height_s) & (height_s < HEIGHT[1] * possible_s)]
+    fits = [None if d is None else _sawtooth(d, alpha) for d in seen]
+    tried = [_at_even_ages(touches, fits, alpha, period_s, float(frame_s)) for frame_s in told_s]
+    return min(tried, key=uneven_age_s) if len(tried) > 1 else next(iter(tried), None)
+
+
+def _at_even_ages(
+    touches: Sequence[TouchTrace], fits: Sequence[_Fit | None], alpha: float, period_s: float, frame_s: float
+) -> list[TouchTrace]:
+    """The traces freed of the ages that frames of this period have on the loop's ticks; runs without a fit as they
+    are."""
+    out = []
+    for touch, fit in zip(touches, fits, strict=True):
+        if fit is None:
+            out.append(touch)
+            continue
+        age_s = frame_s * np.mod(alpha * _ticks(touch.t_s, period_s) - fit.phase, 1.0)
+        age_s = _jumped(touch, age_s, frame_s, 8 * period_s)
+        # Less half a frame, not less the run's own mean: where loop and frames nearly keep step, that differs by run.
+        own_s = touch.t_s - (age_s - 0.5 * frame_s)
+        if frame_s > period_s:
+            # A loop faster than the frames writes every one of them: at their own times they are even.
+            own_s = np.maximum.accumulate(own_s + 1e-9 * np.arange(own_s.size))
+            out.append(replace(touch, t_s=own_s))
+        else:
+            out.append(_as_of(touch, own_s, 4 * period_s))
+    return out
+
+
+def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: float) -> FloatArray:
+    """Ages (n,) s whose jump comes where the positions show it: jittering frames take turns a tick sooner or later."""
+    own_s = np.maximum.accumulate(touch.t_s - age_s + 1e-9 * np.arange(age_s.size))
+    xy = np.column_stack([touch.x_mm, touch.y_mm])
+    fit = local_fit(own_s, xy, own_s, half_width_s)
+    ahead_s = np.sum((xy - fit.xy_mm) * fit.v_mm_s, axis=1) / np.maximum(fit.speed_mm_s, 1e-6) ** 2
+    part = age_s / frame_s
+    fresh = fit.ok & (part > 1 - NEAR_JUMP) & (ahead_s > 0.5 * frame_s)
+    old = fit.ok & (part < NEAR_JUMP) & (ahead_s < -0.5 * frame_s)
+    return np.asarray(age_s + frame_s * (old.astype(float) - fresh))
+
+
+def _as_of(touch: TouchTrace, own_s: FloatArray, half_width_s: float) -> TouchTrace:
+    """Positions of the times ``own_s`` carried along the path to their stamps; those that have no path are left out."""
+    xy = np.column_stack([touch.x_mm, touch.y_mm])
+    there, here = (local_fit(own_s, xy, at_s, half_width_s) for at_s in (touch.t_s, own_s))
+    keep = there.ok & here.ok
+    xy = (xy + there.xy_mm - here.xy_mm)[keep]
+    ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
+    return TouchTrace(touch.t_s[keep], xy[:, 0], xy[:, 1], ids, gaps_s=touch.gaps_s)
+
+
+def _ticks(t_s: FloatArray, period_s: float) -> IntArray:
+    return np.asarray(np.concatenate([[0], np.cumsum(np.round(np.diff(t_s) / period_s))]), np.int64)
+
+
+def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
+    """How far events lie ahead of a local path on the ticks; None for a run too short."""
+    if touch.t_s.size < 10 * WINDOW:
+        return None
+    tick = _ticks(touch.t_s, period_s)
+    even = np.arange(tick[-1] + 1)
+    xy = np.column_stack([np.interp(even, tick, v) for v in (touch.x_mm, touch.y_mm)])
+    smooth = savgol_filter(xy, WINDOW, DEGREE, axis=0)[tick]
+    velocity = savgol_filter(xy, WINDOW, DEGREE, deriv=1, delta=period_s, axis=0)[tick]
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    off = np.column_stack([touch.x_mm, touch.y_mm]) - smooth
+    moving = speed > 0.3 * np.median(speed)
+    ahead_s = np.where(moving, np.sum(off * velocity, axis=1) / np.maximum(speed, 1e-6) ** 2, 0.0)
+    # The jumps of a slow beat are few, far beyond the median, and no outliers.
+    limit = max(6 * 1.4826 * float(np.median(np.abs(ahead_s))), period_s)
+    return _Deviation(tick, np.clip(ahead_s, -limit, limit), np.where(moving, speed**2, 0.0))
+
+
+def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
+    """α, from runs that show it well.
+
+    A spectrum tells a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow to
+    show by itself shows by those: a line may be α's double, or another multiple of a slow α.
+    """
+    best: tuple[float, list[float]] = (-np.inf, [0.5])
+    beats = _beats(fast)
+    lines = [np.array([_finer(run, line) for run in fast]) for line in beats]
+    turns = [one for line in lines for one in (line, line / 2, (line + 1) / 2)]
+    # Neighbouring multiples of a slow α lie α apart.
+    apart = float(np.min(np.diff(np.sort(beats))))
+    slow = [lines[0] / round(beats[0] / one) for one in (apart, apart / 2) if one < SLOWEST]
+    for alphas in (side for one in (*turns, *slow) for side in (one, 1 - one)):
+        pairs = zip(fast[:2], alphas[:2], strict=True)
+        share = float(np.mean([_sawtooth(run, float(alpha), PHASES[::2]).share for run, alpha in pairs]))
+        best = max(best, (share, [float(alpha) for alpha in alphas]))
+    return float(np.median(best[1]))
+
+
+def _beats(runs: Sequence[_Deviation]) -> list[float]:
+    """The lines that the runs share, α of each."""
+    power = np.zeros(GRID)
+    widest = 1
+    for run in runs:
+        even = np.zeros(GRID)
+        inside = run.tick < GRID
+        even[run.tick[inside]] = (run.weight * run.ahead_s)[inside]
+        spectrum = np.abs(np.fft.fft(even)) ** 2
+        # Runs of another length have lines of another width: the best power within a run's own resolution.
+        reach = max(1, round(GRID / run.tick[-1]))
+        power += maximum_filter1d(spectrum, 2 * reach + 1, mode="wrap") / np.median(spectrum)
+        widest = max(widest, reach)
+    alpha = np.arange(GRID) / GRID
+    power[(alpha < SLOWEST) | (alpha > 0.5)] = 0.0  # deviations are real: the other half is the same
+    lines = []
+    for _ in range(LINES):
+        k = int(np.argmax(power))
+        lines.append(float(alpha[k]))
+        power[max(k - 4 * widest, 0) : k + 4 * widest + 1] = 0.0
+    return lines
+
+
+def _finer(run: _Deviation, near: float) -> float:
+    """α of one run's own line, close to the shared one."""
+    alphas = near + 0.1 / run.tick[-1] * np.arange(-20, 21)
+    lines = [np.abs(np.exp(-2j * np.pi * one * run.tick) @ (run.weight * run.ahead_s)) for one in alphas]
+    return float(alphas[int(np.argmax(lines))])
+
+
+@dataclass(frozen=True)
+class _Fit:
+    phase: float
+    height_s: float
+    share: float
+
+
+def _sawtooth(run: _Deviation, alpha: float, phases: FloatArray = PHASES) -> _Fit:
+    """The phase of the sawtooth that fits a run's deviations best, its height, and the share it explains."""
+    even = np.mod(alpha * np.arange(run.tick[-1] + 1)[:, None] - phases, 1.0)
+    behind = (savgol_filter(even, WINDOW, DEGREE, axis=0) - even)[run.tick]  # as the deviations were taken
+    moment = (run.weight * run.ahead_s) @ behind
+    size = run.weight @ behind**2
+    gain = np.where(moment > 0, moment**2 / size, 0.0) / float(np.sum(run.weight * run.ahead_s**2))
+    k = int(np.argmax(gain))
+    return _Fit(float(phases[k]), float(moment[k] / size[k]), float(gain[k]))

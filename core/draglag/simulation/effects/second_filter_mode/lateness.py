@@ -1,0 +1,45 @@
+"""Touch events freed of a second filter's lateness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.in_fits import FreedTrace
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """A lateness, s, in stretches from–to of session time, to be taken off the touch events' stamps."""
+
+    size_s: float
+    times_s: tuple[float, ...]
+
+    place: ClassVar[int] = 0
+
+    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+        t_s, xy_mm = without_lateness(trace.t_s, trace.xy_mm, self.size_s, first_s + np.array(self.times_s))
+        return replace(trace, t_s=t_s, xy_mm=xy_mm)
+
+
+def without_lateness(
+    t_s: FloatArray, xy_mm: FloatArray, size_s: float, times_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Events (n,), (n, 2) with the lateness taken off, those left out that came while the trace stood still.
+
+    Args:
+        times_s: (2 k,) stretches from–to, on the clock of ``t_s``.
+    """
+    late = np.searchsorted(times_s, t_s - size_s) % 2 == 1
+    begins = times_s[::2]
+    still = np.searchsorted(begins, t_s) != np.searchsorted(begins, t_s - size_s)
+    own_s = t_s - size_s * late
+    order = np.flatnonzero(~still)[np.argsort(own_s[~still], kind="stable")]
+    keep = np.append(True, np.diff(own_s[order]) > 0)
+    return own_s[order[keep]], xy_mm[order[keep]]

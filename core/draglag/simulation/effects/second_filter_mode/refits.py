@@ -1,0 +1,144 @@
+"""A second filter: above a speed, in stretches that edges show, or in those that the touch events show."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.errors import EstimateError
+from draglag.gap.fitting.joint import Fit, latency_of_terms, most_promising
+from draglag.gap.fitting.state import Term
+from draglag.gap.proposing.plain import refit
+from draglag.gap.traces.edges import Placed
+from draglag.gap.traces.run_data import as_shown
+from draglag.recording import FloatArray, Session
+from draglag.simulation.effects.second_filter_mode import SecondFilterMode
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting
+from draglag.simulation.effects.second_filter_mode.skips import Skips, find_skips
+from draglag.simulation.effects.second_filter_mode.stepped import Step, find_step
+from draglag.simulation.effects.second_filter_mode.switching import (
+    LEAST_EDGES,
+    Switching,
+    away,
+    find_switching,
+    later_of,
+    law_beside,
+    mistaken_s,
+    of_neither,
+    settled,
+)
+
+OWN = SecondFilterMode.id
+LEFT_OVER = 0.03  # of a lateness undone: what is left is known to first order
+ROUNDS = 4
+NEAR = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
+
+
+def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
+    """One refit for every way in which edges or events show a second filter."""
+    skips = find_skips(as_shown(before.runs))
+    switching = find_switching(before)
+    step = find_step(before.runs, latency_of_terms(before)) if before.law.plateau_mm_s <= 0 else None
+    setting = Setting.of(theta)
+    out = []
+    if step is not None or (setting is not None and setting.by is By.SPEED):
+        out.append(_above_a_speed(session, before, setting, step))
+    if setting is not None and setting.by is By.ACCELERATION:
+        out.append(refit(session, before, [*before.terms, Term(OWN, theta)]))
+    if switching is not None:
+        out.append(_switched(session, before, switching))
+    if skips is not None:
+        out.append(_skipping(session, before, skips))
+    return out
+
+
+def shown_by_edges(before: Fit) -> bool:
+    """Whether the latencies of single edges lie on two levels that last, or the touch events skip and stand still as a
+    filter makes them that comes and goes."""
+    found = find_switching(before)
+    return (found is not None and found.gain > 0) or find_skips(as_shown(before.runs)) is not None
+
+
+def judged(placed: Placed, term: Term) -> np.ndarray:
+    """Edges (m,) that are not about a switch: there a position is an average of both filters'."""
+    return away(placed, _setting(term), term.sizes[0] if term.sizes else 0.0)
+
+
+def open_mm(placed: Placed, term: Term) -> FloatArray:
+    """About a switch an edge lies anywhere between what the two filters show, (m,) mm."""
+    setting = _setting(term)
+    size_s = abs(setting.above if setting.shown else term.sizes[0])
+    return np.asarray(size_s * np.abs(placed.v_mm_s[:, 1] * placed.stretch))
+
+
+def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
+    """A fit with a filter that comes and goes, without the edges next to a switch that show a mean of both filters."""
+    mode = next(t for t in fit.terms if t.effect == OWN)
+    mixed = of_neither(fit, _setting(mode))
+    if not mixed.any():
+        return fit
+    only = judged(first.placed, mode) & ~mixed
+    return refit(session, first, fit.terms, fit.law, only) or fit
+
+
+def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step: Step | None) -> Fit | None:
+    """A filter that takes over above the likeliest speed: next to the one that single edges show, or between the two
+    runs whose latencies part."""
+    law, speeds = before.law, list[float]()
+    if setting is not None and setting.by is By.SPEED:
+        speeds = [v * setting.above for v in NEAR]
+    size_s = SecondFilterMode.parameters[0].typical
+    if step is not None:
+        law, speeds, size_s = step.law, [*speeds, *step.thresholds_mm_s()], step.size_s
+    options = [[*before.terms, Term(OWN, Setting(float(v), By.SPEED).theta, (size_s,))] for v in speeds]
+    terms = most_promising(before, options, law)
+    return refit(session, before, terms, law, away(before.placed, _setting(terms[-1]), size_s))
+
+
+def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
+    """The fit with a filter that comes and goes, its times settled along with the law."""
+    fit, law, setting, size_s = None, None, switching.setting, switching.size_s
+    for _ in range(ROUNDS):
+        only = away(before.placed, setting, size_s)
+        fit = refit(session, before, [*before.terms, Term(OWN, setting.theta, (size_s,))], law, only)
+        if fit is None:
+            return None
+        size_s, last = fit.terms[-1].sizes[0], setting
+        setting = settled(fit, size_s, setting)
+        if (setting == last and law is not None) or not setting.times_s:
+            break
+        with contextlib.suppress(EstimateError):
+            law = law_beside(fit, before.law.plateau_mm_s > 0)
+    return None if fit is None else without_mixed(session, before, fit)
+
+
+def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
+    """The fit with a second filter undone in the traces, where they show it; what is left of its lateness is fitted,
+    and undone again until little is."""
+    fit, setting = None, skips.setting
+    for _ in range(ROUNDS):
+        law, last = (None, before) if fit is None else (fit.law, fit)
+        only = away(last.placed, setting, setting.above)
+        later = later_of(last.placed, setting)
+        if np.count_nonzero(only & later & before.use) < LEAST_EDGES:
+            only &= ~later  # the lateness is what skips show
+        found = refit(session, before, [*before.terms, Term(OWN, setting.theta, (0.0,))], law, only)
+        if found is None:
+            return fit
+        fit, left_s, mistaken = found, found.terms[-1].sizes[0], mistaken_s(found, setting)
+        if abs(left_s) < LEFT_OVER * setting.above and not mistaken:
+            break
+        # In a stretch of a stretch the filter has let go again; as long as some are mistaken, they make the size.
+        late_s = setting.above if mistaken else setting.above + left_s
+        setting = replace(setting, above=late_s, times_s=tuple(sorted((*setting.times_s, *mistaken))))
+    return fit
+
+
+def _setting(term: Term) -> Setting:
+    """The setting of a term that has one."""
+    setting = Setting.of(term.theta)
+    if setting is None:
+        raise ValueError("a second filter without a setting is not judged")
+    return setting

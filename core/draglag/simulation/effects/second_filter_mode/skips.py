@@ -1,0 +1,169 @@
+"""A filter that comes and goes as touch events show it: its trace stands still when it takes over, and skips as far
+ahead when it lets go.
+
+The lateness is one for all runs: in time, whatever their speed. Which switches are likeliest, a tracker tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, median_filter
+
+from draglag.motion import local_fit
+from draglag.recording import FloatArray
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
+from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, followed, side_by_side
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+QUICKER = 9  # events over which a step is compared with those beside it: a skip takes one or two
+SLOWEST_MM_S = 60.0  # slower, a skip of some milliseconds is within the noise
+LEAST_SKIP_S, SURE = 0.003, 6.0  # and robust deviations of the run's own steps
+OF_AN_INTERVAL = 0.5  # more or less, frames were lost or held back, not the stylus
+FEWEST = 12  # skips, and half as many standstills
+UNSTEADY_MM2_S3 = np.geomspace(1e3, 1e6, 4)  # power of a hand's random acceleration
+LEAST_EACH = 8.0  # log-likelihood for each switch of a run; what a tremor makes up comes to 2 to 5
+LEAST_GAIN = 1000.0  # of all runs; other effects come to some 200
+DIRECTIONS = np.pi / 4 * np.arange(4)
+GRID_S, PANELS_S = 0.005, 0.05  # a panel's own smoothing of a speed, about
+TOLD = 0.85  # of both states, that a threshold of the speed's change has to tell apart
+ALIKE = 0.2  # of a run's events by place, direction or speed, within which lie …
+# … so many of its switches: those are no filter's. Of the trace's skips as they are it is more: of generated filters
+# 0.59 to 0.79, of split panels, asymmetries and slow runs' noise 0.84 to 1.
+MOSTLY, NEARLY_ALL = 0.6, 0.85
+
+
+@dataclass(frozen=True)
+class Skips:
+    """size_s: how much later the events are; times_s: (2 k,) stretches from–to in which they are, of session time as
+    the trace shows it without the lateness; gain: log-likelihood of the events that it saves."""
+
+    size_s: float
+    times_s: FloatArray
+    gain: float
+
+    @property
+    def setting(self) -> Setting:
+        """As a term: what is undone in the traces, and its times."""
+        return Setting(self.size_s, By.TIME_SHOWN, tuple(self.times_s.tolist()))
+
+
+@lru_cache(maxsize=1)
+def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
+    """Two levels of lateness in the touch events of runs (as shown), or None where one does as well, or where what
+    switches them is a place, a direction or a speed. The same for the same runs, whichever model is tried on them."""
+    runs = [data for data in all_runs if data.t_s.size > 10 * QUICKER]
+    skip_s = _typical_skip_s([data for data in runs if data.keeps_moving])
+    if skip_s is None:
+        return None
+    tracks = side_by_side(runs)
+    each = np.broadcast_to(UNSTEADY_MM2_S3, (len(runs), UNSTEADY_MM2_S3.size))
+    plain, _, left = followed(tracks, 0.0, each, FAR, 1)
+    best = np.argmin(np.abs(np.log(_medians(left, tracks.live) / (2 * np.log(2)))), axis=1)
+    own = UNSTEADY_MM2_S3[best][:, None]
+    likely, states, _ = followed(tracks, skip_s, own, SWITCH, HISTORIES)
+    gains = likely[:, 0] - plain[np.arange(len(runs)), best]
+    switches = np.count_nonzero(np.diff(states[..., 0], axis=0), axis=0)
+    sure = gains > LEAST_EACH * np.maximum(switches, 1)
+    later = [states[: data.t_s.size, k, 0] & sure[k] for k, data in enumerate(runs)]
+    if np.sum(gains[sure & (switches > 0)]) < LEAST_GAIN:
+        return None
+    if _alike(runs, [np.flatnonzero(np.diff(on)) + 1 for on in later], gains) > MOSTLY:
+        return None
+    first_s = min(float(data.t_s[0]) for data in runs)
+    times = [_stretches(data.t_s - first_s, on, skip_s) for data, on in zip(runs, later, strict=True)]
+    return Skips(skip_s, np.sort(np.concatenate(times)), float(np.sum(gains[sure])))
+
+
+@lru_cache(maxsize=4)
+def change_behind(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
+    """Above which change of speed, mm/s², the filter is there, if that tells its stretches from the rest.
+
+    Args:
+        runs: with the lateness undone. times_s: (2 k,) of ``Skips``.
+    """
+    changes, states = [], []
+    first_s = min(float(data.t_s[0]) for data in runs)
+    for data in runs:
+        if data.keeps_moving:
+            at_s = np.arange(data.t_s[0], data.t_s[-1], GRID_S)
+            fit = local_fit(data.t_s, data.xy_mm, at_s, PANELS_S)
+            if np.count_nonzero(fit.ok) > 1:
+                speed = np.interp(at_s, at_s[fit.ok], fit.speed_mm_s[fit.ok])
+                changes.append(np.abs(np.gradient(gaussian_filter1d(speed, PANELS_S / GRID_S), GRID_S)))
+                states.append(within(times_s, at_s - first_s))
+    change, later = np.concatenate(changes), np.concatenate(states)
+    order = np.argsort(change)
+    on = later[order]
+    apart = np.cumsum(~on) / max(np.count_nonzero(~on), 1) - np.cumsum(on) / max(np.count_nonzero(on), 1)
+    best = int(np.argmax(apart))
+    return float(change[order[best]]) if 0.5 + 0.5 * apart[best] > TOLD else None
+
+
+def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
+    """By how much events are ahead of those beside them where the trace skips, in runs where it stands still as well;
+    None where it does not, or where all of that is at one place, direction or speed (to follow the events takes
+    seconds). A start from rest looks like a skip, a stop like a standstill, and neither is one."""
+    skips, stands, at = [], 0, []
+    for data in runs:
+        apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
+        typical_s = float(np.median(apart_s))
+        speed = median_filter(way_mm / np.maximum(apart_s, 1e-4), QUICKER)
+        fast = (speed > SLOWEST_MM_S) & (np.abs(apart_s - typical_s) < OF_AN_INTERVAL * typical_s)
+        ahead_s = np.where(fast, way_mm / np.maximum(speed, 1.0) - apart_s, 0.0)
+        least_s = LEAST_SKIP_S
+        if fast.any():
+            least_s = max(least_s, SURE * 1.4826 * float(np.median(np.abs(ahead_s[fast]))))
+        still = int(np.count_nonzero(ahead_s < -least_s)) if np.count_nonzero(fast) >= QUICKER else 0
+        at.append(np.flatnonzero(np.abs(ahead_s) > least_s) + 1 if still else np.empty(0, int))
+        if still:
+            skips.append(ahead_s[ahead_s > least_s])
+            stands += still
+    all_s = np.concatenate(skips) if skips else np.empty(0)
+    if all_s.size < FEWEST or stands < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
+        return None
+    return float(np.median(all_s))
+
+
+def _medians(values: FloatArray, live: np.ndarray) -> FloatArray:
+    """Of (n − 1, runs, g) where a run has events, (runs, g)."""
+    return np.array([np.median(values[live[1:, k], k], axis=0) for k in range(values.shape[1])])
+
+
+def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:
+    """Times from–to, (2 k,), without the lateness. While the trace stands still, half its events seem of either."""
+    changes = np.flatnonzero(np.diff(later)) + 1
+    out: list[float] = []
+    for first, last in pairwise([0, *changes.tolist(), t_s.size]):
+        if later[first]:
+            begin = 0.5 * (t_s[first - 1] + t_s[first]) - 0.5 * size_s if first else t_s[0] - size_s
+            end = 0.5 * (t_s[last - 1] + t_s[last]) - size_s if last < t_s.size else t_s[-1]
+            out += [float(begin), max(float(end), float(begin) + 1e-6)]
+    return np.array(out)
+
+
+def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[float] | FloatArray) -> float:
+    """Which share of a run's switches lies within ``ALIKE`` of its events by place, direction of movement or speed,
+    runs by their weights: where it is high, that is what switches, and not a filter of its own.
+
+    Args:
+        at: indices of the events that switch, each run's.
+    """
+    told = []
+    for data, events in zip(runs, at, strict=True):
+        if events.size:
+            v = np.gradient(data.smooth_mm, data.t_s, axis=0)
+            ways = v @ np.array([np.cos(DIRECTIONS), np.sin(DIRECTIONS)])
+            covariates = np.column_stack([data.smooth_mm, ways, np.hypot(*v.T)])
+            rank = np.argsort(np.argsort(covariates, axis=0), axis=0) / len(covariates)
+            ends = [np.searchsorted(one, one + ALIKE, side="right") for one in np.sort(rank[events], axis=0).T]
+            told.append(np.max(np.array(ends) - np.arange(events.size), axis=1) / events.size)
+    own = [weight for weight, events in zip(weights, at, strict=True) if events.size]
+    return float(np.max(np.average(told, axis=0, weights=own)))

@@ -1,0 +1,288 @@
+"""A filter that comes and goes within a run, whatever switches it: two levels of latency found from the edges alone.
+
+A hidden Markov model with two states, solved for all sizes of the jump at once: within a run an edge has the run's own
+level or one that is later by the jump, and states last for seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.model import LawParameters, residual_mm, starting_law
+from draglag.gap.fitting.noise import touch_variances
+from draglag.gap.fitting.signatures import view_of
+from draglag.gap.fitting.state import term_signature, total
+from draglag.gap.traces.edges import Placed
+from draglag.recording import FloatArray
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
+
+SIZES_S = np.geomspace(0.003, 0.04, 14)
+STARTS = (0.1, 0.35, 0.65, 0.9)  # quantiles of a run's latencies that its earlier level is looked for at
+DWELL_S = 4.0
+LEAST_EDGES = 8
+ROUNDS = 5
+EDGE_MM, RUN_ERROR_S = 0.1, 3e-4
+SLOWEST_MM_S = 25.0  # across the beam; slower, an edge says nothing of a latency
+LAW_SD_S = 2e-3  # how well the law of a fit with most of the states right is known
+LEVELS = 17
+FAR_S = 0.2
+NEAR_SWITCH_S = 0.15
+NEAR_SKIP_S = 0.01  # with the lateness undone in the trace
+A_PASS, LIES_OFF = 2, 4.0  # edges; standard deviations
+MOSTLY = 0.5
+UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
+EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
+LEAST_STAY_S = 3.0  # on average: shorter are stalls, or something that follows the path
+LEAST_RUNS = 0.5  # of those of steady speed have to have a switch: otherwise it follows the speed
+
+
+@dataclass(frozen=True)
+class Switching:
+    """size_s: how much later; on_s: (n, 2) session times from–to in which it is; gain: deviance it saves, priced."""
+
+    size_s: float
+    on_s: FloatArray
+    gain: float
+
+    @property
+    def setting(self) -> Setting:
+        """As a term: its times."""
+        return Setting(0.0, By.TIME, tuple(self.on_s.ravel().tolist()))
+
+
+def find_switching(fit: Fit) -> Switching | None:
+    """The best two-level latency through all placed edges of a fit, or None where one level does as well."""
+    placed, late_s, sd_s, usable = _latencies(fit)
+    edges, steady = [], []
+    for k, data in enumerate(fit.runs):
+        own = np.flatnonzero(usable & (placed.run == k))
+        if own.size >= LEAST_EDGES:
+            edges.append(own[np.argsort(placed.since_start_s[own])])
+            steady.append(data.steady)
+    if not edges:
+        return None
+    each, all_later = _two_levels([(placed.since_start_s[own], late_s[own], sd_s[own]) for own in edges])
+    gains = each.sum(axis=0)
+    states = [(placed.since_start_s[own], later[:, : own.size]) for own, later in zip(edges, all_later, strict=True)]
+    best = int(np.argmax(gains))
+    if gains[best] <= 0:
+        return None
+    spans = [span for t, later in states for span in _spans(t, later[best])]
+    counts = np.array([np.count_nonzero(np.diff(later[best] > 0.5)) for _, later in states])
+    switches = int(counts.sum())
+    length_s = sum(float(t[-1] - t[0]) for t, _ in states)
+    if not spans or length_s / (switches + len(states)) < LEAST_STAY_S:
+        return None
+    if not any(steady) or np.mean(counts[np.array(steady)] > 0) < LEAST_RUNS:
+        return None
+    return Switching(float(SIZES_S[best]), np.array(sorted(spans)), float(gains[best] - EACH_SWITCH * switches))
+
+
+def settled(fit: Fit, size_s: float, setting: Setting) -> Setting:
+    """The times anew beside the law of a fit that has the switching in it: a run that never switches tells only by
+    the law which of the two levels is its own."""
+    placed, late_s, sd_s, usable = _latencies(fit)
+    late_s = late_s + size_s * within(setting.times_s, placed.since_start_s)
+    spans = []
+    for k in range(len(fit.runs)):
+        own = np.flatnonzero(usable & (placed.run == k))
+        if own.size < 2:
+            continue
+        own = own[np.argsort(placed.since_start_s[own])]
+        t = placed.since_start_s[own]
+        weight, stay = sd_s[own] ** -2, 0.5 * (1 + np.exp(-2 * np.diff(t) / DWELL_S))
+        level = np.linspace(-0.6, 0.6, LEVELS) * abs(size_s)
+        for _ in range(ROUNDS):
+            off = [-0.5 * _square((late_s[own] - level[:, None] - s) / sd_s[own]) for s in (0.0, size_s)]
+            likelihood, states = _forward_backward(off[0], off[1], stay)
+            likelihood = likelihood - 0.5 * (level / LAW_SD_S) ** 2
+            level = np.sum(weight * (late_s[own] - size_s * states), axis=1) / np.sum(weight)
+        later = states[int(np.argmax(likelihood))]
+        spans += _spans(t, later)
+    return Setting(0.0, By.TIME, tuple(np.array(sorted(spans)).ravel().tolist()))
+
+
+def later_of(placed: Placed, setting: Setting) -> np.ndarray:
+    """Edges (m,) in the stretches of a filter that was undone in the traces."""
+    return within(setting.times_s, placed.since_start_s + placed.latency_s)
+
+
+def mistaken_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
+    """Stretches from–to, on the clock of the times of a filter undone in the traces, in which the edges show it undone
+    where it was not there and there where it was not undone: a switch had been missed."""
+    placed, late_s, sd_s, usable = _latencies(fit)
+    at_s = placed.since_start_s + placed.latency_s
+    later = later_of(placed, setting)
+    late_s = late_s + fit.terms[-1].sizes[0] * later  # what is fitted of it may be the mistaken ones'
+    if_mistaken_s = setting.above * (1.0 - 2.0 * later)
+    usable &= away(placed, setting, setting.above)
+    out: list[tuple[float, float]] = []
+    for k in range(len(fit.runs)):
+        own = np.flatnonzero(usable & (placed.run == k))
+        if own.size < LEAST_EDGES:
+            continue
+        own = own[np.argsort(at_s[own])]
+        stay = 0.5 * (1 + np.exp(-2 * np.diff(at_s[own]) / DWELL_S))
+        off = [-0.5 * _square((late_s[own] - s) / sd_s[own])[None] for s in (0.0, if_mistaken_s[own])]
+        _, mistaken = _forward_backward(off[0], off[1], stay)
+        saved = 2 * (off[1] - off[0])[0]
+        for begin_s, end_s in _spans(at_s[own], mistaken[0]):
+            if np.sum(saved[(at_s[own] > begin_s) & (at_s[own] < end_s)]) > EACH_SWITCH:
+                out.append((begin_s, end_s))
+    return tuple(np.array(out).ravel().tolist())
+
+
+def law_beside(fit: Fit, plateau: bool) -> LawParameters:
+    """Where to begin anew: the law through each run's level in a fit that has the switching in it.
+
+    The runs' own estimates are of one level each, and a law begun there stays where it fits them. Raises EstimateError.
+    """
+    placed, late_s, _, usable = _latencies(fit)
+    less_s = np.zeros(len(fit.runs))
+    for k, data in enumerate(fit.runs):
+        own, e = usable & (placed.run == k), data.estimate
+        if own.any() and e is not None and e.latency_s is not None and e.speed_mm_s is not None:
+            level_s = float(fit.law(np.array([e.speed_mm_s]))[0] + np.median(late_s[own]))
+            less_s[k] = e.latency_s - level_s
+    return starting_law(fit.runs, less_s, plateau)
+
+
+def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
+    """Of every placed edge: how late it is beside the fit and its standard deviation, s, and whether it tells."""
+    placed = fit.placed
+    lever = fit_lever(fit)
+    variance = touch_variances(fit.runs, placed) + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2
+    view = view_of(placed, fit.law, fit.geometry, fit.width_mm)
+    offsets = total(tuple(term_signature(t, view) for t in fit.terms), fit.terms, view, "offset")
+    left_mm = residual_mm(placed, fit.geometry) - offsets
+    usable = placed.ok & np.isfinite(left_mm) & (np.abs(lever) > SLOWEST_MM_S)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        late_s, sd_s = left_mm / lever, np.sqrt(variance) / np.abs(lever)
+    return placed, late_s, sd_s, usable & (np.abs(late_s) < FAR_S)
+
+
+def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
+    """Edges (m,) that are not about a switch, by its times or by a speed: there a position is an average of both
+    filters', and a trace that stands still or jumps by ``size_s`` shows the speed wrong."""
+    if setting.by is By.SPEED:
+        unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
+        unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
+        told = ~(np.abs(placed.speed_mm_s - setting.above) < unsure_mm_s)
+        # Of a run that is about the threshold all along, the few edges left are those whose speed was read wrong.
+        share = np.bincount(placed.run, told) / np.maximum(np.bincount(placed.run), 1)
+        return np.asarray(told & (share > MOSTLY)[placed.run])
+    times = np.array(setting.times_s)
+    at_s = placed.since_start_s + (placed.latency_s if setting.shown else 0.0)
+    after = np.clip(np.searchsorted(times, at_s), 1, times.size - 1)
+    nearest = np.column_stack([times[after - 1], times[after]])
+    near_s = NEAR_SKIP_S if setting.shown else NEAR_SWITCH_S
+    return np.asarray(np.abs(at_s[:, None] - nearest).min(axis=1) > near_s)
+
+
+def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
+    """Edges (m,) of a fit with the switching in it that lie off and are next to a switch: when it came, between two
+    passes, is not known, and windows that reach across it show a mean of both filters."""
+    placed, late_s, _, usable = _latencies(fit)
+    out = np.zeros(len(placed), bool)
+    for k in range(len(fit.runs)):
+        own = np.flatnonzero(usable & (placed.run == k))
+        if own.size < LEAST_EDGES:
+            continue
+        own = own[np.argsort(placed.since_start_s[own])]
+        t, aside_s = placed.since_start_s[own], np.abs(late_s[own] - np.median(late_s[own]))
+        times = np.array([at_s for at_s in setting.times_s if t[0] < at_s < t[-1]])
+        at = np.searchsorted(t, times)[:, None] + np.arange(-A_PASS, A_PASS)
+        next_to = own[at[(at >= 0) & (at < own.size)]]
+        out[next_to] = True
+        out[own[aside_s < LIES_OFF * 1.4826 * np.median(aside_s)]] = False
+    return out
+
+
+def fit_lever(fit: Fit) -> FloatArray:
+    """How a longer latency moves the residual of every placed edge, mm/s."""
+    placed = fit.placed
+    across = placed.v_mm_s[:, 1] - fit.geometry.slope * placed.v_mm_s[:, 0]
+    return np.asarray(-across * placed.stretch)
+
+
+def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    """Deviance saved by two levels instead of one (runs, sizes), and how likely each edge is in the later (runs, sizes,
+    m of the longest run), of runs' edges: their times, latencies and standard deviations, s.
+
+    Runs are filled up with edges that come at once and say nothing, so that all take each step together.
+    """
+    longest = max(t_s.size for t_s, _, _ in runs)
+    t_s, late_s, sd_s = np.zeros((3, len(runs), longest))
+    sd_s += np.inf
+    for k, run in enumerate(runs):
+        n = run[0].size
+        t_s[k, :n], late_s[k, :n], sd_s[k, :n] = run
+        t_s[k, n:] = run[0][-1]
+    weight = sd_s**-2
+    one = np.sum(weight * late_s, axis=1) / np.sum(weight, axis=1)
+    plain = -0.5 * np.sum(_square((late_s - one[:, None]) / sd_s), axis=1)
+    starts = np.array([np.quantile(run[1], STARTS) for run in runs])
+    level = np.repeat(starts[:, None, :], SIZES_S.size, axis=1)
+    late, sd, weight = (values[:, None, None, :] for values in (late_s, sd_s, weight))
+    size = SIZES_S[:, None]
+    stay = 0.5 * (1 + np.exp(-2 * np.diff(t_s) / DWELL_S))[:, None, None, :]
+    later = np.zeros((*level.shape, longest))
+    likelihood = np.full(level.shape, -np.inf)
+    for _ in range(ROUNDS):
+        off = [-0.5 * _square((late - (level + s)[..., None]) / sd) for s in (0.0, size)]
+        likelihood, later = _forward_backward(off[0], off[1], stay)
+        level = np.sum(weight * (late - later * size[..., None]), axis=-1) / np.sum(weight, axis=-1)
+    pick = np.argmax(likelihood, axis=2)[:, :, None]
+    gain = 2 * (np.take_along_axis(likelihood, pick, axis=2)[:, :, 0] - plain[:, None])
+    return gain, np.take_along_axis(later, pick[..., None], axis=2)[:, :, 0]
+
+
+def _square(z: FloatArray) -> FloatArray:
+    """z² up to where one bad edge would decide."""
+    return np.minimum(z**2, 25.0)
+
+
+def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood (...) and the posterior of state one (..., m) of log densities (..., m). stay: (..., m − 1) how
+    likely a state is to last until the next edge."""
+    m = zero.shape[-1]
+    top = np.maximum(zero, one)
+    density = np.moveaxis(np.stack([np.exp(zero - top), np.exp(one - top)]), -1, 0).copy()
+    forward = np.empty((m, 2, *zero.shape[:-1]))
+    scale = np.empty((m, *zero.shape[:-1]))
+    now = 0.5 * density[0]
+    for i in range(m):
+        if i:
+            p = stay[..., i - 1]
+            now = (p * now + (1 - p) * now[::-1]) * density[i]
+        scale[i] = now[0] + now[1]
+        now = now / scale[i]
+        forward[i] = now
+    later = np.empty((m, *zero.shape[:-1]))
+    behind = np.ones_like(now)
+    for i in range(m - 1, -1, -1):
+        both = forward[i] * behind
+        later[i] = both[1] / (both[0] + both[1])
+        if i:
+            p = stay[..., i - 1]
+            ahead = behind * density[i]
+            behind = (p * ahead + (1 - p) * ahead[::-1]) / scale[i]
+    return np.log(scale).sum(axis=0) + top.sum(axis=-1), np.moveaxis(later, 0, -1)
+
+
+def _spans(t_s: FloatArray, later: FloatArray) -> list[tuple[float, float]]:
+    """Session times between edges from–to in which the later state holds; over a run's ends by its own half second."""
+    on = later > 0.5
+    changes = np.flatnonzero(np.diff(on)) + 1
+    bounds = [0, *changes.tolist(), t_s.size]
+    out = []
+    for first, last in pairwise(bounds):
+        if on[first]:
+            begin = 0.5 * (t_s[first - 1] + t_s[first]) if first else t_s[0] - 0.5
+            end = 0.5 * (t_s[last - 1] + t_s[last]) if last < t_s.size else t_s[-1] + 0.5
+            out.append((float(begin), float(end)))
+    return out

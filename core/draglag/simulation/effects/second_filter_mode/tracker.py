@@ -1,0 +1,158 @@
+"""A tracker that follows the touch events of all runs at once, with two levels of lateness and a switch at any event.
+
+Constant speed and turn between events, a hand's random acceleration beside it (Kalman); of all histories of switches
+the likeliest few are kept (beam search).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from draglag.recording import FloatArray
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+HISTORIES = 8  # three times as many tell the same
+SWITCH = 5.0  # log-likelihood that a switch costs
+OUTLIER = 50.0  # squared standard deviations; beyond it an event moves no tracker, but for too many of them
+LOST = 4  # so many events on end, and it begins anew
+FAR = 1e9  # what no switch is worth
+TURN_S, FASTEST_TURN = 0.05, 60.0  # rad/s: 1 m/s on a circle of 17 mm
+LEAST_WAY_MM = 1.5  # over which a direction is known
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Events of all runs side by side, (n, runs): complex positions, how fast the direction turns, rad/s; the turn and
+    the way between one and the next; one event's noise, (runs,)."""
+
+    t_s: FloatArray
+    z_mm: np.ndarray
+    live: np.ndarray
+    rate: FloatArray
+    turn: np.ndarray
+    way_s: np.ndarray
+    noise_mm2: FloatArray
+
+
+def side_by_side(runs: Sequence[RunData]) -> Tracks:
+    """The runs filled up to the longest with events that come at once and count for nothing."""
+    n = max(data.t_s.size for data in runs)
+    shape = n, len(runs)
+    t_s, z_mm, live, rate = np.zeros(shape), np.zeros(shape, complex), np.zeros(shape, bool), np.zeros(shape)
+    for k, data in enumerate(runs):
+        m = data.t_s.size
+        t_s[:m, k], z_mm[:m, k], live[:m, k] = data.t_s, data.xy_mm @ np.array([1, 1j]), True
+        t_s[m:, k], z_mm[m:, k] = data.t_s[-1], z_mm[m - 1, k]
+        rate[:m, k] = _turn_rate(data.t_s, z_mm[:m, k])
+    apart_s = np.minimum(np.diff(t_s, axis=0), 0.05)
+    noise_mm2 = np.array([data.noise_mm**2 for data in runs])
+    return Tracks(t_s, z_mm, live, rate, np.exp(1j * rate[1:] * apart_s), _way_s(rate[1:], apart_s), noise_mm2)
+
+
+def _way_s(rate: FloatArray, apart_s: FloatArray | float) -> np.ndarray:
+    """By what a velocity is multiplied to get the way at constant speed and turn."""
+    angle = rate * apart_s
+    small = np.abs(angle) < 1e-6
+    return np.asarray(apart_s * np.where(small, 1.0, np.expm1(1j * angle) / np.where(small, 1.0, 1j * angle)))
+
+
+def _turn_rate(t_s: FloatArray, z_mm: np.ndarray) -> FloatArray:
+    """How fast the direction turns, (n,) rad/s, over windows that a skip does not change; 0 where it is not known."""
+    first = np.searchsorted(t_s, t_s - TURN_S)
+    last = np.minimum(np.searchsorted(t_s, t_s + TURN_S), t_s.size - 1)
+    before, after = z_mm - z_mm[first], z_mm[last] - z_mm
+    known = (np.abs(before) > LEAST_WAY_MM) & (np.abs(after) > LEAST_WAY_MM)
+    rate = np.angle(after * np.conj(before)) / np.maximum(0.5 * (t_s[last] - t_s[first]), 1e-3)
+    summed = np.concatenate([[0.0], np.cumsum(np.where(known, rate.clip(-FASTEST_TURN, FASTEST_TURN), 0.0))])
+    return np.asarray((summed[last + 1] - summed[first]) / (last + 1 - first))
+
+
+def followed(
+    tracks: Tracks, size_s: float, unsteady: FloatArray, switch: float, histories: int
+) -> tuple[FloatArray, np.ndarray, FloatArray]:
+    """Log-likelihood (runs, g) of the likeliest history, its states (n, runs, g), and squared innovations of the one in
+    front, (n − 1, runs, g).
+
+    Args:
+        size_s: lateness of the later state. unsteady: (runs, g) mm²/s³. switch: what a switch costs.
+    """
+    n, runs = tracks.t_s.shape
+    shape = runs, unsteady.shape[1], histories
+    gains = _tracker_gains(tracks, unsteady)
+    p = np.broadcast_to(tracks.z_mm[0][:, None, None], shape).astype(complex)
+    shown = _shown_velocity(tracks)
+    v = np.broadcast_to(shown[0][:, None, None], shape).astype(complex)
+    late = np.zeros(shape, bool)
+    late[..., 1:2] = True
+    value = np.full(shape, -FAR)
+    value[..., :2] = 0.0
+    lost = np.zeros(shape, int)
+    came, states = np.empty((n - 1, *shape), np.int8), np.empty((n - 1, *shape), bool)
+    left = np.empty((n - 1, *shape[:2]))
+    price = np.array([0.0, switch])
+    back_s = _way_s(-tracks.rate[1:], size_s)
+    for i in range(n - 1):
+        p, v = p + v * tracks.way_s[i][:, None, None], v * tracks.turn[i][:, None, None]
+        now = tracks.z_mm[i + 1][:, None, None] - p
+        then = now + v * back_s[i][:, None, None]
+        off = np.stack([np.where(late, then, now), np.where(late, now, then)], axis=-1)  # if it stays, if it switches
+        square = (off.real**2 + off.imag**2) / gains[i, 2][..., None, None]
+        cost = 0.5 * np.minimum(square, OUTLIER) * tracks.live[i + 1][:, None, None, None] + price
+        each = (value[..., None] - cost).reshape(*shape[:2], -1)
+        order = np.argsort(-each, axis=-1)[..., :histories]
+        parent = order // 2
+        value, off, square = (np.take_along_axis(a.reshape(each.shape), order, -1) for a in (each, off, square))
+        p, v, lost, late = (np.take_along_axis(a, parent, -1) for a in (p, v, lost, late))
+        late = late ^ (order % 2 == 1)
+        out = square > OUTLIER
+        anew = out & (lost >= LOST)
+        p = p + np.where(anew, 1.0, np.where(out, 0.0, gains[i, 0][..., None])) * off
+        v = np.where(anew, shown[i][:, None, None], v + np.where(out, 0.0, gains[i, 1][..., None]) * off)
+        lost = np.where(out & ~anew, lost + 1, 0)
+        came[i], states[i], left[i] = parent, late, square[..., 0]
+    return value[..., 0], _history(came, states), left
+
+
+def _shown_velocity(tracks: Tracks) -> np.ndarray:
+    """Over so many events that one skip does not matter much, (n − 1, runs) mm/s: what a tracker begins with."""
+    event = np.arange(1, tracks.t_s.shape[0])
+    first = np.minimum(np.maximum(event - LOST, 0), tracks.t_s.shape[0] - 1 - LOST)
+    last = np.maximum(event, LOST)
+    mean = (tracks.z_mm[last] - tracks.z_mm[first]) / np.maximum(tracks.t_s[last] - tracks.t_s[first], 1e-4)
+    return np.asarray(mean * tracks.turn ** (LOST / 2))  # that of half as many events ago
+
+
+def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
+    """Of a tracker of constant speed: gains of position and velocity and the variance of an innovation (both axes'),
+    (n − 1, 3, runs, g). They do not depend on the positions."""
+    noise = np.broadcast_to(2 * tracks.noise_mm2[:, None], unsteady.shape)
+    power = 2 * unsteady
+    pp, pv, vv = noise, np.zeros(unsteady.shape), np.full(unsteady.shape, 1e5)
+    out = np.empty((tracks.t_s.shape[0] - 1, 3, *unsteady.shape))
+    for i, apart in enumerate(np.minimum(np.diff(tracks.t_s, axis=0), 0.05)):
+        d = apart[:, None]
+        pp = pp + 2 * d * pv + d**2 * vv + power * d**3 / 3
+        pv = pv + d * vv + power * d**2 / 2
+        vv = vv + power * d
+        whole = pp + noise
+        p, v = pp / whole, pv / whole
+        out[i] = p, v, whole
+        pp, pv, vv = (1 - p) * pp, (1 - p) * pv, vv - v * pv
+    return out
+
+
+def _history(came: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """States of the history in front at the end, (n, runs, g)."""
+    out = np.empty((came.shape[0] + 1, *came.shape[1:3]), bool)
+    at = np.zeros((*came.shape[1:3], 1), np.int64)
+    for i in range(came.shape[0] - 1, -1, -1):
+        out[i + 1] = np.take_along_axis(states[i], at, -1)[..., 0]
+        at = np.take_along_axis(came[i], at, -1).astype(np.int64)
+    out[0] = out[1]
+    return out

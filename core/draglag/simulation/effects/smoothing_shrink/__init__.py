@@ -1,0 +1,103 @@
+"""The digitiser's averaging cuts corners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from scipy.signal import filtfilt
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
+from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.residual import LineGains, Signature, View, column
+
+if TYPE_CHECKING:
+    from draglag.gap.fitting.joint import Fit
+    from draglag.gap.fitting.state import Term
+    from draglag.gap.traces.run_data import RunData
+    from draglag.simulation.effects.fitted_shape import FittedShape
+
+
+@dataclass(frozen=True)
+class SmoothingShrink(Effect):
+    """The digitiser's averaging cuts corners."""
+
+    id: ClassVar[str] = "smoothing_shrink"
+    title: ClassVar[str] = "smoothing that shrinks"
+    meaning: ClassVar[str] = (
+        "The low-pass behind the latency also shrinks curved paths; its mean delay is part of the "
+        "latency, its shrinking is this effect."
+    )
+    follows: ClassVar[str] = "normal_acceleration"
+    where: ClassVar[str] = "where the path bends"
+    undone_in: ClassVar[str] = "touch"
+    refitted_by: ClassVar[str] = "draglag.simulation.effects.smoothing_shrink.refits"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "scale_error",
+            "at one speed and radius a shrunk circle is a scaled one",
+            "circles of two radii at the same speed",
+        ),
+    )
+
+    def longest_wait_s(self, frame_s: float) -> float:
+        return 2 * self.value
+
+    def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        """A first-order low-pass both ways: the gain of one of the full time constant, without its delay."""
+        one_way = self.value / np.sqrt(2)
+        if one_way == 0:
+            return x_mm, y_mm
+        keep = float(np.exp(-k.step_s / one_way))
+        margin = min(len(x_mm) - 1, int(10 * one_way / k.step_s) + 1)
+
+        def smooth(p: FloatArray) -> FloatArray:
+            return np.asarray(filtfilt([1 - keep], [1.0, -keep], p, padlen=margin))
+
+        return smooth(x_mm), smooth(y_mm)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        # A first-order low-pass with time constant τ whose delay the law already holds leaves ½ τ² of acceleration.
+        return [Signature(offset=column(0.5 * view.a_across))]
+
+    @classmethod
+    def signature_at(cls, theta: Theta, view: View) -> Signature:
+        return Signature(offset=column(0.5 * view.a_across), theta=theta)
+
+    @classmethod
+    def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
+        setting = Setting.of(term.theta)
+        return Sharpening(setting) if setting is not None and setting.lag_s else None, term
+
+    @classmethod
+    def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
+        setting = Setting.of(term.theta)
+        return np.array(term.sizes) + (0.0 if setting is None else setting.lag_s**2)
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        """A term's size is the time constant's square."""
+        lowest, size, highest = (found.sizes[0] + s * Z95 * found.se[0] for s in (-1, 0, 1))
+        low, lag, high = (float(np.sqrt(max(square, 0.0))) for square in (lowest, size, highest))
+        return {cls.parameters[0].name: (lag, (low, high))}
+
+    @classmethod
+    def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
+        """One that looks both ways is the class's own."""
+        setting = Setting.of(term.theta)
+        if setting is None or setting.even:
+            return None
+        sizes = tuple(float(size) for size in cls.whole_sizes(term, fit))
+        return cls.of_shape(float(np.sqrt(sizes[0])), term.theta, sizes, 0.0)
+
+    @classmethod
+    def of_shape(cls, value: float, theta: Theta, sizes: Theta, about: float) -> FittedShape | None:
+        from draglag.simulation.effects.smoothing_shrink.fitted import LookingBack
+
+        return LookingBack(value, tuple(theta), tuple(sizes), about)

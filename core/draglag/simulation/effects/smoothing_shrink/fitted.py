@@ -1,0 +1,30 @@
+"""A low-pass that looks back only, as a fit found it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.fitted_shape import FittedShape
+from draglag.simulation.kinematics import Kinematics
+
+
+@dataclass(frozen=True)
+class LookingBack(FittedShape):
+    """value: its time constant, s."""
+
+    def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
+        return behind(x_mm, self.value, k.step_s), behind(y_mm, self.value, k.step_s)
+
+
+def behind(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
+    """A path (n,) behind a first-order low-pass that looks back only, with its delay at rest given back."""
+    if time_constant_s <= 0:
+        return position_mm
+    keep = float(np.exp(-step_s / time_constant_s))
+    late = position_mm[0] + lfilter([1 - keep], [1.0, -keep], position_mm - position_mm[0])
+    t = step_s * np.arange(position_mm.size)
+    return np.asarray(np.interp(t + time_constant_s, t, late))

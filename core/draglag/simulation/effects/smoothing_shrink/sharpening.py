@@ -1,0 +1,66 @@
+"""A trace freed of a low-pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from scipy.sparse import csr_matrix, identity
+
+from draglag.motion import local_fit
+from draglag.recording import FloatArray
+from draglag.simulation.effects.in_fits import FreedTrace
+
+if TYPE_CHECKING:
+    from draglag.gap.traces.run_data import RunData
+
+
+@dataclass(frozen=True)
+class Setting:
+    """lag_s: the time constant that the traces are freed of. even: of one that looks both ways, not back only."""
+
+    lag_s: float
+    even: bool = False
+
+    @classmethod
+    def of(cls, theta: tuple[float, ...]) -> Setting | None:
+        """The setting of a term; None for the mean effect of any low-pass on the edges."""
+        return cls(theta[0], len(theta) > 1) if theta else None
+
+    @property
+    def theta(self) -> tuple[float, ...]:
+        return (self.lag_s, 1.0) if self.even else (self.lag_s,)
+
+
+@dataclass(frozen=True)
+class Sharpening:
+    """What a low-pass did to the traces, to be undone there."""
+
+    setting: Setting
+
+    place: ClassVar[int] = 2
+
+    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+        half_s = float(np.median(shown.speed_half_s))
+        t_s, xy_mm, spread = _sharpened(trace.t_s, trace.xy_mm, self.setting.lag_s, half_s, self.setting.even)
+        return replace(trace, t_s=t_s, xy_mm=xy_mm, spread=spread)
+
+
+def _sharpened(
+    t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float, even: bool
+) -> tuple[FloatArray, FloatArray, csr_matrix]:
+    """A trace before a low-pass whose delay at rest is the law's, and by how much each event (columns) moves each of
+    those that are left (rows).
+
+    One of first order that looks back only: u = y + τ ẏ, stamped τ later; an even one, of a phase that only delays, as
+    a moving average is: u = y − ½ τ² ÿ.
+    """
+    fit = local_fit(t_s, xy_mm, t_s, half_width_s)
+    moved = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
+    at = np.minimum(fit.first[:, None] + np.arange(moved.shape[1]), t_s.size - 1)
+    ends = np.arange(0, at.size + 1, at.shape[1])
+    added = csr_matrix((moved.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
+    added.sum_duplicates()
+    spread = (identity(t_s.size, format="csr") + added)[fit.ok]
+    return t_s[fit.ok] + (0.0 if even else lag_s), spread @ xy_mm, spread

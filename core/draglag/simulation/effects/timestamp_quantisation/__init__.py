@@ -1,0 +1,49 @@
+"""Touch stamps are coarse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents
+
+
+@dataclass(frozen=True)
+class TimestampQuantisation(Effect):
+    """Touch stamps are coarse."""
+
+    id: ClassVar[str] = "timestamp_quantisation"
+    title: ClassVar[str] = "coarse time stamps"
+    meaning: ClassVar[str] = "The stamps of touch events are rounded up to a multiple of a quantum."
+    follows: ClassVar[str] = "frame"
+    undone_in: ClassVar[str] = "stream"
+    uneven_ages: ClassVar[bool] = True
+    seen_by: ClassVar[str] = "draglag.simulation.effects.timestamp_quantisation.stream"
+    looked_for: ClassVar[int] = 3
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("quantum_s", "s", 1e-06, 0.05, 0.004),)
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "sample_hold",
+            "a tick grid repeats positions, a quantum does not",
+            "none: repeated positions show in the stream itself",
+        ),
+        Confounder(
+            "curve constant",
+            "the mean rounding is a constant latency of half a quantum",
+            "taps stamped by another clock",
+        ),
+    )
+    order: ClassVar[int] = 4
+
+    def longest_wait_s(self, frame_s: float) -> float:
+        return self.value
+
+    def stamped_late_s(self) -> float:
+        return 0.5 * self.value
+
+    def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
+        # a stamp that is a multiple already stays, whatever binary rounding made of it
+        late = self.value * np.ceil(events.t_s / self.value - 1e-6)
+        return TouchEvents(late, events.x_mm, events.y_mm, events.contact_id)

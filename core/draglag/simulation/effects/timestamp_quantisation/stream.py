@@ -1,0 +1,107 @@
+"""Stamps that a coarse clock rounds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.gap.streams.stamps import CROWDED, FAST_MM_S, StreamEffect, Streams, counted_out
+from draglag.recording import Run, TouchTrace
+from draglag.simulation.effects.frame_batching.stream import batches_in
+from draglag.simulation.effects.poll_grid.stream import polls_in
+from draglag.simulation.effects.timestamp_quantisation import TimestampQuantisation
+
+EXACT = 2e-3  # of a tick: stamps are written to 1 µs; frames of the sample sessions jitter by 6e-3 of their interval
+
+
+def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """A coarse clock, and runs with the stamps of an even one."""
+    coarse = streams.of(clock_in)
+    return coarse, runs if coarse is None else tuple(replace(r, touch=evened(r.touch, coarse.value)) for r in runs)
+
+
+def clock_in(streams: Streams) -> StreamEffect | None:
+    """A grid of stamps that is no host's polling and no batches'."""
+    other = streams.of(polls_in) is not None or streams.of(batches_in) is not None
+    return None if other else coarse_clock(streams.touches)
+
+
+def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
+    """Stamps that are multiples of one quantum while the intervals themselves vary: a coarse clock."""
+    intervals = np.concatenate([np.diff(t.t_s) for t in touches])
+    rounded = np.round(intervals, 7)
+    least = max(20, 5e-4 * intervals.size)
+    values, counts = np.unique(np.round(rounded / 2e-5).astype(int), return_counts=True)
+    common = values[counts > least] * 2e-5
+    common = common[common > 1e-4]
+    if common.size == 0 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
+        return None
+    common = np.sort(common)
+    gaps = np.diff(common)
+    gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
+    at_once = bool(np.mean(intervals < 1e-4) > CROWDED)
+    if at_once:
+        gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
+    if gaps.size == 0:
+        return None
+    quantum_s = float(np.min(gaps))
+    typical = float(np.mean(intervals))
+    if quantum_s < 0.08 * typical or quantum_s > 2.5 * typical:
+        return None
+    # Refined on whole multiples, then every interval must be one.
+    whole = np.round(intervals / quantum_s)
+    good = whole > 0
+    quantum_s = float(np.sum(intervals[good]) / np.sum(whole[good]))
+    off = np.abs(intervals - quantum_s * np.round(intervals / quantum_s))
+    share = float(np.mean(off < 0.03 * quantum_s))
+    if share < 0.95 or np.mean(np.round(intervals / quantum_s) == np.round(typical / quantum_s)) > 0.999:
+        return None
+    if at_once and np.median(off) > EXACT * quantum_s:
+        return None  # frames that jitter, and bursts after the pauses of a host
+    missing = _reaches_further(touches) > 0.5
+    if missing and not at_once:
+        return None  # frames of an even clock, some of them lost
+    return StreamEffect(
+        TimestampQuantisation.id,
+        "quantum_s",
+        quantum_s,
+        (0.99 * quantum_s, 1.01 * quantum_s),
+        "every stamp",
+        f"{100 * share:.0f} % of intervals are multiples of {1e3 * quantum_s:.2f} ms",
+        share,
+        undone=not missing,  # which frame a stamp is of is then not sure
+    )
+
+
+def _reaches_further(touches: list[TouchTrace]) -> float:
+    """How much of a longer interval the stylus uses to go further: 1 where frames are missing, 0 where stamps are
+    coarse; median over the runs fast enough to tell, 0 without any."""
+    shares = []
+    for touch in touches:
+        dt = np.diff(touch.t_s)
+        step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
+        short_s = float(np.median(dt))
+        short, long = np.abs(dt - short_s) < 0.2 * short_s, (dt > 1.4 * short_s) & (dt < 3.5 * short_s)
+        if min(np.count_nonzero(long), np.count_nonzero(short)) < 10 or float(step.sum() / np.sum(dt)) < FAST_MM_S:
+            continue
+        further = float(np.mean(step[long]) / np.mean(step[short])) - 1
+        shares.append(further / (float(np.mean(dt[long]) / np.mean(dt[short])) - 1))
+    return float(np.median(shares)) if shares else 0.0
+
+
+def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
+    """Stamps of an even frame clock through those of a coarse one: frames counted, the stamps' slow course kept."""
+    t = touch.t_s
+    if t.size < 100:
+        return touch
+    typical = np.diff(t)
+    frame_s = float((t[-1] - t[0]) / (t.size - 1))
+    if np.mean(typical < 0.25 * quantum_s) > CROWDED:
+        longest_s = 1.5 * quantum_s  # of one frame to the next: on a clock coarser than they, some share a tick
+    else:
+        # On a clock coarser than half a frame, one frame and two may lie as far apart.
+        longest_s = (1.5 if quantum_s < 0.45 * frame_s else 2.5) * frame_s
+    frame_s = float(np.mean(typical[typical < longest_s]))
+    count = np.concatenate([[0], np.cumsum(np.where(typical < longest_s, 1, np.round(typical / frame_s)))])
+    return replace(touch, t_s=counted_out(t, count, frame_s, quantum_s))
