@@ -25,14 +25,24 @@ FOLLOWS = {
 """What a gap may follow, in words."""
 
 
+UNEXPLAINED = ("unexplained",)
+"""In ``GapReport.explanations``: whatever has no name."""
+
+
+def stated(probability: float) -> str:
+    """A probability as people read it: none is zero."""
+    return f"{probability:.2f}" if probability >= 0.005 else "< 0.01"
+
+
 def followed(covariate: str) -> str:
     """What a gap follows, in words; an effect's id stays."""
     return FOLLOWS.get(covariate, covariate)
 
 
-def unexplained_in_words(covariate: str | None, stopped_at: int | None = None) -> str:
+def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, probability: float | None = None) -> str:
     """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate. stopped_at: the limit on effects, where
-    that ended the search."""
+    that ended the search. probability: that something without a name is there, where it was stated."""
+    word = "Unexplained" if probability is None else f"Unexplained (probability {stated(probability)})"
     scatter = covariate == "scatter"
     what = (
         "single edges scatter more than those of a sound rig"
@@ -40,8 +50,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None) -
         else (f"a gap remains that follows {followed(covariate or '')}")
     )
     if stopped_at is not None:
-        return f"Unexplained: {what}; effects were limited to {stopped_at}."
-    return f"Unexplained: {what}{', and no known effect makes them' if scatter else '; no known effect makes it'}."
+        return f"{word}: {what}; effects were limited to {stopped_at}."
+    return f"{word}: {what}{', and no known effect makes them' if scatter else '; no known effect makes it'}."
 
 
 @dataclass(frozen=True)
