@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 
+from draglag.gap.constants import STATED_AT_MOST
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.judge import Judgement
 from draglag.recording import Session
@@ -30,8 +31,8 @@ UNEXPLAINED = ("unexplained",)
 
 
 def stated(probability: float) -> str:
-    """A probability as people read it: none is zero."""
-    return f"{probability:.2f}" if probability >= 0.005 else "< 0.01"
+    """A probability as people read it: none is zero, and none is stated beyond what has been counted."""
+    return f"{min(probability, STATED_AT_MOST):.2f}" if probability >= 0.005 else "< 0.01"
 
 
 def followed(covariate: str) -> str:
@@ -107,7 +108,7 @@ class LawStatement:
         return {
             "form": form,
             "adequate": self.adequate,
-            "probability_other": self.probability,
+            "probability_other": min(self.probability, STATED_AT_MOST),
             "misses_ms": 1e3 * self.misses_s,
         }
 

@@ -51,7 +51,7 @@ State = tuple[frozenset[str], tuple[str, ...]]
 
 
 class GapPage(QWidget):
-    """Find, name, add, shrink: one row a step."""
+    """Find, name, add, shrink: one row for each effect."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -69,18 +69,18 @@ class GapPage(QWidget):
         row = Flow()
         row.addWidget(label(self.tr("Gap between simulation and measurement"), "pageTitle"))
         row.add_rest()
-        self.close_button = button(self.tr("Find and close"), "primary", large=True)
+        self.close_button = button(self.tr("Explain the gap"), "primary", large=True)
         self.close_button.clicked.connect(self.start)
-        self.leave_out = button(self.tr("Take it out again"))
+        self.leave_out = button(self.tr("Remove effect"))
         self.leave_out.clicked.connect(self._leave_out)
         self.choice = QComboBox()
-        self.choice.setAccessibleName(self.tr("Effect to add by hand"))
+        self.choice.setAccessibleName(self.tr("Effect to add"))
         for effect in BY_HAND:
             self.choice.addItem(effect_name(effect), effect)
             self.choice.setItemData(self.choice.count() - 1, effect_meaning(effect), Qt.ItemDataRole.ToolTipRole)
         self.choice.currentIndexChanged.connect(lambda index: self._choice_made())
         self._choice_made()
-        self.add_button = button(self.tr("Add by hand"))
+        self.add_button = button(self.tr("Add effect"))
         self.add_button.clicked.connect(self._add)
         self.save_button = button(self.tr("Save model…"))
         self.save_button.clicked.connect(self._save)
@@ -141,7 +141,7 @@ class GapPage(QWidget):
                 self._known[without, added] = report
             self.show_report(report)
 
-        self._task = self._space.tasks.start(self.tr("Closing the gap"), work, done, self._failed)
+        self._task = self._space.tasks.start(self.tr("Explaining the gap"), work, done, self._failed)
 
     def _start_from(self) -> Any:
         """A report with fewer effects added by hand, to go on from; None where there is none."""
@@ -163,7 +163,7 @@ class GapPage(QWidget):
         self._resting.give_focus_back()
 
     def _choice_made(self) -> None:
-        effect, tip = str(self.choice.currentData()), self.tr("Effect to add by hand")
+        effect, tip = str(self.choice.currentData()), self.tr("Effect to add")
         self.choice.setToolTip(f"{tip}: {effect_meaning(effect)}")
         if self.choice.hasFocus():
             self._explain(effect)
@@ -223,7 +223,7 @@ class GapPage(QWidget):
             self.leave_out.setEnabled(bool(self._without or row >= 0))
         self.picture.choose_step(row)
         all_again = row < 0 and bool(self._without)
-        self.leave_out.setText(self.tr("All effects") if all_again else self.tr("Take it out again"))
+        self.leave_out.setText(self.tr("All effects") if all_again else self.tr("Remove effect"))
 
     def _leave_out(self) -> None:
         """Take the chosen effect out of the model and look again; without a choice, allow all again. Can be undone."""
@@ -258,7 +258,7 @@ class GapPage(QWidget):
         self.plot.clear_all()
         ready = self._space.session is not None
         self._ready()
-        hint = self.tr("Find and close: every edge is compared with what the model predicts.")
+        hint = self.tr("Explain the gap: every edge is compared with what the model predicts.")
         self._say("", hint if ready else self.tr("Measure or open a session first."))
 
     def show_report(self, report: dict[str, Any]) -> None:
@@ -267,7 +267,7 @@ class GapPage(QWidget):
         level = {"no_gap": "ok", "explained": "ok"}.get(str(report["verdict"]), "warning")
         text = headline(report) if report["verdict"] else "; ".join(map(in_words, report.get("missing", ())))
         self._say(level, text)
-        self.table.show_steps(report["steps"])
+        self.table.show_report(report)
         self.table.setVisible(bool(report["steps"]))
         self._explain("")
         self.plot.show_report(report)
