@@ -61,14 +61,22 @@ def test_a_verdict_without_a_cause_has_its_probability():
 
 
 def test_sets_that_share_the_probability_are_all_named(capsys):
-    sets = ((("clock_drift",), 0.6), (("beam_bow", "clock_drift"), 0.25), (("unexplained",), 0.11), ((), 0.03))
+    three = ("beam_bow", "beam_width", "clock_drift")
+    sets = ((("clock_drift",), 0.6), (three, 0.25), (("unexplained",), 0.11), ((), 0.03))
     made = replace(report("explained"), steps=(DRIFT,), explanations=sets)
-    also = "Also possible: beam bow and clock drift (probability 0.25), something without a name (probability 0.11)."
+    also = "Also possible: beam bow, beam width and clock drift (probability 0.25), something without a name (probability 0.11)."
     assert also_in_words(made) == also
     _say(made, None)
     assert also in capsys.readouterr().out
     table = _explanations(made)
-    for words in ("clock drift", "beam bow and clock drift", "something without a name", "no effect", "0.60", "0.25"):
+    for words in (
+        "clock drift",
+        "beam bow, beam width and clock drift",
+        "something without a name",
+        "no effect",
+        "0.60",
+        "0.25",
+    ):
         assert words in table
 
 

@@ -58,8 +58,13 @@ def _size(step: Step) -> tuple[str, str]:
 
 
 def headline(report: GapReport) -> str:
-    """The verdict in one or two sentences: the causes with their sizes and probabilities, what they do to the held-out
-    gap, and the run that would separate those that edges cannot tell apart."""
+    """The verdict, and the run that would separate those causes that edges cannot tell apart."""
+    return " ".join((verdict_in_words(report), *_to_separate(report)))
+
+
+def verdict_in_words(report: GapReport) -> str:
+    """The verdict in one or two sentences: the causes with their sizes and probabilities, and what they do to the
+    held-out gap."""
     sizes = f"{report.gap_last_mm or 0.0:.2f} mm, noise {report.noise_floor_mm or 0.0:.2f}"
     mass = dict(report.explanations)
     quiet = f" (probability {stated(mass[()])})" if () in mass else ""
@@ -70,7 +75,7 @@ def headline(report: GapReport) -> str:
         "explained": "What is left beyond chance is too small to matter." if report.tolerated else "",
         "unexplained": unexplained_in_words(report.unexplained_by, report.stopped_at, mass.get(UNEXPLAINED)),
     }.get(report.verdict or "no_gap", "")
-    return " ".join(filter(None, (_causes(report, sizes), words, *_to_separate(report))))
+    return " ".join(filter(None, (_causes(report, sizes), words)))
 
 
 def _causes(report: GapReport, sizes: str) -> str:
@@ -130,7 +135,9 @@ def set_in_words(names: Sequence[str]) -> str:
     """A set of effects: "clock drift and beam bow", "no effect", or "something without a name"."""
     if tuple(names) == UNEXPLAINED:
         return "something without a name"
-    return " and ".join(title_of(name) if name in EFFECTS else name for name in names) or "no effect"
+    shown = [title_of(name) if name in EFFECTS else name for name in names]
+    some = ", ".join(shown[:-1])
+    return f"{some} and {shown[-1]}" if some else "".join(shown) or "no effect"
 
 
 def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) -> Explanations:

@@ -17,11 +17,11 @@ from draglag.gap.results import FLOOR_REACHES, GapReport, Step, stated, unjudged
 from draglag.gap.wording import (
     also_in_words,
     drift_in_analysis,
-    headline,
     law_in_words,
     separating_run,
     set_in_words,
     tolerated_in_words,
+    verdict_in_words,
 )
 from draglag.provenance import Source, source_of
 from draglag.recording import Session
@@ -35,7 +35,8 @@ body{{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;paddin
 table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35rem .6rem;border-bottom:1px solid #8886}}
 .verdict{{font-size:1.3rem;font-weight:600}}
 .number{{white-space:nowrap}}.narrow{{width:auto;min-width:60%}}
-.bar{{display:inline-block;height:.75em;min-width:1px;background:#0072b2;border-radius:2px}}
+.track{{display:block;height:.75em;background:#8883;border-radius:2px}}
+.bar{{display:block;height:100%;min-width:1px;background:#0072b2;border-radius:2px}}
 @media screen and (prefers-color-scheme:dark){{.bar{{background:#56a9e8}}}}
 {css}</style></head><body>{body}</body></html>"""
 
@@ -89,7 +90,7 @@ def write_gap_report(
 def _said(session: Session, report: GapReport) -> list[str]:
     """The verdict, the curve's form, what else is possible, and the gap in numbers, as paragraphs."""
     assert report.last is not None
-    body = [f'<p class="verdict">{escape(headline(report))}</p>']
+    body = [f'<p class="verdict">{escape(verdict_in_words(report))}</p>']
     body += [f"<p>{escape(words)}</p>" for words in (law_in_words(report.law), also_in_words(report)) if words]
     ms = ms_per_mm(report.last)
     first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
@@ -162,9 +163,9 @@ def _table(report: GapReport) -> str:
 
 def _small_print(step: Step) -> tuple[str, str]:
     """The evidence with its p value, and the run that would separate the effect from those that look alike."""
-    p = "< 0.0001" if step.p_value < 1e-4 else f"= {step.p_value:.1g}"
+    p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
     run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
-    return f"{step.evidence}; p {p}", f"to tell them apart: {run}" if step.indistinguishable_from and run else ""
+    return f"{step.evidence}; p\u00a0{p}", f"to tell them apart: {run}" if step.indistinguishable_from and run else ""
 
 
 def _explanations(report: GapReport) -> str:
@@ -177,7 +178,8 @@ def _explanations(report: GapReport) -> str:
         known.append(("all others together", rest))
     rows = "".join(
         f'<tr><td>{escape(words)}</td><td class="number">{escape(stated(p))}</td>'
-        f'<td style="width:50%"><span class="bar" style="width:{100 * p:.1f}%"></span></td></tr>'
+        f'<td style="width:50%"><span class="track"><span class="bar" style="width:{100 * p:.1f}%"></span></span></td>'
+        "</tr>"
         for words, p in known
     )
     return (
@@ -248,11 +250,11 @@ def _replay_table(again: tuple[Replay, ...], report: GapReport) -> str:
         inside, of = one.runs_that_agree
         name = "present model" if k == 0 else f"+ {report.steps[k - 1].effect.replace('_', ' ')}"
         rows.append(
-            f"<tr><td>{escape(name)}</td><td>{one.rms_mm:.3f}</td><td>{one.rms_ms:.2f} ({low:.2f} to {high:.2f})</td>"
-            f"<td>{inside} of {of}</td></tr>"
+            f"<tr><td>{escape(name)}</td><td>{one.rms_mm:.3f}</td>"
+            f'<td class="number">{one.rms_ms:.2f} ({low:.2f} to {high:.2f})</td><td>{inside} of {of}</td></tr>'
         )
     head = (
-        "<tr><th>simulated again with</th><th>edges off by, mm RMS</th><th>ms RMS (95 %)</th>"
+        "<tr><th>simulated again with</th><th>edges off by, mm RMS</th><th>ms RMS (95&nbsp;%)</th>"
         "<th>runs whose latency agrees within the 95 % interval of the difference</th></tr>"
     )
     return (

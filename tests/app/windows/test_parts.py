@@ -372,13 +372,14 @@ class TestGap:
                 "law": {"adequate": False, "misses_ms": 1.21, "probability_other": 0.97},
             }
         )
-        lines = page.more.text().split("\n")
-        assert lines[0].startswith("The curve is not Eq. 5: Eq. 5 misses it by 1.2 ms RMS (probability 0.97)")
-        assert lines[1] == (
+        assert page.law.text().startswith("The curve is not Eq. 5: Eq. 5 misses it by 1.2 ms RMS (probability 0.97)")
+        assert page.more.text().split("\n")[0] == (
             "Also possible: beam bow and low-speed plateau (probability 0.25), something without a name "
             "(probability 0.12)"
         )
         assert "0.60  low-speed plateau" in page.table.item(0, 1).toolTip()
+        page.show_report(self.REPORT)
+        assert page.law.text() == ""
 
     def test_a_verdict_without_effects_has_its_probability(self, page: QWidget) -> None:
         none: dict[str, object] = {**self.REPORT, "steps": [], "unexplained_by": "x"}

@@ -30,7 +30,7 @@ from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.tasks import Progress, Task
 from draglag_app.windows.parts.widgets import Resting, Shallow, button, label, restyle
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
-from draglag_app.windows.wording.gap_words import headline
+from draglag_app.windows.wording.gap_words import headline, law_words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
 
@@ -46,6 +46,8 @@ def gap_workflow() -> Callable[..., Any] | None:
 
 # Remarks may be many: beyond some lines they scroll rather than take the pictures' room.
 _REMARKS_PX = 84
+# A verdict on three effects in the longest words has five lines.
+_VERDICT_PX = 84
 State = tuple[frozenset[str], tuple[str, ...]]
 """Effects left out, and effects added by hand."""
 
@@ -93,8 +95,11 @@ class GapPage(QWidget):
         by_hand.add_rest()
         by_hand.addWidget(self.save_button)
         outer.addLayout(by_hand)
-        self.verdict = label("", "verdict", wrap=True)
-        outer.addWidget(self.verdict)
+        self.verdict, self.law = label("", "verdict", wrap=True), label("", wrap=True)
+        # As high as their texts: the hint of a label that wraps knows no width, and would not fit small screens.
+        self._verdict_box, self._law_box = Shallow(self.verdict, _VERDICT_PX), Shallow(self.law, _VERDICT_PX)
+        outer.addWidget(self._verdict_box)
+        outer.addWidget(self._law_box)
         self.plot = StepPlot()
         self.picture = GapPicture()
         pictures = QHBoxLayout()
@@ -267,6 +272,7 @@ class GapPage(QWidget):
         level = {"no_gap": "ok", "explained": "ok"}.get(str(report["verdict"]), "warning")
         text = headline(report) if report["verdict"] else "; ".join(map(in_words, report.get("missing", ())))
         self._say(level, text)
+        self._say_law(law_words(report))
         self.table.show_report(report)
         self.table.setVisible(bool(report["steps"]))
         self._explain("")
@@ -275,8 +281,13 @@ class GapPage(QWidget):
         self._ready()
 
     def _say(self, level: str, text: str) -> None:
-        self.verdict.setText(text)
         restyle(self.verdict, "level", level)
+        self._verdict_box.show_text(text)
+        self._say_law("")
+
+    def _say_law(self, text: str) -> None:
+        self._law_box.show_text(text)
+        self._law_box.setVisible(bool(text))
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

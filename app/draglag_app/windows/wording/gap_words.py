@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any
 
 from PySide6.QtCore import QCoreApplication
@@ -87,6 +88,7 @@ GAP = (
     QT_TRANSLATE_NOOP("Library", "growing with session time"),
     QT_TRANSLATE_NOOP("Library", "edges where the light returns"),
     QT_TRANSLATE_NOOP("Library", "every edge, outwards or inwards"),
+    QT_TRANSLATE_NOOP("Library", "every edge alike"),
     QT_TRANSLATE_NOOP("Library", "growing along the beam"),
     QT_TRANSLATE_NOOP("Library", "along the beam, most in the middle"),
     QT_TRANSLATE_NOOP("Library", "fading with session time"),
@@ -256,7 +258,7 @@ def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
 def names_words(step: dict[str, Any]) -> str:
     """A step's effect and those that it cannot be told from: "clock drift or thermal drift"."""
     names = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
-    return _say(_OR).format(one=names[0], other=", ".join(names[1:])) if names[1:] else names[0]
+    return reduce(lambda one, other: _say(_OR).format(one=one, other=other), names)
 
 
 def _cause(step: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words
-from draglag_app.windows.wording.gap_words import also_words, compared_words, law_words, names_words, tolerated_words
+from draglag_app.windows.wording.gap_words import also_words, compared_words, names_words, tolerated_words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.wording.words import flag_name
 
@@ -61,8 +61,10 @@ class StepTable(QTableWidget):
             self.setItem(k, column, item)
 
 
-# Of a step's name in a line below the plot.
-_LETTERS = 14
+# Of a step's name in a line below the plot: at least, and of all names together.
+_LETTERS, _LETTERS_IN_ALL = 14, 48
+# Above, between and below the names and the axis' title.
+_AROUND_PX = 14
 
 
 class StepPlot(Plot):
@@ -86,17 +88,22 @@ class StepPlot(Plot):
         floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
         self.line(say("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
         # A name that is wider than its place would be left out.
-        self.getAxis("bottom").setTicks([[(float(k), fill(name, _LETTERS)) for k, name in enumerate(names)]])
+        below = [fill(name, max(_LETTERS, _LETTERS_IN_ALL // len(names))) for name in names]
+        axis = self.getAxis("bottom")
+        axis.setTicks([list(enumerate(below))])
+        # Of itself the axis makes room for one line and its title.
+        lines = max(text.count("\n") for text in below) + 1
+        axis.setHeight((lines + 1) * self.fontMetrics().height() + _AROUND_PX if lines > 1 else None)
         self.setXRange(-0.5, len(gaps) - 0.5, padding=0)
         # With room for the legend above the highest of them.
         self.setYRange(0, 1.4 * max(*gaps, *floor))
 
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
-    """The curve's form, other explanations, what would separate them, how effects by taps or by hand are judged, what
-    is tolerated and what the session cannot show."""
+    """Other explanations, what would separate them, how effects by taps or by hand are judged, what is tolerated and
+    what the session cannot show."""
     steps = report["steps"]
-    lines = [law_words(report), also_words(report)]
+    lines = [also_words(report)]
     for step in steps:
         alike = step.get("indistinguishable_from") or ()
         run = separating_run(step["effect"], alike, step.get("extra_run", "")) if alike else ""
