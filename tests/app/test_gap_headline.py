@@ -64,7 +64,10 @@ def test_sets_that_share_the_probability_are_all_named(capsys):
     three = ("beam_bow", "beam_width", "clock_drift")
     sets = ((("clock_drift",), 0.6), (three, 0.25), (("unexplained",), 0.11), ((), 0.03))
     made = replace(report("explained"), steps=(DRIFT,), explanations=sets)
-    also = "Also possible: beam bow, beam width and clock drift (probability 0.25), something without a name (probability 0.11)."
+    also = (
+        "Also possible: beam bow, beam width and clock drift (probability 0.25), something without a name "
+        "(probability 0.11)."
+    )
     assert also_in_words(made) == also
     _say(made, None)
     assert also in capsys.readouterr().out
