@@ -1,4 +1,4 @@
-"""The headline of a gap report does not call noise what the line below it says is beyond chance."""
+"""What the terminal and the report say of a gap: causes, probabilities, what else is possible, the curve's form."""
 
 import re
 from dataclasses import replace
@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from draglag.gap.finding.separate import not_seen
 from draglag.gap.fitting.state import Term
-from draglag.gap.results import GapReport, PassedOver, Step, unjudged
-from draglag.gap.wording import drift_in_analysis, headline
+from draglag.gap.not_shown import not_shown
+from draglag.gap.results import GapReport, LawStatement, Step, Tolerated, unjudged
+from draglag.gap.wording import also_in_words, drift_in_analysis, headline, law_in_words
 from draglag.protocols import load_protocol
-from draglag.report.gap import _table
+from draglag.report.gap import _explanations, _table
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag_app.cli import cli
@@ -22,12 +22,12 @@ from draglag_app.cli.gap import _say
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
 
-RIPPLE = PassedOver("pitch_ripple", 6e-6, "amplitude_mm 0.02 (0.01 to 0.03): too little for a name")
+RIPPLE = Tolerated("pitch_ripple", 0.9, 0.03)
 
 
-def report(verdict, *left):
+def report(verdict, *tolerated):
     numbers = {"noise_floor_mm": 0.2, "gap_first_mm": 0.18, "gap_last_mm": 0.18}
-    return GapReport("s", verdict, unexplained_by="x", passed_over=left, **numbers)
+    return GapReport("s", verdict, unexplained_by="x", tolerated=tolerated, **numbers)
 
 
 @pytest.mark.parametrize("verdict", ["no_gap", "explained"])
@@ -36,15 +36,78 @@ def test_only_noise_is_called_noise(verdict, capsys):
         made = replace(made, steps=(DRIFT,) if verdict == "explained" else ())
         _say(made, None)
         for said in (capsys.readouterr().out, headline(made)):
-            if made.passed_over:
+            if made.tolerated:
                 assert "beyond chance" in said
                 assert "noise." not in said.replace("noise floor", "").split("\n")[0]
             else:
                 assert "noise" in said.split("\n")[0]
 
 
+def test_what_is_tolerated_is_listed_with_its_size_in_one_line(capsys):
+    _say(report("no_gap", RIPPLE, Tolerated("time_in_run", 0.7, 0.021)), None)
+    said = capsys.readouterr().out.split("\n")
+    assert "Tolerated, too small to matter: electrode ripple, 0.03 mm; the time in the run, 0.02 mm." in said
+
+
 def test_what_stays_unexplained_stays_so():
     assert headline(report("unexplained", RIPPLE)) == headline(report("unexplained"))
+
+
+def test_a_verdict_without_a_cause_has_its_probability():
+    quiet = replace(report("no_gap"), explanations=(((), 0.951), (("beam_bow",), 0.03)))
+    assert headline(quiet).startswith("No gap (probability 0.95): 0.18 mm, noise 0.20.")
+    unnamed = replace(report("unexplained"), explanations=((("unexplained",), 0.93), ((), 0.05)))
+    assert headline(unnamed).startswith("Unexplained (probability 0.93): a gap remains")
+
+
+def test_sets_that_share_the_probability_are_all_named(capsys):
+    three = ("beam_bow", "beam_width", "clock_drift")
+    sets = ((("clock_drift",), 0.6), (three, 0.25), (("unexplained",), 0.11), ((), 0.03))
+    made = replace(report("explained"), steps=(DRIFT,), explanations=sets)
+    also = (
+        "Also possible: beam bow, beam width and clock drift (probability 0.25), something without a name "
+        "(probability 0.11)."
+    )
+    assert also_in_words(made) == also
+    _say(made, None)
+    assert also in capsys.readouterr().out
+    table = _explanations(made)
+    for words in (
+        "clock drift",
+        "beam bow, beam width and clock drift",
+        "something without a name",
+        "no effect",
+        "0.60",
+        "0.25",
+    ):
+        assert words in table
+
+
+def test_effects_that_cannot_be_told_apart_come_with_the_run_that_would():
+    either = replace(DRIFT, indistinguishable_from=("thermal_drift",), extra_run="taps before and after the runs")
+    sets = ((("clock_drift",), 0.6), (("thermal_drift",), 0.36))
+    made = replace(report("explained"), steps=(either,), explanations=sets)
+    said = headline(made)
+    assert said.startswith("Clock drift or thermal drift 24.9 ppm (23.7 to 26.2; probability 0.97) explains the gap")
+    assert said.endswith("To tell clock drift from thermal drift: taps before and after the runs.")
+    assert also_in_words(made) == ""  # it is said already
+    assert "to tell them apart: taps before and after the runs" in _table(made)
+
+
+def test_a_curve_of_another_form_is_a_statement_of_its_own(capsys):
+    assert law_in_words(LawStatement(True, 0.3, 0.0)) == ""
+    made = replace(report("no_gap"), law=LawStatement(False, 0.97, 0.0012))
+    _say(made, None)
+    said = capsys.readouterr().out
+    assert said.startswith("No gap")
+    words = "The curve is not Eq. 5: Eq. 5 misses it by 1.2 ms RMS (probability 0.97); see draglag analyze for the form"
+    assert words in said
+
+
+def test_no_probability_is_stated_beyond_what_was_counted():
+    assert "(probability 0.99)" in law_in_words(LawStatement(False, 0.999999, 0.001))
+    assert LawStatement(False, 0.999999, 0.001).to_dict()["probability_other"] == 0.99
+    assert "probability < 0.01" in headline(replace(report("explained"), steps=(replace(DRIFT, probability=1e-4),)))
 
 
 def test_what_a_gap_follows_is_told_in_words(capsys):
@@ -61,18 +124,16 @@ def test_scatter_is_not_told_as_something_that_a_gap_follows(capsys):
         assert said.startswith("Unexplained: single edges scatter more than those of a sound rig")
 
 
-def test_what_is_left_of_a_covariate_is_told_in_words(capsys):
-    _say(report("no_gap", PassedOver("time_in_run", 1e-5, "too little")), None)
-    assert "but left: the time in the run, too little." in capsys.readouterr().out
-
-
 def test_a_wider_shadow_is_not_told_twice():
     """An effect that a step names as one it may be is not listed as one that could not have been seen."""
     session = SimpleNamespace(taps=None, runs=())
     view = SimpleNamespace(x_mm=np.array([0.0, 400.0]))
+    law = SimpleNamespace(plateau_mm_s=0.0)
     for terms, listed in (((), True), ((Term("beam_width", ()),), False)):
-        fit = SimpleNamespace(terms=terms, runs=(), view=view, width_mm=500.0, run_index=np.zeros(0, int))
-        assert ("scale_error" in not_seen(session, fit)) is listed
+        fit = SimpleNamespace(terms=terms, runs=(), view=view, width_mm=500.0, run_index=np.zeros(0, int), law=law)
+        lacking = not_shown(session, fit)
+        assert ("scale_error" in lacking) is listed
+        assert all(lacking.values())  # each with the recording that would show it
 
 
 @pytest.mark.parametrize("follows", ["speed", "scatter"])
@@ -85,9 +146,9 @@ def test_a_limit_of_effects_is_told_instead_of_that_none_is_known(follows, capsy
         assert "follows scatter" not in said
 
 
-DRIFT = Step("clock_drift", {"drift_ppm": (24.9, (23.7, 26.2))}, "", "session_time", 1e-9, "", 2.7, 0.22)
+DRIFT = Step("clock_drift", {"drift_ppm": (24.9, (23.7, 26.2))}, "", "session_time", 1e-9, "", 2.7, 0.22, 0.97)
 OFFSET = Step(
-    "clock_offset", {"offset_s": (0.006, (0.005, 0.007))}, "", "taps", 1e-9, "taps lie +6.0 ms off", 0.18, 0.18
+    "clock_offset", {"offset_s": (0.006, (0.005, 0.007))}, "", "taps", 1e-9, "taps lie +6.0 ms off", 0.18, 0.18, 0.95
 )
 
 
@@ -95,16 +156,18 @@ def test_the_headline_names_cause_size_and_what_the_gap_becomes(capsys):
     numbers = {"steps": (DRIFT,), "gap_first_mm": 2.7, "gap_last_mm": 0.22, "noise_floor_mm": 0.19}
     _say(replace(report("explained"), **numbers), None)
     assert capsys.readouterr().out.split("\n")[0] == (
-        "Clock drift 24.9 ppm (23.7 to 26.2) explains the gap: 2.70 → 0.22 mm, noise 0.19."
+        "Clock drift 24.9 ppm (23.7 to 26.2; probability 0.97) explains the gap: 2.70 → 0.22 mm, noise 0.19."
     )
     part = headline(replace(report("unexplained"), **numbers))
-    assert part.startswith("Clock drift 24.9 ppm (23.7 to 26.2) is part of the gap: 2.70 → 0.22 mm, noise 0.19. Unexpl")
+    named, rest = part.split(" is part of the gap: 2.70 → 0.22 mm, noise 0.19. ")
+    assert named == "Clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)"
+    assert rest.startswith("Unexplained")
 
 
 def test_an_offset_shown_by_taps_has_no_gap_of_its_own(capsys):
     """No held-out run shows it: no gap figure is made up for it, and what the taps say is in the words."""
     made = replace(report("explained"), steps=(OFFSET,))
-    assert headline(made).startswith("Clock offset 6 ms (5 to 7), by the taps. Edges do not show it")
+    assert headline(made).startswith("Clock offset 6 ms (5 to 7; probability 0.95), by the taps. Edges do not show it")
     _say(made, None)
     for said in (capsys.readouterr().out, _table(made)):
         assert OFFSET.evidence in said
@@ -127,7 +190,7 @@ def test_runs_that_the_fit_does_not_judge_by_are_told_with_the_reason():
     session, of_runs = SimpleNamespace(runs=runs), [SimpleNamespace(run=run) for run in runs]
     first, last = (SimpleNamespace(runs=of_runs, run_index=np.array(used)) for used in ([0, 0, 1, 1], [0, 0]))
     said = unjudged(session, replace(report("no_gap"), first=first, last=last))
-    assert said == "Not judged by: run-02 (circle, left out beside an effect), run-03 (step, too few edges or events)."
+    assert said == "Not judged by: run-02 (circle, left out with an effect), run-03 (step, too few edges or events)."
     last.run_index = np.array([0, 1, 2])
     assert unjudged(session, replace(report("no_gap"), first=first, last=last)) == ""
 

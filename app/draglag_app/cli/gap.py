@@ -10,8 +10,8 @@ from draglag.errors import DataError, EstimateError
 from draglag.gap.constants import MOST_EFFECTS
 from draglag.gap.provisional import provisional_term
 from draglag.gap.replaying.extended import extended_model
-from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unjudged
-from draglag.gap.wording import drift_in_analysis, headline
+from draglag.gap.results import BY_TAPS, FLOOR_REACHES, GapReport, stated, unjudged
+from draglag.gap.wording import also_in_words, drift_in_analysis, headline, law_in_words, tolerated_in_words
 from draglag.gap.workflow import close_gap
 from draglag.model_file import save_model
 from draglag.recording import Session
@@ -70,8 +70,8 @@ def gap(
     provisional: bool,
     as_json: bool,
 ) -> None:
-    """Find where SESSION (a session file or an exchange folder) disagrees with the model, name the missing effect,
-    add it and show the gap shrink; again until only noise is left, or say what has no name.
+    """Find where SESSION (a session file or an exchange folder) disagrees with the model, name the effects that
+    explain it, each with its probability, and show the gap shrink with them; or say what has no name.
 
     \b
     Examples:
@@ -87,7 +87,7 @@ def gap(
     strange = sorted(set(include) - {run.id for run in data.runs} - {"all"})
     if strange:
         raise DataError(f"{session}: there is no run {strange[0]!r}", "See draglag analyze for the ids")
-    with progress("Closing the gap") as tell:
+    with progress("Explaining the gap") as tell:
         result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], tell, include)
     unnamed = provisional_term(result) if provisional else None
     if report is not None and result.verdict is not None:
@@ -133,23 +133,23 @@ def _say(result: GapReport, report: Path | None) -> None:
     for step in result.steps:
         sizes = ", ".join(f"{k} {v:.4g} ({low:.4g} to {high:.4g})" for k, (v, (low, high)) in step.parameters.items())
         also = f" or {', '.join(step.indistinguishable_from)}" if step.indistinguishable_from else ""
-        rows.append([step.effect + also, step.where, sizes, f"{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}"])
+        gap = f"{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}"
+        rows.append([step.effect + also, stated(step.probability), step.where, sizes, gap])
     if rows:
-        click.echo(table(["effect", "where", "size (95 %)", "gap, mm"], rows, 4))
+        click.echo(table(["effect", "probability", "where", "size (95 %)", "gap, mm"], rows, 5))
     click.echo(
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
         f"noise floor {result.noise_floor_mm:.3f} mm ({FLOOR_REACHES})."
     )
-    for left in result.passed_over:
-        click.echo(f"Beyond chance (p {left.p_value:.1g}) but left: {followed(left.what)}, {left.text}.")
+    for words in (also_in_words(result), law_in_words(result.law), tolerated_in_words(result)):
+        if words:
+            click.echo(words)
     for step in result.steps:
-        if step.covariate == "taps":  # its gap is not the one before it
+        if step.covariate == BY_TAPS:  # its gap is not the one before it
             click.echo(f"{step.effect}: {step.evidence}.")
-        if step.extra_run:
-            click.echo(f"To be sure of {step.effect}: {step.extra_run}.")
     if result.not_seen:
         click.echo("This session could not have shown:")
-        for effect, words_ in result.not_seen.items():
-            click.echo(f"  {effect}: {words_}")
+        for effect, words in result.not_seen.items():
+            click.echo(f"  {effect}: {words}")
     if report is not None:
         click.echo(f"Report: {report}")

@@ -12,7 +12,7 @@ from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.signatures import shape_free
 from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.pool import compared
-from draglag.gap.results import GapReport
+from draglag.gap.results import GapReport, stated
 from draglag.recording import FloatArray
 from draglag.simulation.residual import View
 
@@ -58,8 +58,9 @@ class Provisional:
         k = int(np.abs(self.value).argmax())
         return (
             f"Provisional term {self.name} ({self.role}): gap {self.gap_before_mm:.3f} → {self.gap_after_mm:.3f} mm, "
-            f"noise floor {self.noise_floor_mm:.3f} mm, probability {self.probability:.2f}; at most {self.value[k]:.3g} {self.unit} "
-            f"({self.low[k]:.3g} to {self.high[k]:.3g}) at {self.x[k]:.4g} {UNITS[self.covariate]}. "
+            f"noise floor {self.noise_floor_mm:.3f} mm, probability {stated(self.probability)}; "
+            f"at most {self.value[k]:.3g} {self.unit} ({self.low[k]:.3g} to {self.high[k]:.3g}) at {self.x[k]:.4g} "
+            f"{UNITS[self.covariate]}. "
             "It has no name: look for the cause."
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 
+from draglag.gap.constants import STATED_AT_MOST
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.judge import Judgement
 from draglag.recording import Session
@@ -25,14 +26,24 @@ FOLLOWS = {
 """What a gap may follow, in words."""
 
 
+UNEXPLAINED = ("unexplained",)
+"""In ``GapReport.explanations``: whatever has no name."""
+
+
+def stated(probability: float) -> str:
+    """A probability as people read it: none is zero, and none is stated beyond what has been counted."""
+    return f"{min(probability, STATED_AT_MOST):.2f}" if probability >= 0.005 else "< 0.01"
+
+
 def followed(covariate: str) -> str:
     """What a gap follows, in words; an effect's id stays."""
     return FOLLOWS.get(covariate, covariate)
 
 
-def unexplained_in_words(covariate: str | None, stopped_at: int | None = None) -> str:
+def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, probability: float | None = None) -> str:
     """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate. stopped_at: the limit on effects, where
-    that ended the search."""
+    that ended the search. probability: that something without a name is there, where it was stated."""
+    word = "Unexplained" if probability is None else f"Unexplained (probability {stated(probability)})"
     scatter = covariate == "scatter"
     what = (
         "single edges scatter more than those of a sound rig"
@@ -40,8 +51,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None) -
         else (f"a gap remains that follows {followed(covariate or '')}")
     )
     if stopped_at is not None:
-        return f"Unexplained: {what}; effects were limited to {stopped_at}."
-    return f"Unexplained: {what}{', and no known effect makes them' if scatter else '; no known effect makes it'}."
+        return f"{word}: {what}; effects were limited to {stopped_at}."
+    return f"{word}: {what}{', and no known effect makes them' if scatter else '; no known effect makes it'}."
 
 
 @dataclass(frozen=True)
@@ -97,7 +108,7 @@ class LawStatement:
         return {
             "form": form,
             "adequate": self.adequate,
-            "probability_other": self.probability,
+            "probability_other": min(self.probability, STATED_AT_MOST),
             "misses_ms": 1e3 * self.misses_s,
         }
 

@@ -147,7 +147,7 @@ def step_of(
     p = min(judgement.pool.probability_of(name), STATED_AT_MOST)
     p *= sum(creep.shares[e] for e in alike if e == effect or e in rivals)  # of all that the step names
     gained = deviance_gained(before, after)
-    evidence = f"probability {p:.2f}; deviance falls by {gained:.0f}"
+    evidence = f"deviance falls by {gained:.0f}"
     if len(alike) > 1 and session.taps is not None:
         evidence += f"; {creep.evidence}"
     added = max(after.design.shape[1] - before.design.shape[1], 1)

@@ -1,54 +1,85 @@
-"""The finding in sentences: which cause, of what size, how far the gap shrinks; which drift analyze speaks of."""
+"""The finding in sentences: which cause, of what size, how probable, how far the gap shrinks; what else is possible."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from draglag.clocks import rate_words, remapped
 from draglag.errors import DataError
-from draglag.gap.results import GapReport, Step, unexplained_in_words
+from draglag.gap.constants import SHARED
+from draglag.gap.results import (
+    BY_TAPS,
+    UNEXPLAINED,
+    GapReport,
+    LawStatement,
+    Step,
+    followed,
+    stated,
+    unexplained_in_words,
+)
 from draglag.latency.on_clock import nearby
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS, effect_class, title_of
+from draglag.simulation.effects import EFFECTS, column_of, effect_class, title_of
 
 # Unit of an effect's parameter in code → unit people read, and how many of it make one of the former.
 READ_AS = {
     "s": ("ms", 1e3), "s/h": ("ms/h", 1e3), "s per mm/s²": ("ms/(m/s²)", 1e6), "1": ("", 1.0), "1/min": ("/min", 1.0)
 }  # fmt: skip
 FEWEST_STAMPS = 10  # for a rate
+LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms
+Explanations = Sequence[tuple[tuple[str, ...], float]]
+"""Sets of effects with their probabilities, the most probable first."""
 
 
 def size_in_words(step: Step) -> str:
     """The first parameter of a step with its 95 % interval, as "24.9 ppm (23.7 to 26.2)"; empty without one."""
-    if not step.parameters:
-        return ""
-    name, (value, (low, high)) = next(iter(step.parameters.items()))
-    unit = next((spec.unit for spec in EFFECTS[step.effect].parameters if spec.name == name), "1")
-    read, factor = READ_AS.get(unit, (unit, 1.0))
-    return f"{factor * value:.3g}{' ' if read else ''}{read} ({factor * low:.3g} to {factor * high:.3g})"
+    size, interval = _size(step)
+    return f"{size} ({interval})" if size else ""
 
 
 def cause_in_words(step: Step) -> str:
-    """An effect, its twins and its size: "clock drift or thermal drift 24.9 ppm (23.7 to 26.2)"."""
+    """An effect, its twins, its size and its probability: "clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)"."""
     names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))
-    return f"{names} {size_in_words(step)}".rstrip()
+    size, interval = _size(step)
+    brackets = f"{interval}; " if interval else ""
+    return f"{names} {size}".rstrip() + f" ({brackets}probability {stated(step.probability)})"
+
+
+def _size(step: Step) -> tuple[str, str]:
+    """The first parameter of a step and its 95 % interval; nothing without one."""
+    if not step.parameters:
+        return "", ""
+    name, (value, (low, high)) = next(iter(step.parameters.items()))
+    unit = next((spec.unit for spec in EFFECTS[step.effect].parameters if spec.name == name), "1")
+    read, factor = READ_AS.get(unit, (unit, 1.0))
+    return f"{factor * value:.3g}{' ' if read else ''}{read}", f"{factor * low:.3g} to {factor * high:.3g}"
 
 
 def headline(report: GapReport) -> str:
-    """The verdict in one or two sentences: the causes with their sizes and what they do to the held-out gap."""
+    """The verdict, and the run that would separate those causes that edges cannot tell apart."""
+    return " ".join((verdict_in_words(report), *_to_separate(report)))
+
+
+def verdict_in_words(report: GapReport) -> str:
+    """The verdict in one or two sentences: the causes with their sizes and probabilities, and what they do to the
+    held-out gap."""
     sizes = f"{report.gap_last_mm or 0.0:.2f} mm, noise {report.noise_floor_mm or 0.0:.2f}"
+    mass = dict(report.explanations)
+    quiet = f" (probability {stated(mass[()])})" if () in mass else ""
     words = {
-        "no_gap": f"No gap worth a name: {sizes}; what is left beyond chance is too little for one."
-        if report.passed_over
-        else f"No gap: {sizes}. What is left is noise.",
-        "explained": "What is left beyond chance is too little for a name." if report.passed_over else "",
-        "unexplained": unexplained_in_words(report.unexplained_by, report.stopped_at),
+        "no_gap": f"No gap worth a name{quiet}: {sizes}; what is left beyond chance is too small to matter."
+        if report.tolerated
+        else f"No gap{quiet}: {sizes}. What is left is noise.",
+        "explained": "What is left beyond chance is too small to matter." if report.tolerated else "",
+        "unexplained": unexplained_in_words(report.unexplained_by, report.stopped_at, mass.get(UNEXPLAINED)),
     }.get(report.verdict or "no_gap", "")
     return " ".join(filter(None, (_causes(report, sizes), words)))
 
 
 def _causes(report: GapReport, sizes: str) -> str:
-    by_edges = [step for step in report.steps if step.covariate != "taps"]
+    by_edges = [step for step in report.steps if step.covariate != BY_TAPS]
     out = []
     if by_edges:
         named = ", ".join(map(cause_in_words, by_edges))
@@ -56,11 +87,78 @@ def _causes(report: GapReport, sizes: str) -> str:
         verb = ("explains" if whole else "is part of") if len(by_edges) == 1 else "explain" if whole else "are part of"
         out.append(f"{named[0].upper()}{named[1:]} {verb} the gap: {report.gap_first_mm or 0.0:.2f} → {sizes}.")
     for step in report.steps:
-        if step.covariate == "taps":
+        if step.covariate == BY_TAPS:
             name = cause_in_words(step)
             edges = "" if by_edges else f" Edges do not show it: the gap on held-out runs is {sizes}."
             out.append(f"{name[0].upper()}{name[1:]}, by the taps.{edges}")
     return " ".join(out)
+
+
+def _to_separate(report: GapReport) -> list[str]:
+    out = []
+    for step in report.steps:
+        run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
+        if step.indistinguishable_from and run:
+            others = " or ".join(map(title_of, step.indistinguishable_from))
+            out.append(f"To tell {title_of(step.effect)} from {others}: {run}.")
+    return out
+
+
+def separating_run(effect: str, alike: Sequence[str], extra_run: str) -> str:
+    """The recording that would separate an effect from those that look alike; empty where none is known."""
+    known = (EFFECTS[name].shown_apart_by for name in (effect, *alike) if name in EFFECTS)
+    return extra_run or next(filter(None, known), "")
+
+
+def law_in_words(law: LawStatement) -> str:
+    """That the curve is not Eq. 5, and by how much; empty where it is."""
+    if law.adequate:
+        return ""
+    missed = f": Eq. 5 misses it by {1e3 * law.misses_s:.2g} ms RMS" if law.misses_s > LEAST_MISS_S else ""
+    return (
+        f"The curve is not Eq. 5{missed} (probability {stated(law.probability)}); see draglag analyze for the form "
+        "that fits."
+    )
+
+
+def tolerated_in_words(report: GapReport) -> str:
+    """What is there beyond chance and too small to matter, with sizes; empty without."""
+    items = [f"{_followed(item.follows)}, {item.size_mm:.2f} mm" for item in report.tolerated]
+    return f"Tolerated, too small to matter: {'; '.join(items)}." if items else ""
+
+
+def _followed(covariate: str) -> str:
+    return title_of(covariate) if covariate in EFFECTS else followed(covariate)
+
+
+def set_in_words(names: Sequence[str]) -> str:
+    """A set of effects: "clock drift and beam bow", "no effect", or "something without a name"."""
+    if tuple(names) == UNEXPLAINED:
+        return "something without a name"
+    shown = [title_of(name) if name in EFFECTS else name for name in names]
+    some = ", ".join(shown[:-1])
+    return f"{some} and {shown[-1]}" if some else "".join(shown) or "no effect"
+
+
+def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) -> Explanations:
+    """Sets that share the probability with the first, without those that steps name with "or". steps: of each, its
+    effect and those that it cannot be distinguished from."""
+    first = tuple(explanations[0][0]) if explanations else ()
+    named = {column_of(name) for step in steps for name in step if name in EFFECTS}
+    out = []
+    for names, p in explanations[1:]:
+        swapped = {column_of(name) if name in EFFECTS else name for name in names} <= named
+        if p > SHARED and not (swapped and len(names) == len(first) and first != UNEXPLAINED):
+            out.append((tuple(names), p))
+    return out
+
+
+def also_in_words(report: GapReport) -> str:
+    """The other explanations that share the probability, in a sentence; empty without."""
+    steps = [(step.effect, *step.indistinguishable_from) for step in report.steps]
+    others = also_possible(report.explanations, steps)
+    items = [f"{set_in_words(names)} (probability {stated(p)})" for names, p in others]
+    return f"Also possible: {', '.join(items)}." if items else ""
 
 
 def drift_in_analysis(session: Session, report: GapReport) -> str:

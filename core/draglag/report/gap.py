@@ -13,8 +13,16 @@ import numpy as np
 from draglag.errors import DataError, DraglagError
 from draglag.gap.provisional import Provisional
 from draglag.gap.replaying.replay import Replay, replays
-from draglag.gap.results import FLOOR_REACHES, GapReport, followed, unjudged
-from draglag.gap.wording import drift_in_analysis, headline
+from draglag.gap.results import FLOOR_REACHES, GapReport, Step, stated, unjudged
+from draglag.gap.wording import (
+    also_in_words,
+    drift_in_analysis,
+    law_in_words,
+    separating_run,
+    set_in_words,
+    tolerated_in_words,
+    verdict_in_words,
+)
 from draglag.provenance import Source, source_of
 from draglag.recording import Session
 from draglag.report import replayed
@@ -26,7 +34,14 @@ _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{ti
 body{{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}}
 table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35rem .6rem;border-bottom:1px solid #8886}}
 .verdict{{font-size:1.3rem;font-weight:600}}
+.number{{white-space:nowrap}}.narrow{{width:auto;min-width:60%}}
+.track{{display:block;height:.75em;background:#8883;border-radius:2px}}
+.bar{{display:block;height:100%;min-width:1px;background:#0072b2;border-radius:2px}}
+@media screen and (prefers-color-scheme:dark){{.bar{{background:#56a9e8}}}}
 {css}</style></head><body>{body}</body></html>"""
+
+LEAST_SHOWN = 0.005
+"""Probability of all other explanations from which on they have a row: less would be printed as 0.00."""
 
 
 def write_gap_report(
@@ -43,32 +58,40 @@ def write_gap_report(
     if report.first is None or report.last is None:
         raise DataError("there is no verdict to report", "Record what is missing: " + "; ".join(report.missing))
     again, unsimulated = _simulated(session, report, progress)
-    before = ", before (orange triangles) and after (blue dots)" if report.first is not report.last else ""
-    with house_style():
-        figures = [
-            (
-                waterfall(report),
-                "RMS residual on runs held out of the fit, step by step, against the noise floor: in mm across the "
-                "beam, and as the time the stylus takes for it at the session's RMS velocity across the beam.",
-            ),
-            *_overlays(again, report),
-            (
-                residuals(report.first, report.last),
-                "Residuals against what they could follow: the latency that fits the edges of each bin best, with its "
-                f"95 % interval{before}. A flat line at zero is a closed gap.",
-            ),
-            (curves(report), "Latency law with the latency of each run."),
-            (
-                spread(report.first, report.last),
-                "Distribution of the residuals; the line is what noise alone predicts. The bins at both ends hold all "
-                "that lies beyond.",
-            ),
-        ]
     source = source_of(session)
-    mark = "SIMULATED – " if source.simulated else ""
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
     body.append(f"<p>{escape(source.line())}</p>")
-    body.append(f'<p class="verdict">{escape(headline(report))}</p>')
+    body += _said(session, report)
+    body.append(_table(report))
+    if provisional is not None:
+        body.append(f"<p>{escape(provisional.words())}</p>")
+    if words := tolerated_in_words(report):
+        body.append(f"<p>{escape(words)}</p>")
+    body.append(_explanations(report))
+    body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
+    with house_style():
+        figures = _figures(again, report)
+    for figure, caption in figures:
+        body.append(f"<figure>{_svg(figure, source)}<figcaption>{escape(caption)}</figcaption></figure>")
+    if report.not_seen:
+        items = "".join(f"<li><b>{escape(k)}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
+        body.append(f"<h2>What this session could not have shown</h2><ul>{items}</ul>")
+    title = f"{'SIMULATED – ' if source.simulated else ''}draglag gap report"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(_PAGE.format(title=title, css=FIGURE_CSS, body="".join(body)), encoding="utf-8")
+    except OSError as problem:
+        raise DataError(
+            f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
+        ) from None
+    return path
+
+
+def _said(session: Session, report: GapReport) -> list[str]:
+    """The verdict, the curve's form, what else is possible, and the gap in numbers, as paragraphs."""
+    assert report.last is not None
+    body = [f'<p class="verdict">{escape(verdict_in_words(report))}</p>']
+    body += [f"<p>{escape(words)}</p>" for words in (law_in_words(report.law), also_in_words(report)) if words]
     ms = ms_per_mm(report.last)
     first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
     floor_mm = report.noise_floor_mm or 0.0
@@ -79,28 +102,34 @@ def write_gap_report(
     )
     if drift := drift_in_analysis(session, report):
         body.append(f"<p>{escape(drift)}</p>")
-    body.append(_table(report))
-    if provisional is not None:
-        body.append(f"<p>{escape(provisional.words())}</p>")
-    for left in report.passed_over:
-        told = f"<b>{escape(followed(left.what))}</b>, {escape(left.text)}"
-        body.append(f"<p>Beyond chance (p {_p(left.p_value)}) but left: {told}.</p>")
-    body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
-    for figure, caption in figures:
-        body.append(f"<figure>{_svg(figure, source)}<figcaption>{escape(caption)}</figcaption></figure>")
-    if report.not_seen:
-        items = "".join(f"<li><b>{escape(k)}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
-        body.append(f"<h2>What this session could not have shown</h2><ul>{items}</ul>")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(
-            _PAGE.format(title=f"{mark}draglag gap report", css=FIGURE_CSS, body="".join(body)), encoding="utf-8"
-        )
-    except OSError as problem:
-        raise DataError(
-            f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
-        ) from None
-    return path
+    return body
+
+
+def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, str]]:
+    """Every figure with its caption, drawn inside the house style."""
+    assert report.first is not None
+    assert report.last is not None
+    before = ", before (orange triangles) and after (blue dots)" if report.first is not report.last else ""
+    nearest = "; dotted: the Eq. 5 nearest to it" if not report.law.adequate else ""
+    return [
+        (
+            waterfall(report),
+            "RMS residual on runs held out of the fit, step by step, against the noise floor: in mm across the "
+            "beam, and as the time the stylus takes for it at the session's RMS velocity across the beam.",
+        ),
+        *_overlays(again, report),
+        (
+            residuals(report.first, report.last),
+            "Residuals against what they could follow: the latency that fits the edges of each bin best, with its "
+            f"95 % interval{before}. A flat line at zero is a closed gap.",
+        ),
+        (curves(report), f"Latency law with the latency of each run{nearest}."),
+        (
+            spread(report.first, report.last),
+            "Distribution of the residuals; the line is what noise alone predicts. The bins at both ends hold all "
+            "that lies beyond.",
+        ),
+    ]
 
 
 def _left_out(report: GapReport) -> str:
@@ -120,23 +149,45 @@ def _table(report: GapReport) -> str:
             f"{escape(name)} = " + f"{value:.4g} ({low:.4g} to {high:.4g})".replace("-", "−")  # no line breaks at it
             for name, (value, (low, high)) in step.parameters.items()
         )
-        also = (
-            f"<br><small>or {escape(', '.join(step.indistinguishable_from))}</small>"
-            if step.indistinguishable_from
-            else ""
-        )
-        extra = "".join(f"<br><small>{escape(words)}</small>" for words in (step.evidence, step.extra_run) if words)
+        also = step.indistinguishable_from
+        alike = f"<br><small>or {escape(', '.join(also))}</small>" if also else ""
+        small = "".join(f"<br><small>{escape(words)}</small>" for words in _small_print(step) if words)
         rows.append(
-            f"<tr><td><b>{escape(step.effect)}</b>{also}</td><td>{escape(step.where)}{extra}</td><td>{sizes}</td>"
-            f"<td>{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}</td><td>{_p(step.p_value)}</td></tr>"
+            f"<tr><td><b>{escape(step.effect)}</b>{alike}</td><td>{escape(stated(step.probability))}</td>"
+            f"<td>{escape(step.where)}{small}</td><td>{sizes}</td>"
+            f'<td class="number">{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}</td></tr>'
         )
-    head = "<tr><th>effect</th><th>where</th><th>size (95 %)</th><th>gap, mm</th><th>p</th></tr>"
+    head = "<tr><th>effect</th><th>probability</th><th>where</th><th>size (95 %)</th><th>gap, mm</th></tr>"
     return f"<table>{head}{''.join(rows)}</table>"
 
 
-def _p(value: float) -> str:
-    """A p value for people: none is zero."""
-    return "&lt; 0.0001" if value < 1e-4 else f"{value:.1g}"
+def _small_print(step: Step) -> tuple[str, str]:
+    """The evidence with its p value, and the run that would separate the effect from those that look alike."""
+    p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
+    run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
+    return f"{step.evidence}; p\u00a0{p}", f"to tell them apart: {run}" if step.indistinguishable_from and run else ""
+
+
+def _explanations(report: GapReport) -> str:
+    """The sets of effects that hold 95 % of the probability, the most probable first."""
+    if not report.explanations:
+        return ""
+    known = [(set_in_words(names), p) for names, p in report.explanations]
+    rest = 1 - sum(p for _, p in known)
+    if rest >= LEAST_SHOWN:
+        known.append(("all others together", rest))
+    rows = "".join(
+        f'<tr><td>{escape(words)}</td><td class="number">{escape(stated(p))}</td>'
+        f'<td style="width:50%"><span class="track"><span class="bar" style="width:{100 * p:.1f}%"></span></span></td>'
+        "</tr>"
+        for words, p in known
+    )
+    return (
+        f'<h2>Explanations compared</h2><table class="narrow"><tr><th>effects</th><th>probability</th><th></th></tr>'
+        f"{rows}</table><p><small>Sets of effects, each fitted jointly and weighed by its prior and its marginal "
+        "likelihood on the same edges. What the touch and laser streams show by themselves is repaired before and is "
+        "not part of these sets.</small></p>"
+    )
 
 
 def _svg(figure: Any, source: Source) -> str:
@@ -199,11 +250,11 @@ def _replay_table(again: tuple[Replay, ...], report: GapReport) -> str:
         inside, of = one.runs_that_agree
         name = "present model" if k == 0 else f"+ {report.steps[k - 1].effect.replace('_', ' ')}"
         rows.append(
-            f"<tr><td>{escape(name)}</td><td>{one.rms_mm:.3f}</td><td>{one.rms_ms:.2f} ({low:.2f} to {high:.2f})</td>"
-            f"<td>{inside} of {of}</td></tr>"
+            f"<tr><td>{escape(name)}</td><td>{one.rms_mm:.3f}</td>"
+            f'<td class="number">{one.rms_ms:.2f} ({low:.2f} to {high:.2f})</td><td>{inside} of {of}</td></tr>'
         )
     head = (
-        "<tr><th>simulated again with</th><th>edges off by, mm RMS</th><th>ms RMS (95 %)</th>"
+        "<tr><th>simulated again with</th><th>edges off by, mm RMS</th><th>ms RMS (95&nbsp;%)</th>"
         "<th>runs whose latency agrees within the 95 % interval of the difference</th></tr>"
     )
     return (

@@ -8,6 +8,7 @@ import numpy as np
 
 from draglag.gap.fitting.heldout import noise_variance_mm2
 from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.law_form import FlexibleLaw
 from draglag.gap.results import GapReport
 from draglag.report import replayed
 from draglag.report.style import BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, plain_log_ticks
@@ -88,6 +89,9 @@ def curves(report: GapReport) -> Any:
     speed = np.geomspace(max(float(report.last.view.speed.min()), 20.0), float(report.last.view.speed.max()), 300)
     for fit, colour, _, name in _series(report.first, report.last):
         axes.plot(speed, 1e3 * fit.law(speed), color=colour, linestyle="-" if fit is report.last else "--", label=name)
+    law = report.last.law
+    if not report.law.adequate and isinstance(law, FlexibleLaw):
+        axes.plot(speed, 1e3 * law.nearest(speed), color=GREY, linestyle=":", label="nearest Eq. 5")
     points = [
         (d.estimate.speed_mm_s, 1e3 * d.estimate.latency_s)
         for d in report.last.runs

@@ -12,6 +12,7 @@ from typing import Any
 from draglag.errors import DraglagError
 from draglag.gap import GapReport, close_gap
 from draglag.gap.replaying.replay import Replay, replays
+from draglag.gap.results import stated
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.reproduction.published import PLATEAU_MM_S
@@ -83,7 +84,7 @@ def gap_words(found: OwnGap) -> Iterator[str]:
     others = [s.effect for s in report.steps if s.effect != PLATEAU]
     yield (
         f"Found and named: {PLATEAU} at {value:.1f} mm/s (95 %: {low:.1f} to {high:.1f}; simulated "
-        f"{found.truth_mm_s:g}), p = {step.p_value:.1g}"
+        f"{found.truth_mm_s:g}), probability {stated(step.probability)}"
         + (f"; also named: {', '.join(others)}." if others else "; nothing else was named.")
     )
     left = f"; what remains follows {report.unexplained_by}" if report.unexplained_by else ""

@@ -26,7 +26,7 @@ def test_every_step_has_its_name_below_it(
     steps = [
         {
             "effect": effect, "where": "", "parameters": {}, "gap_before_mm": 0.5, "gap_after_mm": 0.4,
-            "evidence": {"p_value": 1e-9},
+            "evidence": {"p_value": 1e-9}, "probability": 0.9,
         }
         for effect in effects
     ]  # fmt: skip

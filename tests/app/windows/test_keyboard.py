@@ -181,6 +181,7 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
             {
                 "effect": effect, "where": "", "parameters": {}, "gap_before_mm": 0.2, "gap_after_mm": 0.1,
                 "evidence": {"p_value": 0.5, "text": "by hand"}, "indistinguishable_from": [],
+                "probability": 0.5,
             }
             for effect in added
         ]  # fmt: skip
@@ -211,7 +212,7 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
     settle()
     assert asked == [(), (effect,)]
     assert page.table.rowCount() == 1
-    assert page.table.item(0, 4).text() == "0.5"
+    assert page.table.item(0, 1).text() == "0.50"  # its probability
     assert QApplication.focusWidget() is page.add_button
     tab_to(window, page.table)
     press(window, Key.Key_Down)  # its only row

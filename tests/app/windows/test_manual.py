@@ -15,8 +15,8 @@ def test_the_manual_tells_what_the_window_can_do_by_the_names_it_has_there(open_
     window = open_window()
     there = {one.text() for one in window.findChildren(QPushButton)}
     named = {
-        "Look for devices", "Show the bar", "Correct", "Turn", "Save…", "Keep results", "Find and close",
-        "Take it out again", "Add by hand", "Save model…", "Add the one at hand", "Add sessions…",
+        "Look for devices", "Show the bar", "Correct", "Turn", "Save…", "Keep results", "Explain the gap",
+        "Remove effect", "Add effect", "Save model…", "Add the one at hand", "Add sessions…",
     }  # fmt: skip
     assert named <= there
     dutch = table_of("nl")

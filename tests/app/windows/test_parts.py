@@ -314,6 +314,7 @@ class TestGap:
         "steps": [
             {
                 "effect": "low_speed_plateau",
+                "probability": 0.97,
                 "indistinguishable_from": ["sample_hold"],
                 "parameters": {"speed_mm_s": {"value": 118.0, "ci95": [112.0, 124.0]}},
                 "where": "drag speed below 118 mm/s",
@@ -337,29 +338,56 @@ class TestGap:
     def test_report_is_shown_step_by_step(self, page: QWidget) -> None:
         page.show_report(self.REPORT)
         assert page.verdict.text() == (
-            "Low-speed plateau or sample and hold 118 mm/s (112 … 124) explains the gap: 0.62 → 0.16 mm, noise 0.15."
+            "Low-speed plateau or sample and hold 118 mm/s (112 … 124; probability 0.97) explains the gap: "
+            "0.62 → 0.16 mm, noise 0.15."
         )
         row = [page.table.item(0, column).text() for column in range(5)]
-        assert row[0] == "low-speed plateau (or sample and hold)"
-        assert row[2] == "speed 118 mm/s (112 … 124)"
+        assert row[:2] == ["low-speed plateau or sample and hold", "0.97"]
+        assert row[3] == "speed 118 mm/s (112 … 124)"
         assert page.table.chosen() == (-1, "")
         page.table.selectRow(0)
         assert page.table.chosen() == (0, "low_speed_plateau")  # files and commands call it by its id
         assert "Below a speed the latency no longer grows" in page.more.text()
         assert "(low_speed_plateau)" in page.more.text()
-        assert row[3] == "0.620 → 0.160 mm"
+        assert row[4] == "0.620 → 0.160 mm"
         assert page.plot.drawn["gap"][1].tolist() == [0.62, 0.16]
 
     def test_what_is_beyond_chance_is_not_called_noise(self, page: QWidget) -> None:
-        left = {"what": "pitch_ripple", "p_value": 6e-6, "text": "amplitude_mm 0.0228 (0.0112 to 0.0345); too little"}
+        left = {"follows": "pitch_ripple", "probability": 0.9, "size_mm": 0.0312}
         none: dict[str, object] = {**self.REPORT, "verdict": "no_gap", "steps": []}
         page.show_report(none)
         assert page.verdict.text() == "No gap: 0.16 mm, noise 0.15. What is left is noise."
-        page.show_report({**none, "passed_over": [left]})
+        page.show_report({**none, "tolerated": [left]})
         assert page.verdict.text().startswith("No gap worth a name: 0.16 mm, noise 0.15; what is left beyond chance")
-        assert "electrode ripple, amplitude 0.0228 mm (0.0112 … 0.0345)" in page.more.text()
-        page.show_report({**self.REPORT, "passed_over": [left]})
-        assert "What is left beyond chance is too little for a name" in page.verdict.text()
+        assert "Tolerated, too small to matter: electrode ripple, 0.03 mm" in page.more.text()
+        page.show_report({**self.REPORT, "tolerated": [left]})
+        assert "What is left beyond chance is too small to matter" in page.verdict.text()
+
+    def test_other_explanations_and_the_curves_form_are_said(self, page: QWidget) -> None:
+        sets = [(["low_speed_plateau"], 0.6), (["beam_bow", "low_speed_plateau"], 0.25), (["unexplained"], 0.12)]
+        page.show_report(
+            {
+                **self.REPORT,
+                "explanations": [{"effects": names, "probability": p} for names, p in sets],
+                "law": {"adequate": False, "misses_ms": 1.21, "probability_other": 0.97},
+            }
+        )
+        assert page.law.text().startswith("The curve is not Eq. 5: Eq. 5 misses it by 1.2 ms RMS (probability 0.97)")
+        assert page.more.text().split("\n")[0] == (
+            "Also possible: beam bow and low-speed plateau (probability 0.25), something without a name "
+            "(probability 0.12)"
+        )
+        assert "0.60  low-speed plateau" in page.table.item(0, 1).toolTip()
+        page.show_report(self.REPORT)
+        assert page.law.text() == ""
+
+    def test_a_verdict_without_effects_has_its_probability(self, page: QWidget) -> None:
+        none: dict[str, object] = {**self.REPORT, "steps": [], "unexplained_by": "x"}
+        page.show_report({**none, "verdict": "no_gap", "explanations": [{"effects": [], "probability": 0.95}]})
+        assert page.verdict.text().startswith("No gap (probability 0.95): 0.16 mm")
+        sets = [{"effects": ["unexplained"], "probability": 0.999}]
+        page.show_report({**none, "verdict": "unexplained", "explanations": sets})
+        assert page.verdict.text().startswith("Unexplained (probability 0.99): a gap remains that follows the place")
 
     def test_an_undo_while_the_gap_is_computed_shows_what_was_before(
         self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch

@@ -30,7 +30,7 @@ from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.tasks import Progress, Task
 from draglag_app.windows.parts.widgets import Resting, Shallow, button, label, restyle
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
-from draglag_app.windows.wording.gap_words import headline
+from draglag_app.windows.wording.gap_words import headline, law_words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
 
@@ -46,12 +46,14 @@ def gap_workflow() -> Callable[..., Any] | None:
 
 # Remarks may be many: beyond some lines they scroll rather than take the pictures' room.
 _REMARKS_PX = 84
+# A verdict on three effects in the longest words has five lines.
+_VERDICT_PX = 84
 State = tuple[frozenset[str], tuple[str, ...]]
 """Effects left out, and effects added by hand."""
 
 
 class GapPage(QWidget):
-    """Find, name, add, shrink: one row a step."""
+    """Find, name, add, shrink: one row for each effect."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -69,18 +71,18 @@ class GapPage(QWidget):
         row = Flow()
         row.addWidget(label(self.tr("Gap between simulation and measurement"), "pageTitle"))
         row.add_rest()
-        self.close_button = button(self.tr("Find and close"), "primary", large=True)
+        self.close_button = button(self.tr("Explain the gap"), "primary", large=True)
         self.close_button.clicked.connect(self.start)
-        self.leave_out = button(self.tr("Take it out again"))
+        self.leave_out = button(self.tr("Remove effect"))
         self.leave_out.clicked.connect(self._leave_out)
         self.choice = QComboBox()
-        self.choice.setAccessibleName(self.tr("Effect to add by hand"))
+        self.choice.setAccessibleName(self.tr("Effect to add"))
         for effect in BY_HAND:
             self.choice.addItem(effect_name(effect), effect)
             self.choice.setItemData(self.choice.count() - 1, effect_meaning(effect), Qt.ItemDataRole.ToolTipRole)
         self.choice.currentIndexChanged.connect(lambda index: self._choice_made())
         self._choice_made()
-        self.add_button = button(self.tr("Add by hand"))
+        self.add_button = button(self.tr("Add effect"))
         self.add_button.clicked.connect(self._add)
         self.save_button = button(self.tr("Save model…"))
         self.save_button.clicked.connect(self._save)
@@ -93,8 +95,11 @@ class GapPage(QWidget):
         by_hand.add_rest()
         by_hand.addWidget(self.save_button)
         outer.addLayout(by_hand)
-        self.verdict = label("", "verdict", wrap=True)
-        outer.addWidget(self.verdict)
+        self.verdict, self.law = label("", "verdict", wrap=True), label("", wrap=True)
+        # As high as their texts: the hint of a label that wraps knows no width, and would not fit small screens.
+        self._verdict_box, self._law_box = Shallow(self.verdict, _VERDICT_PX), Shallow(self.law, _VERDICT_PX)
+        outer.addWidget(self._verdict_box)
+        outer.addWidget(self._law_box)
         self.plot = StepPlot()
         self.picture = GapPicture()
         pictures = QHBoxLayout()
@@ -141,7 +146,7 @@ class GapPage(QWidget):
                 self._known[without, added] = report
             self.show_report(report)
 
-        self._task = self._space.tasks.start(self.tr("Closing the gap"), work, done, self._failed)
+        self._task = self._space.tasks.start(self.tr("Explaining the gap"), work, done, self._failed)
 
     def _start_from(self) -> Any:
         """A report with fewer effects added by hand, to go on from; None where there is none."""
@@ -163,7 +168,7 @@ class GapPage(QWidget):
         self._resting.give_focus_back()
 
     def _choice_made(self) -> None:
-        effect, tip = str(self.choice.currentData()), self.tr("Effect to add by hand")
+        effect, tip = str(self.choice.currentData()), self.tr("Effect to add")
         self.choice.setToolTip(f"{tip}: {effect_meaning(effect)}")
         if self.choice.hasFocus():
             self._explain(effect)
@@ -223,7 +228,7 @@ class GapPage(QWidget):
             self.leave_out.setEnabled(bool(self._without or row >= 0))
         self.picture.choose_step(row)
         all_again = row < 0 and bool(self._without)
-        self.leave_out.setText(self.tr("All effects") if all_again else self.tr("Take it out again"))
+        self.leave_out.setText(self.tr("All effects") if all_again else self.tr("Remove effect"))
 
     def _leave_out(self) -> None:
         """Take the chosen effect out of the model and look again; without a choice, allow all again. Can be undone."""
@@ -258,7 +263,7 @@ class GapPage(QWidget):
         self.plot.clear_all()
         ready = self._space.session is not None
         self._ready()
-        hint = self.tr("Find and close: every edge is compared with what the model predicts.")
+        hint = self.tr("Explain the gap: every edge is compared with what the model predicts.")
         self._say("", hint if ready else self.tr("Measure or open a session first."))
 
     def show_report(self, report: dict[str, Any]) -> None:
@@ -267,7 +272,8 @@ class GapPage(QWidget):
         level = {"no_gap": "ok", "explained": "ok"}.get(str(report["verdict"]), "warning")
         text = headline(report) if report["verdict"] else "; ".join(map(in_words, report.get("missing", ())))
         self._say(level, text)
-        self.table.show_steps(report["steps"])
+        self._say_law(law_words(report))
+        self.table.show_report(report)
         self.table.setVisible(bool(report["steps"]))
         self._explain("")
         self.plot.show_report(report)
@@ -275,8 +281,13 @@ class GapPage(QWidget):
         self._ready()
 
     def _say(self, level: str, text: str) -> None:
-        self.verdict.setText(text)
         restyle(self.verdict, "level", level)
+        self._verdict_box.show_text(text)
+        self._say_law("")
+
+    def _say_law(self, text: str) -> None:
+        self._law_box.show_text(text)
+        self._law_box.setVisible(bool(text))
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

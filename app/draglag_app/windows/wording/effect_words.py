@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -51,7 +50,6 @@ PARAMETERS: dict[str, tuple[str, str, float]] = {
     "jitter_s": (QT_TRANSLATE_NOOP("Effect", "jitter"), " µs", 1e6),
     "time_constant_s": (QT_TRANSLATE_NOOP("Effect", "time constant"), *_MS),
 }
-_SIZE = re.compile(r"(?P<id>[a-z]\w*_\w+|share|frames) (?P<value>[-\d.e]+) \((?P<low>[-\d.e]+) to (?P<high>[-\d.e]+)\)")
 
 
 def _shown_as(parameter: str) -> tuple[str, str, float]:
@@ -88,20 +86,10 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
     return text + f" ({factor * interval[0]:.4g} … {factor * interval[1]:.4g})"
 
 
-def main_size(parameters: Mapping[str, Any]) -> str:
-    """The first of a step's parameters, without its name: "24.9 ppm (23.7 … 26.2)"; empty without one."""
+def main_size(parameters: Mapping[str, Any]) -> tuple[str, str]:
+    """The first of a step's parameters, without its name, and its interval: "24.9 ppm", "23.7 … 26.2"; or nothing."""
     for parameter, given in parameters.items():
         _, unit, factor = _shown_as(parameter)
         low, high = given["ci95"]
-        return f"{factor * given['value']:.3g}{unit} ({factor * low:.3g} … {factor * high:.3g})"
-    return ""
-
-
-def sizes_in_words(sentence: str) -> str:
-    """A sentence of the gap report with its sizes, “amplitude_mm 0.02 (0.01 to 0.03)”, in words."""
-
-    def told(found: re.Match[str]) -> str:
-        interval = float(found["low"]), float(found["high"])
-        return size_words(found["id"], float(found["value"]), interval)
-
-    return _SIZE.sub(told, sentence)
+        return f"{factor * given['value']:.3g}{unit}", f"{factor * low:.3g} … {factor * high:.3g}"
+    return "", ""

@@ -1,11 +1,15 @@
-"""What the gap report says, marked for translation: where effects act, what a gap follows, what was left and why."""
+"""What the gap report says, marked for translation: verdict, probabilities, where effects act, what a gap follows."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import reduce
 from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
+from draglag.gap.results import BY_TAPS, UNEXPLAINED, stated
+from draglag.gap.wording import LEAST_MISS_S, also_possible
 from draglag_app.windows.wording.effect_words import effect_name, main_size
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -46,12 +50,8 @@ GAP = (
         "record circles at more speeds.",
     ),
     QT_TRANSLATE_NOOP("Library", "the circles hardly travel sideways: slope and latency cannot be told apart"),
-    QT_TRANSLATE_NOOP("Library", "{sizes}; gap on held-out runs {before} → {after} mm: too little for a name"),
-    QT_TRANSLATE_NOOP(
-        "Library", "it is worth less than the terms it takes or does not shrink the gap on held-out runs"
-    ),
     # of an offset that taps show
-    QT_TRANSLATE_NOOP("Library", "release taps lie {ms} ms off the fitted asymptote; edges do not show it"),
+    QT_TRANSLATE_NOOP("Library", "release taps lie {ms} ms off the fitted asymptote"),
     # of a drift of the laser's clock, that analyze speaks of too
     QT_TRANSLATE_NOOP(
         "Library",
@@ -88,6 +88,7 @@ GAP = (
     QT_TRANSLATE_NOOP("Library", "growing with session time"),
     QT_TRANSLATE_NOOP("Library", "edges where the light returns"),
     QT_TRANSLATE_NOOP("Library", "every edge, outwards or inwards"),
+    QT_TRANSLATE_NOOP("Library", "every edge alike"),
     QT_TRANSLATE_NOOP("Library", "growing along the beam"),
     QT_TRANSLATE_NOOP("Library", "along the beam, most in the middle"),
     QT_TRANSLATE_NOOP("Library", "fading with session time"),
@@ -133,31 +134,87 @@ def followed(covariate: str) -> str:
 
 
 def headline(report: dict[str, Any]) -> str:
-    """The verdict of a gap report (the design's JSON): the causes with their sizes, what they do to the gap."""
+    """The verdict of a gap report (the design's JSON): the causes with their sizes and probabilities, and what they do
+    to the gap."""
     sizes = {"last": f"{report['gap_last_mm']:.2f}", "floor": f"{report['noise_floor_mm']:.2f}"}
-    verdict = str(report["verdict"])
-    more = bool(report.get("passed_over"))  # beyond chance, without a name
+    verdict, more = str(report["verdict"]), bool(report.get("tolerated"))
     out = _causes(report, sizes)
     if verdict == "no_gap":
-        out.append(_say(_NO_GAP_BUT if more else _NO_GAP).format(**sizes))
+        words = _NO_GAP_BUT if more else _NO_GAP
+        out.append(_say(words).format(sure=_sure_of(report, ()), **sizes))
     elif verdict == "explained" and more:
-        out.append(_say(_TOO_LITTLE))
-    elif verdict == "unexplained" and report.get("unexplained_by") == "scatter":
-        out.append(_say(_SCATTER))
+        out.append(_say(_TOO_SMALL))
     elif verdict == "unexplained":
-        out.append(_say(_REMAINS).format(covariate=followed(str(report.get("unexplained_by")))))
+        by = str(report.get("unexplained_by"))
+        words = _say(_SCATTER if by == "scatter" else _REMAINS)
+        out.append(words.format(sure=_sure_of(report, UNEXPLAINED), covariate=followed(by)))
     return " ".join(out)
 
 
-_NO_GAP = QT_TRANSLATE_NOOP("Gap", "No gap: {last} mm, noise {floor}. What is left is noise.")
+def law_words(report: dict[str, Any]) -> str:
+    """That the curve is not Eq. 5, and by how much; empty where it is."""
+    law = report.get("law") or {"adequate": True}
+    if law["adequate"]:
+        return ""
+    words = _say(_OTHER_LAW if 1e-3 * law["misses_ms"] > LEAST_MISS_S else _OTHER_LAW_ALONE)
+    return words.format(ms=f"{law['misses_ms']:.2g}", p=stated(law["probability_other"]))
+
+
+def tolerated_words(report: dict[str, Any]) -> str:
+    """What is there beyond chance and too small to matter, with sizes; empty without."""
+    items = [f"{followed(item['follows'])}, {item['size_mm']:.2f} mm" for item in report.get("tolerated", ())]
+    return _say(_TOLERATED).format(items="; ".join(items)) if items else ""
+
+
+def set_words(names: Sequence[str]) -> str:
+    """A set of effects: "clock drift and beam bow", "no effect", or "something without a name"."""
+    if tuple(names) == UNEXPLAINED:
+        return _say(_NAMELESS)
+    if not names:
+        return _say(_NO_EFFECT)
+    shown = [effect_name(name) for name in names]
+    return _say(_AND).format(some=", ".join(shown[:-1]), last=shown[-1]) if shown[1:] else shown[0]
+
+
+def compared_words(report: dict[str, Any]) -> str:
+    """Every explanation that holds part of the 95 % of the probability, one a line."""
+    return "\n".join(f"{stated(p)}  {set_words(names)}" for names, p in _explanations(report))
+
+
+def also_words(report: dict[str, Any]) -> str:
+    """The other explanations that share the probability; empty without."""
+    steps = [(step["effect"], *(step.get("indistinguishable_from") or ())) for step in report["steps"]]
+    sets = [f"{set_words(names)}{_sure(p)}" for names, p in also_possible(_explanations(report), steps)]
+    return _say(_ALSO).format(sets=", ".join(sets)) if sets else ""
+
+
+def _explanations(report: dict[str, Any]) -> list[tuple[tuple[str, ...], float]]:
+    return [(tuple(item["effects"]), item["probability"]) for item in report.get("explanations", ())]
+
+
+def _sure_of(report: dict[str, Any], names: tuple[str, ...]) -> str:
+    """The probability of one explanation in brackets; empty where it is not among those reported."""
+    mass = dict(_explanations(report))
+    return _sure(mass[names]) if names in mass else ""
+
+
+def _sure(p: float) -> str:
+    return _say(_SURE).format(p=stated(p))
+
+
+_SURE = QT_TRANSLATE_NOOP("Gap", " (probability {p})")
+_NO_GAP = QT_TRANSLATE_NOOP("Gap", "No gap{sure}: {last} mm, noise {floor}. What is left is noise.")
 _NO_GAP_BUT = QT_TRANSLATE_NOOP(
-    "Gap", "No gap worth a name: {last} mm, noise {floor}; what is left beyond chance is too little for one."
+    "Gap",
+    "No gap worth a name{sure}: {last} mm, noise {floor}; what is left beyond chance is too small to matter.",
 )
-_TOO_LITTLE = QT_TRANSLATE_NOOP("Gap", "What is left beyond chance is too little for a name.")
+_TOO_SMALL = QT_TRANSLATE_NOOP("Gap", "What is left beyond chance is too small to matter.")
 _SCATTER = QT_TRANSLATE_NOOP(
-    "Gap", "Unexplained: single edges scatter more than those of a sound rig, and no known effect makes them."
+    "Gap", "Unexplained{sure}: single edges scatter more than those of a sound rig, and no known effect makes them."
 )
-_REMAINS = QT_TRANSLATE_NOOP("Gap", "Unexplained: a gap remains that follows {covariate}; no known effect makes it.")
+_REMAINS = QT_TRANSLATE_NOOP(
+    "Gap", "Unexplained{sure}: a gap remains that follows {covariate}; no known effect makes it."
+)
 _WHOLE = (
     QT_TRANSLATE_NOOP("Gap", "{causes} explains the gap: {first} → {last} mm, noise {floor}."),
     QT_TRANSLATE_NOOP("Gap", "{causes} explain the gap: {first} → {last} mm, noise {floor}."),
@@ -167,13 +224,26 @@ _PART = (
     QT_TRANSLATE_NOOP("Gap", "{causes} are part of the gap: {first} → {last} mm, noise {floor}."),
 )
 _OR = QT_TRANSLATE_NOOP("Gap", "{one} or {other}")
+_AND = QT_TRANSLATE_NOOP("Gap", "{some} and {last}")
+_SIZED = QT_TRANSLATE_NOOP("Gap", "{name} {size} ({interval}; probability {p})")
 _BY_TAPS = QT_TRANSLATE_NOOP("Gap", "{cause}, by the taps.")
 _NOT_BY_EDGES = QT_TRANSLATE_NOOP("Gap", "Edges do not show it: the gap on held-out runs is {last} mm, noise {floor}.")
+_OTHER_LAW = QT_TRANSLATE_NOOP(
+    "Gap",
+    "The curve is not Eq. 5: Eq. 5 misses it by {ms} ms RMS (probability {p}); see Results for the form that fits.",
+)
+_OTHER_LAW_ALONE = QT_TRANSLATE_NOOP(
+    "Gap", "The curve is not Eq. 5 (probability {p}); see Results for the form that fits."
+)
+_TOLERATED = QT_TRANSLATE_NOOP("Gap", "Tolerated, too small to matter: {items}")
+_ALSO = QT_TRANSLATE_NOOP("Gap", "Also possible: {sets}")
+_NAMELESS = QT_TRANSLATE_NOOP("Gap", "something without a name")
+_NO_EFFECT = QT_TRANSLATE_NOOP("Gap", "no effect")
 
 
 def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
-    by_edges = [_cause(step) for step in report["steps"] if step.get("covariate") != "taps"]
-    by_taps = [_cause(step) for step in report["steps"] if step.get("covariate") == "taps"]
+    by_edges = [_cause(step) for step in report["steps"] if step.get("covariate") != BY_TAPS]
+    by_taps = [_cause(step) for step in report["steps"] if step.get("covariate") == BY_TAPS]
     out = []
     if by_edges:
         words = (_WHOLE if report["verdict"] == "explained" else _PART)[len(by_edges) > 1]
@@ -185,10 +255,17 @@ def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
     return out
 
 
+def names_words(step: dict[str, Any]) -> str:
+    """A step's effect and those that it cannot be told from: "clock drift or thermal drift"."""
+    names = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
+    return reduce(lambda one, other: _say(_OR).format(one=one, other=other), names)
+
+
 def _cause(step: dict[str, Any]) -> str:
-    twins = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
-    name = _say(_OR).format(one=twins[0], other=", ".join(twins[1:])) if twins[1:] else twins[0]
-    return f"{name} {main_size(step['parameters'])}".rstrip()
+    size, interval = main_size(step["parameters"])
+    if not size:
+        return names_words(step) + _sure(step["probability"])
+    return _say(_SIZED).format(name=names_words(step), size=size, interval=interval, p=stated(step["probability"]))
 
 
 def _capital(text: str) -> str:

@@ -22,6 +22,7 @@ class ScaleError(Effect):
     shown_apart_by: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "other stylus"
+    unseen_without: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

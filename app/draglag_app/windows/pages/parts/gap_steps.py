@@ -10,13 +10,18 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
+from draglag.gap.results import BY_TAPS, stated
+from draglag.gap.wording import separating_run
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.plots.plot import Plot, tr
-from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words, sizes_in_words
-from draglag_app.windows.wording.gap_words import followed
+from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words
+from draglag_app.windows.wording.gap_words import also_words, compared_words, names_words, tolerated_words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.wording.words import flag_name
+
+EFFECT, PROBABILITY = 0, 1
+"""Columns of the table."""
 
 
 def say(text: str) -> str:
@@ -28,13 +33,14 @@ class StepTable(QTableWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        titles = [say("effect"), say("where"), say("size"), say("gap before → after"), say("p")]
-        set_up_table(self, titles, stretch=1)
+        titles = [say("effect"), say("probability"), say("where"), say("size"), say("gap before → after")]
+        set_up_table(self, titles, stretch=2)
 
-    def show_steps(self, steps: list[dict[str, Any]]) -> None:
+    def show_report(self, report: dict[str, Any]) -> None:
         self.setRowCount(0)
-        for k, step in enumerate(steps):
-            self._add(k, step)
+        compared = compared_words(report)
+        for k, step in enumerate(report["steps"]):
+            self._add(k, step, compared)
 
     def chosen(self) -> tuple[int, str]:
         """Row and effect that are chosen; −1 and nothing where none is."""
@@ -42,24 +48,23 @@ class StepTable(QTableWidget):
         item = self.item(rows[0].row(), 0) if rows else None
         return (-1, "") if item is None else (item.row(), str(item.data(Qt.ItemDataRole.UserRole)))
 
-    def _add(self, k: int, step: dict[str, Any]) -> None:
+    def _add(self, k: int, step: dict[str, Any], compared: str) -> None:
         self.insertRow(k)
-        twins = step.get("indistinguishable_from") or []
-        others = ", ".join(map(effect_name, twins))
-        name = effect_name(step["effect"]) + (say(" (or {others})").format(others=others) if twins else "")
         size = ", ".join(_size(key, value) for key, value in step["parameters"].items())
         gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
-        p_value = step["evidence"]["p_value"]
-        chance = f"{p_value:.1e}" if 0.0 < p_value < 1e-3 else f"{p_value:.2g}" if p_value else "< 1e-300"
-        for column, text in enumerate((name, in_words(str(step.get("where", ""))), size, gap, chance)):
+        texts = (names_words(step), stated(step["probability"]), in_words(str(step.get("where", ""))), size, gap)
+        tips = {EFFECT: effect_meaning(step["effect"]), PROBABILITY: compared}
+        for column, text in enumerate(texts):
             item = QTableWidgetItem(text)
-            item.setToolTip(effect_meaning(step["effect"]) if column == 0 else text)
+            item.setToolTip(tips.get(column) or text)
             item.setData(Qt.ItemDataRole.UserRole, step["effect"])
             self.setItem(k, column, item)
 
 
-# Of a step's name in a line below the plot.
-_LETTERS = 14
+# Of a step's name in a line below the plot: at least, and of all names together.
+_LETTERS, _LETTERS_IN_ALL = 14, 48
+# Above, between and below the names and the axis' title.
+_AROUND_PX = 14
 
 
 class StepPlot(Plot):
@@ -83,34 +88,39 @@ class StepPlot(Plot):
         floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
         self.line(say("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
         # A name that is wider than its place would be left out.
-        self.getAxis("bottom").setTicks([[(float(k), fill(name, _LETTERS)) for k, name in enumerate(names)]])
+        below = [fill(name, max(_LETTERS, _LETTERS_IN_ALL // len(names))) for name in names]
+        axis = self.getAxis("bottom")
+        axis.setTicks([list(enumerate(below))])
+        # Of itself the axis makes room for one line and its title.
+        lines = max(text.count("\n") for text in below) + 1
+        axis.setHeight((lines + 1) * self.fontMetrics().height() + _AROUND_PX if lines > 1 else None)
         self.setXRange(-0.5, len(gaps) - 0.5, padding=0)
         # With room for the legend above the highest of them.
         self.setYRange(0, 1.4 * max(*gaps, *floor))
 
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
-    """What would tell twins apart, how effects by taps or by hand are judged, what the session cannot show."""
+    """Other explanations, what would separate them, how effects by taps or by hand are judged, what is tolerated and
+    what the session cannot show."""
     steps = report["steps"]
-    lines = [f"{effect_name(s['effect'])}: {in_words(s['extra_run'])}" for s in steps if s.get("extra_run")]
+    lines = [also_words(report)]
     for step in steps:
-        if step["effect"] in added or step.get("covariate") == "taps":  # whose gap is not the one before it
+        alike = step.get("indistinguishable_from") or ()
+        run = separating_run(step["effect"], alike, step.get("extra_run", "")) if alike else ""
+        lines.append(f"{names_words(step)}: {in_words(run)}" if run else "")
+        if step["effect"] in added or step.get("covariate") == BY_TAPS:  # whose gap is not the one before it
             lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
-    if report.get("drift_in_analysis"):
-        lines.append(in_words(report["drift_in_analysis"]))
+    lines.append(in_words(report.get("drift_in_analysis") or ""))
     gone = [f"{run} ({', '.join(map(flag_name, why.split(', ')))})" for run, why in report.get("excluded", {}).items()]
     if gone:
         lines.append(say("Not judged by: {runs}").format(runs=", ".join(gone)))
-    for left in report.get("passed_over", ()):
-        words = say("Beyond chance (p {p}) but left: {what}, {why}")
-        why = sizes_in_words(in_words(left["text"]))
-        lines.append(words.format(p=f"{left['p_value']:.1g}", what=followed(left["what"]), why=why))
+    lines.append(tolerated_words(report))
     unseen = [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
     if unseen:
         lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
     if without:
         lines.append(say("Left out: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
-    return lines
+    return [line for line in lines if line]
 
 
 def _size(parameter: str, value: Any) -> str:
