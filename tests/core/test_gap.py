@@ -227,7 +227,9 @@ def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_beside(thresh
 @pytest.mark.parametrize(
     ("bump_s", "at_mm_s", "width_mm_s", "seed"), [(0.006, 120, 25, 5), (-0.006, 250, 50, 5), (0.01, 130, 20, 6)]
 )
-def test_a_curve_of_another_shape_is_left_unexplained(bump_s: float, at_mm_s: float, width_mm_s: float, seed: int) -> None:
+def test_a_curve_of_another_shape_is_left_unexplained(
+    bump_s: float, at_mm_s: float, width_mm_s: float, seed: int
+) -> None:
     """A bump about one speed leaves runs at either side of Eq. 5, no more than twice as far as panels' runs may lie.
     Nor is it a second filter: one at that speed would leave its run between both filters, and not later than either."""
     session = simulated(seed=seed)

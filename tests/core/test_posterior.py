@@ -38,7 +38,18 @@ def linear(rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Mem
     columns = np.column_stack([of_unit_rms(m.columns) for m in members])
     at = tuple(np.array([k]) for k in range(len(members)))
     fit = cast("object", SimpleNamespace())
-    return Linear(fit, members, residual_mm, np.ones((n, 1)), np.array([4.0]), columns, at, Noise((noise,)), False, cast("LawParameters", None))  # type: ignore[arg-type]
+    return Linear(
+        fit,
+        members,
+        residual_mm,
+        np.ones((n, 1)),
+        np.array([4.0]),
+        columns,
+        at,
+        Noise((noise,)),
+        False,
+        cast("LawParameters", None),
+    )  # type: ignore[arg-type]
 
 
 def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_model() -> None:

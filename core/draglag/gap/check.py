@@ -23,7 +23,7 @@ from draglag.gap.constants import (
 )
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.results import GapReport, Statistic
-from draglag.gap.streams.holding import resolution_mm
+from draglag.gap.streams.stamps import resolution_mm
 from draglag.gap.traces.run_data import gather
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, Session, TouchTrace
@@ -67,7 +67,9 @@ def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...
     Args:
         session: the measured runs, as their streams came.
     """
-    both = [(one.measured, one.simulated) for one in again.runs if one.measured is not None and one.simulated is not None]
+    both = [
+        (one.measured, one.simulated) for one in again.runs if one.measured is not None and one.simulated is not None
+    ]
     found = [_latency(again), _width(both), _scatter(both), _repeats(session, again.session)]
     return tuple(one for one in found if one is not None)
 

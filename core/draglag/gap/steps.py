@@ -21,7 +21,6 @@ from draglag.gap.posterior.verdict import Said, said
 from draglag.gap.proposing.proposals import shown_by_traces
 from draglag.gap.replaying.realised import made
 from draglag.gap.results import BY_TAPS, GapReport, LawStatement, Step, Tolerated
-from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
 from draglag.gap.streams.stalls import stalls
 from draglag.gap.streams.stamps import StreamEffect

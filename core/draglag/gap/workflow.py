@@ -73,12 +73,12 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
     judgement = judged(ready, first, allowed, unsure, most, lambda part, text: progress(0.2 + 0.7 * part, text))
     progress(0.95, "held-out runs")
     report = reported((session, ready), judgement, (named, strange), allowed, max_effects)
-    assert report.last is not None
     if report.steps:
         progress(0.97, "simulating the session again")
         report = checked(session, report)
     progress(1.0, "done")
-    return replace(report, not_seen=not_shown(session, report.last))
+    last = report.last or judgement.base
+    return replace(report, not_seen=not_shown(session, last))
 
 
 def _first_fit(ready: Session, whole: Session) -> tuple[Session, Fit]:

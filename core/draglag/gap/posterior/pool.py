@@ -107,9 +107,7 @@ def compared(
     known = {} if before is None else {id(linear.fit): linear for linear in before.linears}
     alike = before is not None and np.array_equal(before.edges, edges)
     linears = [
-        known[id(fit)]
-        if alike and id(fit) in known
-        else linearised(fit, frozenset(allowed), unsure_ages, edges)
+        known[id(fit)] if alike and id(fit) in known else linearised(fit, frozenset(allowed), unsure_ages, edges)
         for fit in fits
     ]
     levels: dict[Levels, None] = {} if before is None else dict.fromkeys(before.levels)
