@@ -9,8 +9,7 @@ from app.session_rigs import ROLES, DiesAt, DoesNotOpen, Recording, Wrapped, fas
 from draglag.errors import DataError
 from draglag.latency import estimate_on_clock
 from draglag.recording import ClockBounds, empty_touch
-from draglag.store import read_session
-from draglag.store.write import SessionWriter
+from draglag.store import SessionWriter, read_session
 from draglag_app.session import Control, OffscreenDisplay, events
 from draglag_app.session.conductor import PREVIEW_S
 from draglag_app.session.machine import Phase

@@ -81,19 +81,28 @@ def test_salvage_overwrites_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "s.h5").read_text() == "precious"
 
 
-def test_salvage_leaves_out_rows_that_were_never_finished_and_a_run_that_is_broken(tmp_path: Path) -> None:
+def test_salvage_of_hdf5_leaves_out_unfinished_rows_and_keeps_the_rest_of_a_broken_run(tmp_path: Path) -> None:
     path = tmp_path / "s.h5.partial"
     session = full_session()
     write_session(session, path)
     with h5py.File(path, "r+") as file:
         for name in ("x_mm", "y_mm", "contact_id"):  # written before the scale, when the writer died
             file[f"runs/run-01/touch/{name}"].resize((250,))
-        del file["runs/run-02/protocol" if "protocol" in file["runs/run-02"] else "runs/run-02/laser"]
+        del file["runs/run-02/laser"]
+        del file["runs/run-02/touch/x_raw"]
+        del file["runs/run-02/touch/y_mm"]
     saved = salvage(path)
-    assert [run.id for run in saved.session.runs] == ["run-01"]
+    assert [run.id for run in saved.session.runs] == ["run-01", "run-02"]
     np.testing.assert_array_equal(saved.session.runs[0].touch.x_mm, session.runs[0].touch.x_mm)
+    broken = saved.session.runs[1]
+    np.testing.assert_array_equal(broken.touch.t_s, session.runs[1].touch.t_s)
+    np.testing.assert_array_equal(broken.touch.x_mm, session.runs[1].touch.x_mm)
+    assert np.isnan(broken.touch.y_mm).all()
+    assert len(broken.laser.t_s) == 0
     assert any("50 unfinished rows" in loss for loss in saved.losses)
-    assert any("run-02" in loss for loss in saved.losses)
+    assert any("run-02: laser is lost" in loss for loss in saved.losses)
+    assert any("y_mm: 200 of 200 values are lost" in loss for loss in saved.losses)
+    assert "Record again" not in " ".join(saved.losses)
 
 
 def _external(file: h5py.File) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
+from draglag_app.session.place import another_place
 from draglag_app.session.recorder import Recorder
 from draglag_app.session.watch import STUCK_S, Watch
 from draglag_devices.rig import Rig
@@ -61,7 +61,6 @@ class Conductor:
         protocol: Protocol,
         rig: Rig,
         display: Display,
-        out: Path,
         options: SessionOptions,
         listener: events.Listener,
         control: Control,
@@ -79,8 +78,8 @@ class Conductor:
         self.axes: tuple[AxisInfo, ...] = ()
         self.problem = ""
         self._last: _Recorded | None = None
-        self._ran = self._touched = False
-        self._watch = Watch(self._time, self._roles, display, out, listener, control, self._saver)
+        self._ran = self._touched = self._spoilt = False
+        self._watch = Watch(self._time, self._roles, display, listener, control, self._saver)
         self._compare = Comparisons(rig.sources, self._time, self._saver)
 
     def everything(self, plan: tuple[PlannedRun, ...]) -> None:
@@ -122,8 +121,11 @@ class Conductor:
 
     def _over(self) -> bool:
         """Whether the session cannot or shall not go on; ``problem`` then says why."""
+        if self._saver.failure is not None and another_place(self._saver, self._control, self._tell) and self._spoilt:
+            self._control.repeat_run()  # the run that could not be saved whole
+        self._spoilt = False
         if self._saver.failure is not None:
-            self.problem = str(self._saver.failure)
+            self.problem = self._saver.failure.problem
         elif self._control.stopping:
             self.problem = "Stopped by the operator."
         elif "touch" in self._saver.lost:
@@ -188,6 +190,7 @@ class Conductor:
         self._compare.wait(RUN_ROLES)
         run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
         if self._saver.failure is not None:
+            self._spoilt = True
             go(Signal.FAILURE)
         go(Signal.DRAINED)
         if run is None:

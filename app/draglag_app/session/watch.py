@@ -6,13 +6,11 @@ import shutil
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from draglag.errors import DraglagError
 from draglag.recording import LogEntry
-from draglag.store.write import PARTIAL
 from draglag_app.session import events
 from draglag_app.session.control import Control
 from draglag_app.session.display import Display
@@ -37,7 +35,6 @@ class Watch:
         time_base: TimeBase,
         roles: tuple[str, ...],
         display: Display,
-        out: Path,
         listener: events.Listener,
         control: Control,
         saver: Saver,
@@ -45,7 +42,6 @@ class Watch:
         self._time = time_base
         self._roles = roles
         self._display = display
-        self._out = out
         self._tell = listener
         self._control = control
         self._saver = saver
@@ -116,10 +112,9 @@ class Watch:
         if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:
             return
         self._disk_looked = time.monotonic()
-        folder = self._out.absolute().parent
-        growing = self._out.with_name(self._out.name + PARTIAL)
+        folder = self._saver.path.absolute().parent
         try:
-            free, size = shutil.disk_usage(folder).free, growing.stat().st_size
+            free, size = shutil.disk_usage(folder).free, self._saver.partial.stat().st_size
         except OSError:
             return  # the writer meets the same trouble and says so
         self._tell(events.DiskStatus(free, size))

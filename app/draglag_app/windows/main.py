@@ -40,7 +40,8 @@ def open_operator_window(session: Path | None = None) -> int:
         window.space.open(session, lambda: window.go("results"))
     else:
         window.offer_salvage()
-    signal.signal(signal.SIGINT, lambda number, frame: window.close())
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, frame: window.end())
     # Python sees a signal only while it runs: give it the chance.
     pulse = QTimer()
     pulse.timeout.connect(lambda: None)

@@ -12,8 +12,8 @@ from scipy.io import savemat
 
 from draglag.errors import DataError
 from draglag.recording import Session
+from draglag.store.build import publish
 from draglag.store.schema import distinct, session_nodes
-from draglag.store.write import publish
 
 
 def write_mat(session: Session, path: Path | str) -> Path:

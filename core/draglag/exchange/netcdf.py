@@ -13,8 +13,8 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.packages import advice
 from draglag.recording import Session
+from draglag.store.build import publish, reason, zero_utc
 from draglag.store.schema import Node, distinct, session_nodes
-from draglag.store.write import publish, reason, zero_utc
 
 
 def write_netcdf(session: Session, path: Path | str) -> Path:

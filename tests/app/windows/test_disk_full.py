@@ -10,8 +10,7 @@ import pytest
 from PySide6.QtWidgets import QApplication
 
 from app.windows.conftest import wait_until
-from draglag.store import read_session
-from draglag.store.write import SessionWriter
+from draglag.store import SessionWriter, read_session
 from draglag_app.windows.window import OperatorWindow
 
 

@@ -74,6 +74,8 @@ PROBLEMS = (
     QT_TRANSLATE_NOOP("Device", "option position={place} is no place on the line"),
     # the file
     QT_TRANSLATE_NOOP("Device", "cannot be written ({why})"),
+    QT_TRANSLATE_NOOP("Device", "cannot be made ({why})"),
+    QT_TRANSLATE_NOOP("Device", "there is no such folder"),
     QT_TRANSLATE_NOOP("Device", "exists already and is not overwritten"),
 )
 
@@ -140,7 +142,18 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "flash firmware {version}, or try it as it is with ?firmware=any"),
     QT_TRANSLATE_NOOP("Device", "plug it into the computer itself, without a hub, and close other programs"),
     QT_TRANSLATE_NOOP("Device", "Check the folder and free space"),
-    QT_TRANSLATE_NOOP("Device", "Make room on the disk, then `draglag verify` that file to save what it holds"),
+    QT_TRANSLATE_NOOP("Device", "Make room on the disk, then `draglag verify {file}`, or save it elsewhere with --out"),
+    QT_TRANSLATE_NOOP(
+        "Device", "Make room on the disk, or name another place; what was saved before is whole in {file}"
+    ),
+    QT_TRANSLATE_NOOP("Device", "Name another place; what was saved before is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Name another place: the folder was removed while it was recorded into"),
+    QT_TRANSLATE_NOOP("Device", "Make room there, or choose another place. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Choose another place. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Choose another name. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Make it first, or choose another. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Choose another place"),
+    QT_TRANSLATE_NOOP("Device", "Choose a folder you may write"),
     QT_TRANSLATE_NOOP("Device", "Choose another name"),
     QT_TRANSLATE_NOOP("Device", "calibrate"),
     QT_TRANSLATE_NOOP("Device", "add ?width_mm=W&height_mm=H, or calibrate"),
@@ -157,6 +170,7 @@ REMEDIES = (
 
 # What comes while an instrument is read; each is a whole sentence, or two.
 NOTICES = (
+    QT_TRANSLATE_NOOP("Device", "was deleted while it was recorded into, and was written again"),
     QT_TRANSLATE_NOOP("Device", "{name} is gone ({why}). Plug it in again; it goes on then."),
     QT_TRANSLATE_NOOP("Device", "{name} is back at {path} and records again."),
     QT_TRANSLATE_NOOP(
