@@ -1,5 +1,8 @@
 """What a session records is what happened in the simulated world, and every run has one outcome."""
 
+import errno
+import os
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +13,7 @@ from draglag.errors import DataError
 from draglag.latency import estimate_on_clock
 from draglag.recording import ClockBounds, empty_touch
 from draglag.store import SessionWriter, read_session
+from draglag.store.frames import FrameFile
 from draglag_app.session import Control, OffscreenDisplay, events
 from draglag_app.session.conductor import PREVIEW_S
 from draglag_app.session.machine import Phase
@@ -370,6 +374,41 @@ def test_a_full_disk_fails_the_run_and_keeps_what_was_saved(tmp_path, monkeypatc
     session = read_session(tmp_path / "s.h5.partial")
     assert_same_samples(session.runs[0], world_of(recording).truth[0])
     assert session.runs[1].outcome == "aborted"  # cut off, as far as the file knows
+
+
+@contextmanager
+def failing(monkeypatch, folder, number):
+    """From its ``number``-th record on nothing can be written in the folder (EIO, ENOSPC …)."""
+    append, count = FrameFile.append, [0]
+
+    def filling(self, payload):
+        count[0] += 1
+        if self.path.parent == folder and count[0] >= number:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        append(self, payload)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FrameFile, "append", filling)
+        yield
+
+
+@pytest.mark.parametrize("number", [3, 4, 5, 6])
+def test_a_full_disk_with_a_spare_place_costs_a_repeat_and_nothing_else(tmp_path, monkeypatch, number):
+    (tmp_path / "spare").mkdir()
+    with failing(monkeypatch, tmp_path, number):
+        recording = Recording(
+            protocol(300, 600), fast_rig(), tmp_path / "s.h5", control=Control(spare=tmp_path / "spare")
+        )
+    assert recording.error is None
+    assert recording.path == tmp_path / "spare" / "s.h5"
+    assert [path.name for path in tmp_path.glob("s.h5*")] == []
+    session = read_session(recording.path)
+    whole = [run for run in session.runs if run.outcome == "complete"]
+    assert [run.nominal_speed_mm_s for run in whole] == [300, 600]
+    assert [run.outcome for run in session.runs if run not in whole] in ([], ["failed"])
+    truths = {truth.id: truth for truth in world_of(recording).truth}
+    for run in whole:
+        assert_same_samples(run, truths[run.id])
 
 
 def test_an_existing_file_is_refused_before_any_device_is_opened(tmp_path):

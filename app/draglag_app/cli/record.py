@@ -142,7 +142,8 @@ def record_with(
 ) -> Path:
     """Run a session, with progress on a terminal. Ctrl-C, SIGTERM and SIGHUP end it in order.
 
-    ``spare``: the folder in which it goes on when the place of ``out`` is full or gone. Raises DraglagError; also when the session ended early, with the path of what was recorded.
+    ``spare``: the folder in which it goes on when the place of ``out`` is full or gone.
+    Raises DraglagError; also when the session ended early, with the path of what was recorded.
     """
     problem = ""
     tell = progress_printer()

@@ -189,7 +189,7 @@ class Conductor:
                 go(signal)
         self._compare.wait(RUN_ROLES)
         run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
-        if self._saver.failure is not None:
+        if self._saver.failure is not None and not self._saved_elsewhere(run):
             self._spoilt = True
             go(Signal.FAILURE)
         go(Signal.DRAINED)
@@ -198,6 +198,11 @@ class Conductor:
         self._ran, self._touched = True, self._touched or len(run.touch.t_s) > 0
         outcome = state.outcome or "failed"
         self._tell(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
+
+    def _saved_elsewhere(self, run: Run | None) -> bool:
+        """Whether a run that was whole when the disk failed is in another place now."""
+        whole = run is not None and run.outcome != "failed"
+        return whole and another_place(self._saver, self._control, self._tell)
 
     def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
         self._display.prompt(f"{run_id}: follow the target")

@@ -135,18 +135,19 @@ class Saver:
         return opened.assembled(opened.run.outcome, opened.run.duration_s)
 
     def end_run(self, outcome: str, duration_s: float) -> Run | None:
-        """Close the run; the data are on disk afterwards. Returns what was recorded. Raises DraglagError."""
+        """End the run and return what was recorded; it is on the disk then.
+
+        Where nothing could be saved before, its outcome is "failed". Where ``failure`` came only now, it is whole and
+        waits in memory.
+        """
         opened, self._run = self._run, None
         if opened is None:
             return None
         run = opened.assembled(outcome, duration_s)
         saving = self.failure is None
-        try:
-            self._keep(lambda: self._writer.end_run(run.id, outcome if saving else "failed", duration_s, flush=saving))
-        except DraglagError:
-            saving = False
-        if not saving:
-            return replace(run, outcome="failed")
+        run = run if saving else replace(run, outcome="failed")
+        with suppress(DraglagError):  # it is kept as ``failure``
+            self._keep(lambda: self._writer.end_run(run.id, run.outcome, duration_s, flush=saving))
         self._tell()
         return run
 

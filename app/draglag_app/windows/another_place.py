@@ -41,9 +41,7 @@ class AnotherPlace(QDialog):
         self.end = button(tr("End the session"), "danger")
         for made in (self.other, self.again, self.end):
             row.addWidget(made)
-        self.other.clicked.connect(
-            lambda: ask_folder(self, tr("Folder to go on in"), event.path.parent, self._answer)
-        )
+        self.other.clicked.connect(lambda: ask_folder(self, tr("Folder to go on in"), event.path.parent, self._answer))
         self.again.clicked.connect(lambda: self._answer(None))
         self.end.clicked.connect(self._none)
 

@@ -24,8 +24,8 @@ from draglag.errors import DraglagError
 from draglag.provenance import Source, source_of
 from draglag_app.session import events
 from draglag_app.windows import files
-from draglag_app.windows.another_place import ask_another_place, withdraw
 from draglag_app.windows.actions import Actions
+from draglag_app.windows.another_place import ask_another_place, withdraw
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
 from draglag_app.windows.navigation import Navigation
