@@ -42,11 +42,11 @@ class Frame:
 
 
 class FrameFile:
-    """A new file of frames, locked for this process. Raises OSError, Locked."""
+    """A new file of frames, locked for this process. ``count``: how many frames it has. Raises OSError, Locked."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._number = 0
+        self.count = 0
         self._end = 0
         self._nonce = os.urandom(8)
         self.fd = _create(path)
@@ -58,7 +58,7 @@ class FrameFile:
 
     def append(self, payload: bytes) -> None:
         """The frame is on the disk when this returns. Raises OSError; the file then holds what it held before."""
-        head = _HEAD.pack(MAGIC, self._nonce, self._number, len(payload), _crc(self._nonce, self._number, payload))
+        head = _HEAD.pack(MAGIC, self._nonce, self.count, len(payload), _crc(self._nonce, self.count, payload))
         data = head + payload + bytes(-(_HEAD.size + len(payload)) % PAGE)
         try:
             _write(self.fd, data, self._end)
@@ -68,7 +68,7 @@ class FrameFile:
                 os.ftruncate(self.fd, self._end)
             raise
         self._end += len(data)
-        self._number += 1
+        self.count += 1
 
     def in_place(self) -> bool:
         """Whether the name still leads to this file: somebody may have deleted or renamed it."""
@@ -134,28 +134,34 @@ def sync_folder(folder: Path) -> None:
 
 
 def frames(fd: int) -> Iterator[Frame]:
-    """Every whole frame in order of its place; frames that were appended twice come once. Raises nothing."""
+    """Every whole frame in order of its number, each once, wherever in the file it is. Raises nothing."""
+    places, nonce = _places(fd)
     size = os.fstat(fd).st_size
-    at, nonce, expected = 0, None, 0
+    for number in sorted(places):
+        found = _frame(fd, places[number], size, nonce)
+        if found is not None and found[1].number == number:
+            yield found[1]
+
+
+def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
+    """Number of each whole frame → where it begins, in bytes; and the file's nonce."""
+    size = os.fstat(fd).st_size
+    places: dict[int, int] = {}
+    at, nonce = 0, None
     while at + _HEAD.size <= size:
-        frame = _frame(fd, at, size, nonce)
-        if frame is None:
+        found = _frame(fd, at, size, nonce)
+        if found is None:
             at += PAGE
             continue
-        nonce, found = frame
-        at = found.end + -found.end % PAGE
-        if found.number >= expected:
-            expected = found.number + 1
-            yield found
+        nonce, frame = found
+        places.setdefault(frame.number, at)
+        at = frame.end + -frame.end % PAGE
+    return places, nonce
 
 
-def bytes_after(fd: int, at: int) -> int:
-    """How many bytes from ``at`` to the last one that is not zero: the rest of a frame that is not whole."""
-    size, last = os.fstat(fd).st_size, at
-    for start in range(at, size, _COPY_BYTES):
-        kept = _read(fd, _COPY_BYTES, start).rstrip(b"\0")
-        last = start + len(kept) if kept else last
-    return last - at
+def bytes_after(fd: int, end: int) -> int:
+    """How many bytes follow the frame whose payload ends there: of a frame that is not whole."""
+    return max(0, os.fstat(fd).st_size - (end + -end % PAGE))
 
 
 def _frame(fd: int, at: int, size: int, nonce: bytes | None) -> tuple[bytes, Frame] | None:

@@ -17,7 +17,7 @@ from draglag.recording import LogEntry, empty_laser, empty_touch
 from draglag.store import schema
 from draglag.store.build import fill
 from draglag.store.codec import Record, decode, row_count
-from draglag.store.frames import MAGIC, PAGE, Locked, bytes_after, frames, lock
+from draglag.store.frames import MAGIC, Locked, bytes_after, frames, lock
 from draglag.store.schema import Node
 
 RECORDING = "recording"
@@ -59,7 +59,7 @@ class Survey:
         holes: number of the record before which rows are missing → nodes that say so.
         losses: what is missing, a sentence each; of runs, they name the run.
         records: how many could be read. last: number of the last. begun: runs that have begun, by the records.
-        last_s: time of the last sample. unfinished_bytes: bytes after the last whole record that are not zero.
+        last_s: time of the last sample. unfinished_bytes: bytes after the last whole record.
     """
 
     session: list[Node] = field(default_factory=list)
@@ -118,7 +118,7 @@ def survey(fd: int, where: str) -> Survey:
     for number, record, after in records(fd):
         if number > expected:
             found.losses.append(_records_missing(expected, number - 1))
-        expected, end, found.last = number + 1, after, number
+        expected, end, found.last = number + 1, max(end, after), number
         found.records += 1
         _take_heads(found, record)
         for path, before in record.rows.items():
@@ -136,7 +136,7 @@ def survey(fd: int, where: str) -> Survey:
             f"{where}: holds {found.records} readable records, and none says what the session is",
             "Keep the file; try another copy of it",
         )
-    found.unfinished_bytes = bytes_after(fd, end + -end % PAGE)
+    found.unfinished_bytes = bytes_after(fd, end)
     if found.unfinished_bytes:
         found.losses.append(f"the last {found.unfinished_bytes} bytes are no whole record")
     return found
@@ -167,11 +167,15 @@ def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[No
         yield Node(f"runs/{run_id}/target")
         yield from schema.touch_nodes(f"runs/{run_id}/touch", empty_touch())
         yield from schema.laser_nodes(f"runs/{run_id}/laser", empty_laser())
+    count = 0
     for number, record, _ in records(fd):
         if number > found.last:
             break  # recorded since it was looked through
+        count += 1
         yield from found.holes.get(number, ())
         yield from (node for node in record.nodes if _run_of(node.path) in (None, *found.runs))
+    if count != found.records:
+        raise DataError(f"{found.records - count} records could be read once and not again", "Try again")
     for run_id, run in found.runs.items():
         yield Node(f"runs/{run_id}", {"outcome": outcome(run)})
         if run.losses:

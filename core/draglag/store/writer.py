@@ -29,7 +29,7 @@ from draglag.store import schema
 from draglag.store.build import build, reason, refuse
 from draglag.store.codec import Record, encode, row_count
 from draglag.store.frames import FrameFile, Locked, sync_folder
-from draglag.store.journal import PARTIAL, RECORDING, all_losses, nodes, survey
+from draglag.store.journal import PARTIAL, RECORDING, nodes, survey
 from draglag.store.nodes import apart, merged, pieces
 from draglag.store.schema import Node
 
@@ -72,16 +72,15 @@ class SessionWriter:
         try:
             self._file = FrameFile(self.partial)
         except (OSError, Locked) as error:
-            raise DataError(
-                f"{self.partial}: cannot be made ({reason(error)})", "Choose a folder you may write"
-            ) from error
+            raise _cannot_make(self.partial, error) from error
         try:
             self._append([])
             self.flush()
-        except BaseException:
+        except BaseException as error:
             self.abandon()
-            self.partial.unlink(missing_ok=True)  # made a moment ago, and nothing was recorded yet
-            raise
+            with suppress(OSError):
+                self.partial.unlink(missing_ok=True)  # made a moment ago, and nothing was recorded yet
+            raise _cannot_make(self.partial, error) if isinstance(error, OSError) else error from None
 
     @property
     def partial(self) -> Path:
@@ -167,7 +166,7 @@ class SessionWriter:
         try:
             self._file.move(partial)
         except (OSError, Locked) as error:
-            raise DataError(f"{partial}: cannot be made ({reason(error)})", "Choose another place") from error
+            raise _cannot_make(partial, error) from error
         self.path = path
 
     def close(self) -> Path:
@@ -180,11 +179,11 @@ class SessionWriter:
         for run_id in sorted(set(self._open) - self._ended):
             self._end(run_id, "aborted", None)
         self.flush()
-        found = survey(self._file.fd, str(self.partial))
-        lost = all_losses(found)
-        notes = [LogEntry(0.0, "error", "file", "; ".join(lost))] if lost else []
         try:
-            build(nodes(self._file.fd, found, notes), self.path, self._file.size)
+            found = survey(self._file.fd, str(self.partial))
+            if found.records != self._file.count:
+                raise DataError(f"{self.partial}: some of it cannot be read back", "Try again.")
+            build(nodes(self._file.fd, found), self.path, self._file.size)
         except DataError as error:
             raise DataError(error.problem, f"{error.remedy} The recording is whole in {self.partial}") from error
         self._closed = True
@@ -266,6 +265,10 @@ def _packed(waiting: list[Node]) -> list[list[Node]]:
     if sum(row_count(node) for node in waiting) <= _RECORD_ROWS:
         return [waiting]
     return [[node] for node in waiting]
+
+
+def _cannot_make(partial: Path, error: BaseException) -> DataError:
+    return DataError(f"{partial}: cannot be made ({reason(error)})", "Choose a folder you may write, with room")
 
 
 def _refuse_partial(partial: Path) -> None:

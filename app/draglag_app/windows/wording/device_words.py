@@ -153,7 +153,7 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "Choose another name. The recording is whole in {file}"),
     QT_TRANSLATE_NOOP("Device", "Make it first, or choose another. The recording is whole in {file}"),
     QT_TRANSLATE_NOOP("Device", "Choose another place"),
-    QT_TRANSLATE_NOOP("Device", "Choose a folder you may write"),
+    QT_TRANSLATE_NOOP("Device", "Choose a folder you may write, with room"),
     QT_TRANSLATE_NOOP("Device", "Choose another name"),
     QT_TRANSLATE_NOOP("Device", "calibrate"),
     QT_TRANSLATE_NOOP("Device", "add ?width_mm=W&height_mm=H, or calibrate"),
