@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from draglag.errors import DataError
+from draglag.recording import LogEntry
 from draglag.store import SessionWriter, read_session, salvage
 from faults.conftest import Trial
 from faults.disk import watched
@@ -59,7 +60,7 @@ def test_any_file_call_may_fail(
     closing = len(names) - names[::-1].index("posix_fallocate")
     writing = [k for k in range(closing, len(names)) if names[k] in ("pwrite", "pread")]
     others = sorted(set(range(len(names))) - set(writing))
-    step = few_or_all(7, 1)
+    step = few_or_all(19, 1)
     for fail in [*others[error % step :: step], *writing[:: 40 * step]]:
         done = [-1]
         message = ""
@@ -112,11 +113,11 @@ def test_a_folder_that_is_removed_is_said_and_another_place_takes_everything(fol
         give(writer, commit)
     writer.flush()
     shutil.rmtree(folder / "gone")
+    writer.append_log(LogEntry(101.0, "note", "operator", "the stick was pulled out"))
     with pytest.raises(DataError, match="Name another place: the folder was removed"):
-        give(writer, PLAN[5])
         writer.flush()
     writer.move(folder / "stick" / "s.h5")
-    for commit in PLAN[6:]:
+    for commit in PLAN[5:]:
         give(writer, commit)
         writer.flush()
     assert judge(in_session(writer.close()), PLAN, len(PLAN) - 1).lost == ()

@@ -69,7 +69,7 @@ def test_damage_costs_the_records_it_hits_and_is_said(
 ) -> None:
     row = trial(f"damage: {harm.__name__.strip('_').replace('_', ' ')}")
     rng = random.Random(3)
-    for _ in range(few_or_all(30, 300)):
+    for _ in range(few_or_all(15, 300)):
         data = bytearray(journal)
         harm(data, rng)
         (folder / "s.h5.partial").write_bytes(data)
@@ -84,7 +84,7 @@ def test_what_was_cut_off_at_the_end_is_all_that_is_missing(
 ) -> None:
     row = trial("damage: cut off at the end")
     rng = random.Random(4)
-    for _ in range(few_or_all(30, 300)):
+    for _ in range(few_or_all(15, 300)):
         data = bytearray(journal)
         _cut(data, rng)
         (folder / "s.h5.partial").write_bytes(data)

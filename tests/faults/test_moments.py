@@ -53,7 +53,7 @@ def test_killed_after_every_write_and_within_it(
     recorded: list[Call], folder: Path, trial: Callable[[str], Trial], few_or_all: Callable[[int, int], int]
 ) -> None:
     row = trial("killed after every write, and within it")
-    every = few_or_all(3, 1)
+    every = few_or_all(6, 1)
     rng = random.Random(1)
     closing = next(k for k, call in enumerate(recorded) if call.name == "closing")
     disk, done, judged = Disk(), -1, -1
@@ -89,7 +89,7 @@ def test_the_power_fails(
     row = trial("power cut" + (", rewritten pages garbage" if garbage else ", pages kept with p = 0.5"))
     rng = random.Random(7)
     closing = next(k for k, call in enumerate(recorded) if call.name == "closing")
-    for k in range(few_or_all(100, 1000)):
+    for k in range(few_or_all(40, 1000)):
         # Half of them while it closes, of these half around the moment the names change.
         end = rng.randrange(1, closing) if k % 2 else rng.randrange(closing, len(recorded))
         if k % 4 == 0:
