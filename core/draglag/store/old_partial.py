@@ -24,6 +24,7 @@ from draglag.store.codec import TABLES
 from draglag.store.read import header_v1, run_v1
 from draglag.store.safely import (
     BROKEN,
+    TOO_LARGE,
     check_schema,
     dataset_problem,
     open_hdf5,
@@ -51,12 +52,17 @@ def recover(path: Path) -> tuple[Session, list[str]]:
     losses: list[str] = []
     with open_hdf5(path) as file, h5py.File("salvage", "w", driver="core", backing_store=False) as copy:
         check_schema(file, path)
-        losses += [f"/{name} {problem}" for name, problem in _problems(file)]
-        _attempt(losses, "the checksum", lambda: _compare_checksum(file, losses))
+        problems = _problems(file)
+        losses += [f"/{name} {problem}" for name, problem in problems]
+        if any(problem == TOO_LARGE for _, problem in problems):
+            raise DataError(f"{path}: unpacked it is far larger than a recording can be", "Use the file as recorded")
+        if not problems:  # a checksum looks at everything, also where it should not
+            _attempt(losses, "the checksum", lambda: _compare_checksum(file, losses))
+        left_out = frozenset(name for name, _ in problems)
         _attempt(losses, "the root", lambda: _copy_attrs(file, copy))
         for name in schema.RAW_GROUPS:
-            _attempt(losses, f"/{name}", partial(_copy, file, name, copy, losses))
-        _attempt(losses, "/protocol_toml", lambda: _copy(file, "protocol_toml", copy, losses))
+            _attempt(losses, f"/{name}", partial(_copy, file, name, copy, losses, left_out))
+        _attempt(losses, "/protocol_toml", lambda: _copy(file, "protocol_toml", copy, losses, left_out))
         runs: list[Run] = []
         for name in list(copy["runs"]) if "runs" in copy else []:
             _attempt(losses, f"run {name}", partial(_add_run, runs, copy["runs"], name, losses))
@@ -180,9 +186,10 @@ def _copy_attrs(source: Any, target: Any, losses: list[str] | None = None) -> No
             losses.append(f"{source.name}: {key} is lost ({short(error)})")
 
 
-def _copy(parent: Any, name: str, target: Any, losses: list[str], depth: int = 0) -> None:
-    """Copy one item and what is below it, leaving out what cannot be read."""
-    if name not in parent or depth > 6 or not isinstance(parent.get(name, getlink=True), h5py.HardLink):
+def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: frozenset[str], depth: int = 0) -> None:
+    """Copy one item and what is below it, leaving out what cannot be read and what no session file has."""
+    where = f"{parent.name}/{name}".strip("/")
+    if where in left_out or depth > 6 or not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         return
     item = parent[name]
     if isinstance(item, h5py.Dataset):
@@ -192,17 +199,18 @@ def _copy(parent: Any, name: str, target: Any, losses: list[str], depth: int = 0
     group = target.require_group(name)
     _copy_attrs(item, group, losses)
     table = schema.CLOCK if "stream" in item.attrs else _TABLES.get(name)
-    columns = _copy_table(item, table, group, losses) if table is not None else set()
+    columns = _copy_table(item, table, group, losses, left_out) if table is not None else set()
     for key in item:
         if key not in columns:
             where = f"{item.name}/{key}"
-            _attempt(losses, where, partial(_copy, item, key, group, losses, depth + 1))
+            _attempt(losses, where, partial(_copy, item, key, group, losses, left_out, depth + 1))
 
 
-def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]) -> set[str]:
+def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str], left_out: frozenset[str]) -> set[str]:
     """Copy what can be read of every column. Rows that the scale does not count, or whose time is lost, are left out;
     other columns have their fill where they are lost."""
-    columns = {c.name: _readable_rows(source, c) for c in table.every() if c.name in source}
+    present = [c for c in table.every() if f"{source.name}/{c.name}".strip("/") not in left_out]
+    columns = {c.name: _readable_rows(source, c) for c in present if c.name in source}
     scale = columns.get(table.scale.name)
     length = len(scale.values) if scale is not None else 0
     longest = max((len(column.values) for column in columns.values()), default=0)

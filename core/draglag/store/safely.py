@@ -26,6 +26,7 @@ _WHOLE_LIMIT = 100
 _SLACK_BYTES = 2**24
 _OF_SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}  # read by HDF5 alone
 _FILTERS = {"1", "2", "3", "gzip", "shuffle", "fletcher32"}  # built in; others would load a plug-in
+TOO_LARGE = "makes the file too large when unpacked"
 BROKEN = (
     OSError,
     RuntimeError,
@@ -156,7 +157,7 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
                 problem = dataset_problem(item)
                 claimed += 0 if problem else _bytes(item)
                 if claimed > limit:
-                    yield name, "makes the file too large when unpacked"
+                    yield name, TOO_LARGE
                     return
                 if problem:
                     yield name, problem
