@@ -76,7 +76,7 @@ class Survey:
 def is_journal(path: Path) -> bool:
     """Whether a file is a journal and not HDF5; False where it cannot be read.
 
-    A recording before version 0.2 had the same name and was HDF5. The first page of a journal may be damaged.
+    The first recordings had the same name and were HDF5. The first page of a journal may be damaged.
     """
     try:
         with path.open("rb") as file:
