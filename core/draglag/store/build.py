@@ -12,7 +12,7 @@ import io
 import os
 import uuid
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -130,21 +130,37 @@ def reason(error: BaseException) -> str:
     return " ".join(str(error).split())[:200]
 
 
-def _write(nodes: Iterable[Node], fd: int, room: int, out: Path) -> None:
-    """The nodes as HDF5 into an empty file, safe on disk. Raises OSError, DataError."""
-    _take_room(fd, room)
-    target = _Target(fd)
+@contextmanager
+def safe_hdf5(fd: int, mode: str, room: int, where: Path) -> Iterator[tuple[Any, Callable[[], bool]]]:
+    """An HDF5 file over a descriptor, which is on the disk when the block ends.
+
+    Args:
+        mode: "w" (anew) or "r+" (what is there is changed).
+        room: bytes that it may need beyond its present size; they are taken first.
+
+    Yields the file, and a function that says whether the disk has failed already. Raises OSError, and DataError for
+    what HDF5 itself does not take.
+    """
+    size = os.fstat(fd).st_size
+    _take_room(fd, size + room)
+    target = _Target(fd, 0 if mode == "w" else size)
     try:
-        with h5py.File(target, "w") as file:
-            fill(file, _until(nodes, lambda: target.error is not None))
+        with h5py.File(target, mode) as file:
+            yield file, lambda: target.error is not None
     except BROKEN as error:
         if target.error is None and not isinstance(error, OSError):
-            raise DataError(f"{out}: cannot be made from what was recorded ({reason(error)})") from error
+            raise DataError(f"{where}: cannot be made from what it shall hold ({reason(error)})") from error
         raise target.error or error from error
     if target.error is not None:
         raise target.error
     os.ftruncate(fd, target.size)
     os.fsync(fd)
+
+
+def _write(nodes: Iterable[Node], fd: int, room: int, out: Path) -> None:
+    """The nodes as HDF5 into an empty file, safe on disk. Raises OSError, DataError."""
+    with safe_hdf5(fd, "w", room, out) as (file, failed):
+        fill(file, _until(nodes, failed))
 
 
 def _take_room(fd: int, size: int) -> None:
@@ -168,10 +184,10 @@ def _until(nodes: Iterable[Node], ended: Callable[[], bool]) -> Iterator[Node]:
 class _Target(io.RawIOBase):
     """A file for HDF5 over a descriptor with room taken already. ``error``: the first that HDF5 was not given."""
 
-    def __init__(self, fd: int) -> None:
+    def __init__(self, fd: int, size: int = 0) -> None:
         self._fd = fd
         self._at = 0
-        self.size = 0
+        self.size = size
         self.error: OSError | None = None
 
     def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:

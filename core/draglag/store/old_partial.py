@@ -1,7 +1,7 @@
 """Unfinished or damaged HDF5: everything that can be read, run by run and column by column.
 
-The first recordings were made into an HDF5 file that was changed in place; such ``.partial`` files, and finished session
-files that were damaged, are saved here.
+The first recordings were made into an HDF5 file that was changed in place; such ``.partial`` files, and finished
+session files that were damaged, are saved here.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError, DraglagError
+from draglag.store.frames import MAGIC
 from draglag.store.schema import SCHEMA, VERSION, Column, Table, Value
 
 MAX_BYTES = 2**31
@@ -79,6 +80,8 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     """An HDF5 file, read only. Raises DataError."""
     if not path.exists():
         raise DataError(f"{path}: there is no such file", "Check the name")
+    if is_unfinished(path):
+        raise DataError(f"{path}: is a recording that was not closed", f"Save it first with `draglag verify {path}`")
     if not path.is_file():
         raise DataError(f"{path}: is not a file", "Name a session file, such as session.h5")
     try:
@@ -87,6 +90,15 @@ def open_hdf5(path: Path) -> Iterator[Any]:
         raise _cannot_open(path, error) from error
     with file:
         yield file
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether a file begins as a journal."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
 
 
 def _cannot_open(path: Path, error: BaseException) -> DataError:
