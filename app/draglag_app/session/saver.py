@@ -57,6 +57,7 @@ class Saver:
         self._clocks: list[ClockBounds] = []
         self._untold: list[events.Event] = []
         self._flushed = time.monotonic()
+        self._restored = 0
         self.thread = threading.Thread(target=self._work, name="draglag-writer", daemon=True)
 
     @property
@@ -118,7 +119,7 @@ class Saver:
         """Save again, from now on as ``path`` (None: where it was); first what waits. Raises DraglagError."""
         if path is not None:
             self._writer.move(path)
-        self._flush()
+        self._keep(self._writer.flush)
         with self._progress:
             self.failure = None
 
@@ -272,11 +273,16 @@ class Saver:
     def _keep(self, append: Callable[[], _T]) -> _T:
         """Hand to the writer, which has it on the disk after the next flush. Raises DraglagError."""
         try:
-            return append()
+            done = append()
         except OSError as error:
             failure: DraglagError = DataError(f"{self.partial}: cannot be written ({error.strerror or error})")
         except DraglagError as error:
             failure = error
+        else:
+            if self._writer.restored > self._restored:
+                self._restored = self._writer.restored
+                self._untold.append(events.NoticeRaised(0.0, "warning", "file", f"{self.partial}: {DELETED}"))
+            return done
         self._fail(failure)
         raise failure
 
@@ -285,12 +291,8 @@ class Saver:
             return
         self._flushed = time.monotonic()
         if self.failure is None:
-            self._flush()
+            self._keep(self._writer.flush)
         self._tell()
-
-    def _flush(self) -> None:
-        if self._keep(self._writer.flush):
-            self._untold.append(events.NoticeRaised(0.0, "warning", "file", f"{self.partial}: {DELETED}"))
 
     def _tell(self) -> None:
         untold, self._untold = self._untold, []

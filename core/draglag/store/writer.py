@@ -47,12 +47,16 @@ class SessionWriter:
         path: final name of the session file.
         header: the session; runs it already holds are written too.
 
+    Attributes:
+        restored: how often the journal was deleted by somebody else, and was written again from the open file.
+
     Raises DataError where the file (or its ``.partial``) exists or cannot be made. Leaving a ``with`` block by an
     exception keeps the ``.partial`` for ``salvage``.
     """
 
     def __init__(self, path: Path | str, header: Session) -> None:
         self.path = Path(path)
+        self.restored = 0
         self._waiting: list[Node] = []
         self._owners: dict[str, schema.Value] = {}
         self._rows: dict[str, int] = {}
@@ -137,25 +141,20 @@ class SessionWriter:
         if flush:
             self.flush()
 
-    def flush(self) -> bool:
-        """Everything appended so far is on the disk when this returns. Call at least every 0.5 s.
-
-        Returns True where the journal had been deleted and was made again. Raises DataError.
-        """
+    def flush(self) -> None:
+        """Everything appended so far is on the disk when this returns. Call at least every 0.5 s. Raises DataError."""
         self._waiting = [piece for node in merged(self._waiting) for piece in pieces(node, _RECORD_ROWS)]
         if not self._waiting:
-            return False
-        again = False
+            return
         try:
             if not self._file.in_place():
                 self._file.move(self.partial)
-                again = True
+                self.restored += 1
             for record in _packed(self._waiting):
                 self._append(record)
                 self._waiting = self._waiting[len(record) :]
         except (OSError, Locked) as error:
             raise self._unwritable(error) from error
-        return again
 
     def move(self, path: Path | str) -> None:
         """Go on under another name or in another folder, with all that was recorded. Raises DataError: stays as is."""
