@@ -116,7 +116,14 @@ def begin_to_record(out: Path, protocol: Path) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=hear_signals,
     )
+
+
+def hear_signals() -> None:
+    """A shell starts what runs in the background without SIGINT, nohup without SIGHUP; the trial sends both."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_DFL)
 
 
 def test_verify_of_what_a_kill_left_saves_it_and_says_what_it_is(folder: Path) -> None:

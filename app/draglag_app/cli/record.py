@@ -194,7 +194,8 @@ def stop_on_signals(control: Control) -> Iterator[None]:
 
     try:
         for number in _ENDING:
-            if signal.getsignal(number) is not signal.SIG_IGN:  # nohup asks that a closed terminal changes nothing
+            # nohup asks that a closed terminal changes nothing.
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
                 before[number] = signal.signal(number, stop)
     except ValueError:  # not the main thread: whoever owns that one hears them
         yield
