@@ -16,7 +16,7 @@ import pytest
 
 from core.store_sessions import assert_same, full_session
 from draglag.errors import DataError
-from draglag.store import partial_files, read_session, salvage, verify, write_session
+from draglag.store import SessionWriter, clear_leftovers, partial_files, read_session, salvage, verify, write_session
 
 RECORDER = """
 import sys
@@ -103,6 +103,42 @@ def test_salvage_of_hdf5_leaves_out_unfinished_rows_and_keeps_the_rest_of_a_brok
     assert any("run-02: laser is lost" in loss for loss in saved.losses)
     assert any("y_mm: 200 of 200 values are lost" in loss for loss in saved.losses)
     assert "Record again" not in " ".join(saved.losses)
+
+
+def test_an_unfinished_hdf5_file_of_the_first_recordings_is_saved(tmp_path: Path) -> None:
+    """They were recorded into HDF5, without a checksum until they were closed."""
+    path, session = tmp_path / "s.h5.partial", full_session()
+    write_session(session, path)
+    with h5py.File(path, "r+") as file:
+        del file.attrs["raw_sha256"]
+        file["runs/run-02"].attrs["outcome"] = np.bytes_(b"recording")
+        del file["runs/run-02"].attrs["duration_s"]
+    assert partial_files(tmp_path) == [path]
+    saved = salvage(path)
+    assert [run.outcome for run in saved.session.runs] == ["complete", "aborted"]
+    for run, recorded in zip(saved.session.runs, session.runs, strict=True):
+        assert_same(run.touch, recorded.touch)
+        assert_same(run.laser, recorded.laser)
+    assert saved.losses == ("run run-02: duration_s is lost, it was estimated from the samples",)
+
+
+def test_only_leftovers_of_recordings_are_cleared(tmp_path: Path) -> None:
+    """Not a journal of which the session file lacks something, not one that is being recorded, no file of others."""
+    kept = SessionWriter(tmp_path / "live.h5", full_session())
+    for name in ("whole", "other", "alone"):
+        SessionWriter(tmp_path / f"{name}.h5", full_session()).abandon()
+    SessionWriter(tmp_path / "closed.h5", full_session()).close()
+    (tmp_path / "closed.h5").rename(tmp_path / "whole.h5")
+    write_session(full_session(), tmp_path / "other.h5")
+    with h5py.File(tmp_path / "other.h5", "r+") as file:
+        file["runs/run-01/touch/x_mm"][0] += 1
+    for name in (".notes.tmp", ".s.h5.tmp", "s.h5.1234abcd.tmp", ".s.h5.1234abcd.tmp"):
+        (tmp_path / name).write_text("")
+    before = {path.name for path in tmp_path.iterdir()}
+    gone = {path.name for path in clear_leftovers(tmp_path)}
+    assert gone == {"whole.h5.partial", ".s.h5.1234abcd.tmp"}
+    assert {path.name for path in tmp_path.iterdir()} == before - gone
+    kept.close()
 
 
 def _external(file: h5py.File) -> None:

@@ -11,6 +11,7 @@ import h5py
 
 from draglag.errors import DataError
 from draglag.store.build import TEMPORARY, fill
+from draglag.store.checksum import raw_checksum
 from draglag.store.frames import Locked, lock
 from draglag.store.journal import PARTIAL, all_losses, is_journal, nodes, open_journal, survey
 from draglag.store.safely import BROKEN, open_session, text_attr
@@ -48,10 +49,10 @@ def _is_in_session(journal: Path) -> bool:
         return False
     try:
         with open_session(session) as file:
-            known = text_attr(file, "raw_sha256", "")
+            present = raw_checksum(file)  # of what is there now, not what it was when it was made
         with open_journal(journal) as fd, h5py.File("journal", "w", driver="core", backing_store=False) as file:
             found = survey(fd, str(journal))
             fill(file, nodes(fd, found))
-            return not all_losses(found) and known == text_attr(file, "raw_sha256", "")
+            return not all_losses(found) and present == text_attr(file, "raw_sha256", "")
     except (DataError, *BROKEN):
         return False
