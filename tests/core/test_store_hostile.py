@@ -168,7 +168,7 @@ def test_a_session_file_changed_in_its_structure_is_refused_or_says_so(
     with h5py.File(changed, "r+") as file:
         for move, which, number in changes:
             name = names[which % len(names)] or ("" if move in (_attribute, _many, _deep) else "screen")
-            with suppress(KeyError, OSError, RuntimeError, ValueError, TypeError, AttributeError):
+            with suppress(LookupError, OSError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError):
                 move(file, name, number)
     refused_or_noticed(changed, session)
     for action in (lambda: read_analyses(changed), lambda: salvage(changed, saved)):
