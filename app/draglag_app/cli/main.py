@@ -44,6 +44,14 @@ _WINDOW = f"{_HERE}.window:open_window"
 _OPEN_SESSION = f"{_HERE}.window:open_session"
 
 
+# What the system says of a name that a person gave: it exists, is too long, may not be written there …
+_OF_A_NAME = (
+    errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST,
+    errno.ENOTEMPTY, errno.ELOOP, errno.EBUSY, errno.EXDEV, errno.ENXIO,
+)  # fmt: skip
+_SHOWN = 200  # characters of a name in a message
+
+
 class LazyGroup(click.Group):
     """A group that knows its commands by name and imports one when it is called."""
 
@@ -116,7 +124,11 @@ def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
         # The reader (head, less) has gone: nothing to say, and nothing to say it to.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno in _OF_A_NAME and error.filename is not None:
+            name = os.fsdecode(error.filename)
+            shown = name if len(name) <= _SHOWN else f"{name[:_SHOWN]}…"
+            click.echo(f"draglag: {shown}: {error.strerror}. Choose another name or place.", err=True)
+        elif error.errno not in (errno.ENOSPC, errno.EDQUOT):
             click.echo(f"draglag: {_unexpected(error)}", err=True)
         else:
             click.echo(
