@@ -86,7 +86,7 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
     """(label, text) of a preset or a file. Raises DataError."""
     preset = resource(folder, f"{name_or_path}.toml")
     what = folder.removesuffix("s")
-    if isinstance(name_or_path, str) and re.fullmatch(r"[\w-]+", name_or_path) and preset.is_file():
+    if isinstance(name_or_path, str) and re.fullmatch(r"[\w-]{1,100}", name_or_path) and preset.is_file():
         return f"{what} '{name_or_path}'", preset.read_text("utf-8")
     path = Path(name_or_path)
     if not os.path.exists(path):
