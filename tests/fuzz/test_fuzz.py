@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from fuzz.engine import GROWTH_MB, try_reader
 from fuzz.readers import readers
 

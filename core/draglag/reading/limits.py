@@ -20,7 +20,7 @@ TABLE_ROWS = 20_000_000
 LINE_BYTES = 10_000
 """Bytes of one line of a CSV or evemu file: 400 columns of 24 digits."""
 
-GZIP_RATIO = 100
+GZIP_RATIO = 30
 """Unpacked bytes to one packed byte. Columns of measured numbers shrink 2- to 10-fold, deflate ends at 1030."""
 
 GZIP_FREE_BYTES = 2**20
