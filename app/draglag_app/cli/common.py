@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from draglag.errors import DataError
+from draglag.errors import DataError, one_line
 from draglag.reading.limits import WHOLE_MOST
 from draglag.recording import LogEntry, Session
 
@@ -67,7 +67,7 @@ def say_warnings(notes: Iterable[LogEntry]) -> None:
 def warn(*texts: str) -> None:
     """Each text that is not empty as a warning beside the output."""
     for text in filter(None, texts):
-        click.echo(f"warning: {text}", err=True)
+        click.echo(f"warning: {one_line(text)}", err=True)
 
 
 def refuse_existing(path: Path) -> None:

@@ -7,8 +7,8 @@ same host clock, as they are in a ``Session``. A run's samples therefore begin n
 from __future__ import annotations
 
 import json
-import shutil
-import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from draglag.exchange.tables import write_table
 from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
 from draglag.store.schema import check_run_id
+from draglag.temporary import growing_beside
 
 # A lab may start its recorder a little early or stop it late; beyond this, its times are on another clock.
 _SLACK_S = 5.0
@@ -168,37 +169,25 @@ def _header_bytes(header: dict[str, Any], folder: Path) -> bytes:
     return data
 
 
-class new_folder:
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
     """A folder that appears under its name only when everything in it is written.
 
     Raises DataError where it exists and is not empty, or cannot be made.
     """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        if not folder.name:
-            raise DataError(f"{folder}: exists already and is not overwritten", "Choose another name")
-        self._growing = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}")
-
-    def __enter__(self) -> Path:
-        if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
-            raise DataError(f"{self.folder}: exists already and is not overwritten", "Choose another name")
-        try:
-            self._growing.mkdir()
-        except OSError as error:
-            raise DataError(f"{self.folder}: cannot be made ({error.strerror})", "Choose another place") from error
-        return self._growing
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        try:
-            if kind is None:
-                self._growing.rename(self.folder)
-        except OSError as trouble:
-            raise DataError(f"{self.folder}: cannot be made ({trouble.strerror})", "Choose another place") from trouble
-        finally:
-            shutil.rmtree(self._growing, ignore_errors=True)
-        if isinstance(error, OSError):
-            raise DataError(f"{self.folder}: cannot be written ({error.strerror})", "Check free space") from error
+    # "/" and "." have no name of their own.
+    if not folder.name or (folder.exists() and (not folder.is_dir() or any(folder.iterdir()))):
+        raise DataError(f"{folder}: exists already and is not overwritten", "Choose another name")
+    made = False
+    try:
+        with growing_beside(folder) as growing:
+            growing.mkdir()
+            made = True
+            yield growing
+            growing.rename(folder)
+    except OSError as error:
+        word, remedy = ("written", "Check free space") if made else ("made", "Choose another place")
+        raise DataError(f"{folder}: cannot be {word} ({error.strerror})", remedy) from error
 
 
 def _header(session: Session, taps: str | None) -> dict[str, Any]:
