@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-
 # What a file's keys and names may hold and a terminal would obey: control characters, line ends, changes of direction.
 _UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]+")
 

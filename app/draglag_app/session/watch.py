@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from draglag.errors import DraglagError
+from draglag.latency.conduct import STANDSTILL
 from draglag.recording import LogEntry
 from draglag.store.write import PARTIAL
 from draglag_app.session import events
@@ -18,6 +19,7 @@ from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.machine import Signal
 from draglag_app.session.saver import Saver
+from draglag_app.session.standstill import Pulse
 from draglag_devices.timebase import TimeBase
 
 # Simulated time is advanced in steps, so that nobody runs far ahead and requests are heard in between.
@@ -51,6 +53,7 @@ class Watch:
         self._saver = saver
         self._disk_looked = -np.inf
         self._disk_warned = False
+        self.pulse = Pulse()
 
     def pass_time(
         self,
@@ -89,7 +92,8 @@ class Watch:
                     self._saver.call(partial(self._saver.give_up, role))
 
     def _look(self, roles: tuple[str, ...]) -> Signal | None:
-        """Operator, devices, disk."""
+        """Operator, program, devices, disk."""
+        self.look_for_standstill()
         for text in self._control.take_notes():
             self.log("note", "operator", text)
         self.look_at_disk()
@@ -111,6 +115,12 @@ class Watch:
         if self._saver.failure is not None:
             return Signal.FAILURE
         return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
+
+    def look_for_standstill(self) -> None:
+        """Say in the file that this program, or its computer, stood still. Simulated time stands with it."""
+        for seen in self.pulse.take():
+            if self._time.realtime:
+                self.log("error", STANDSTILL, seen.words())
 
     def look_at_disk(self, force: bool = False) -> None:
         if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:
