@@ -226,6 +226,12 @@ NOTICES = (
     QT_TRANSLATE_NOOP("Device", "as recorded, moved to the start of the run"),
     QT_TRANSLATE_NOOP("Device", "recording of {name}"),
     QT_TRANSLATE_NOOP("Device", "{names} on {interface}, channel {channel}"),
+    # what the session says of any of them
+    QT_TRANSLATE_NOOP(
+        "Device",
+        "{n} samples came with stamps that go back in time or are no times: they are left out and counted as lost, as "
+        "further ones will be. Check the device.",
+    ),
     # what a look around this computer finds
     QT_TRANSLATE_NOOP("Device", "simulated rig (any screen of the presets)"),
     QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices, not an EK1101 with an EL1252: {found}"),
