@@ -162,7 +162,11 @@ def sound(session: Session) -> None:
 
 @pytest.mark.parametrize("moment", MOMENTS)
 @pytest.mark.parametrize(("role", "fault"), [
-    ("touch", "unplugged"), ("touch", "babbling"), ("laser", "unplugged"), ("laser", "babbling"), ("laser", "resetting"),
+    ("touch", "unplugged"),
+    ("touch", "babbling"),
+    ("laser", "unplugged"),
+    ("laser", "babbling"),
+    ("laser", "resetting"),
 ])  # fmt: skip
 def test_the_session_goes_on_and_the_run_says_what_it_lacks(role: str, fault: str, moment: str, tmp_path: Path) -> None:
     recording, session = record(tmp_path, {role: (fault, moment)})

@@ -6,7 +6,7 @@ import gzip
 import os
 import stat
 import zlib
-from io import BytesIO
+from io import BufferedIOBase, BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.reading.limits import GZIP_FREE_BYTES, GZIP_RATIO, LINE_BYTES, TABLE_BYTES, TABLE_ROWS
 
+_PIECE_BYTES = 2**20
 _GZIP = b"\x1f\x8b"
 # Without waiting for the other end of a pipe, and without becoming a terminal's process.
 _FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
@@ -29,7 +30,7 @@ def read_bytes(path: Path | str, most: int, remedy: str = "Check the name and th
         descriptor = os.open(path, _FLAGS)
         with os.fdopen(descriptor, "rb") as file:
             _regular(path, os.fstat(descriptor).st_mode)
-            data = file.read(most + 1)
+            data = _up_to(file, most + 1)
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})", remedy) from error
     except ValueError as error:  # a name that holds a NUL
@@ -78,12 +79,21 @@ def _unpacked(path: Path | str, packed: bytes) -> bytes:
     most = min(TABLE_BYTES, GZIP_FREE_BYTES + GZIP_RATIO * len(packed))
     try:
         with gzip.GzipFile(fileobj=BytesIO(packed)) as file:
-            data = file.read(most + 1)
+            data = _up_to(file, most + 1)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise DataError(f"{path}: is not sound gzip ({error})", "Copy or compress it again") from error
     if len(data) > most:
         raise DataError(f"{path}: unpacks to more than {_size(most)}, as no table of numbers does", "Split the run")
     return data
+
+
+def _up_to(file: BufferedIOBase, most: int) -> bytes:
+    """Piece by piece: asked for a number of bytes, Python sets that many aside, however short the file is."""
+    pieces: list[bytes] = []
+    while most > 0 and (piece := file.read(min(most, _PIECE_BYTES))):
+        pieces.append(piece)
+        most -= len(piece)
+    return b"".join(pieces)
 
 
 def _regular(path: Path | str, mode: int) -> None:
