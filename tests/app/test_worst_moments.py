@@ -17,11 +17,13 @@ from app.session_rigs import Recording, Wrapped, fast_rig, protocol
 from draglag.analysis import analyze
 from draglag.recording import LaserTrace, Session, TouchTrace, concatenate, empty_laser, empty_touch
 from draglag.store import read_session, verify
-from draglag_app.session import watch
+from draglag_app.session import Control, events, watch
+from draglag_app.session.machine import Phase
 from draglag_app.session.orderly import Order
 from draglag_devices.rig import Rig, make_rig
 from draglag_devices.sim.clocks import DeviceClock
 from draglag_devices.source import Batch, DeviceError, Notice
+from emulators import ethercat
 
 # Recording counts down for 0.5 s, a run lasts 4 s and its tail 0.5 s, the rest 1 s.
 MOMENTS = {
@@ -283,3 +285,31 @@ def test_a_clock_that_drifts_by_200_ppm_costs_the_latency_nothing(tmp_path: Path
     steady = read_session(Recording(protocol(300, 600), fast_rig(), tmp_path / "steady.h5").path)
     for one, other in zip(analyze(drifting).runs, analyze(steady).runs, strict=True):
         assert one.latency_s == pytest.approx(other.latency_s, abs=5e-4)
+
+
+@pytest.mark.wire
+@pytest.mark.skipif(bool(ethercat.why_not()), reason=f"no EtherCAT segment here: {ethercat.why_not()}")
+def test_a_terminal_unplugged_at_arming_and_at_the_last_sample_costs_no_run(tmp_path: Path) -> None:
+    """On the emulated bus, with the real driver."""
+    with ethercat.start_segment("moment") as segment:
+
+        def disturb(control: Control, event: events.Event) -> None:
+            if isinstance(event, events.StateChanged):
+                arming = event.run_number == 1 and event.phase is Phase.COUNTDOWN
+                last_sample = event.run_number == 2 and event.phase is Phase.CLOSING
+                if arming or last_sample:
+                    segment.order("unplug", slaves=1)
+            if isinstance(event, events.RunStarted | events.RunFinished):
+                segment.order("plug")
+
+        rig = make_rig({"touch": "sim:", "laser": f"ethercat:{segment.iface}?channel=1"}, "screen-1", 1, fast=False)
+        plan = protocol(300, 600, 450, duration_s=1.0)
+        recording = Recording(plan, rig, tmp_path / "s.h5", disturb)
+    assert recording.error is None, recording.error
+    session = read_session(recording.path)
+    assert [run.outcome for run in session.runs] == ["complete"] * 3
+    for run in session.runs[:2]:
+        assert len(run.laser.gaps_s), f"{run.id} does not say that the laser was away"
+        assert any(entry.source == "laser" and entry.level == "error" for entry in run.log), run.log
+    assert not len(session.runs[2].laser.gaps_s)
+    assert [notice.state for notice in recording.of(events.NoticeRaised) if notice.source == "laser"].count("back") == 2
