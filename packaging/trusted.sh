@@ -8,8 +8,11 @@ export PATH
 umask 022
 clean() { env -i PATH="$PATH" LANG=C.UTF-8 HOME=/root "$@"; }
 
+known=: # what was found to be owned: only root can have changed that since
 owned() { # owned PATH: root's, and writable by nobody else; a link is judged by where it leads
-    [ -n "$(find "$1" -maxdepth 0 -user 0 \( -type l -o ! -perm /022 \) 2>/dev/null)" ]
+    case $1 in *:*) ;; *) case $known in *":$1:"*) return 0 ;; esac ;; esac
+    [ -n "$(find "$1" -maxdepth 0 -user 0 \( -type l -o ! -perm /022 \) 2>/dev/null)" ] || return 1
+    known=$known$1:
 }
 
 trusted() { # trusted PATH: each component, as given and through every link, is owned; else names the first in $loose
