@@ -9,7 +9,7 @@ from pathlib import Path
 from draglag.temporary import sweep
 
 
-def sweep_beside(arguments: Sequence[str]) -> list[Path]:
+def sweep_for(arguments: Sequence[str]) -> list[Path]:
     """Sweep the present folder and those that the arguments of a command lie in; returns what was removed."""
     folders = {os.getcwd()} | {os.path.dirname(os.path.abspath(text.rpartition("=")[2])) for text in arguments if text}
     return [path for folder in sorted(folders) if "\0" not in folder for path in sweep(Path(folder))]

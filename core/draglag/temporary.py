@@ -1,4 +1,4 @@
-"""What is being made grows in a temporary folder beside its place; what a killed process left of it is swept away.
+"""What is being made grows in a temporary folder next to its place; what a killed process left of it is swept away.
 
 The folder's name says whose it is: process, when that was started, a number of its own. Its maker holds a lock on it,
 which the system lets go of however the process ends.
@@ -20,7 +20,7 @@ _NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
 
 
 @contextmanager
-def growing_beside(path: Path) -> Iterator[Path]:
+def temporary_for(path: Path) -> Iterator[Path]:
     """A place of the same name in a new temporary folder on the same file system, to be renamed to ``path`` when whole.
 
     The folder, and whatever is still in it, goes at the end of the block. Raises OSError.

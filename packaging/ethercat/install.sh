@@ -98,12 +98,12 @@ chown "root:$group" "$new"
 chmod 0750 "$new"
 setcap cap_net_raw,cap_net_admin=ep "$new" # after chown, which clears capabilities
 # Installed is what a member can use.
-told=$(as_member "$group" "$new" --check 2>&1 </dev/null) || true
-case $told in
+answer=$(as_member "$group" "$new" --check 2>&1 </dev/null) || true
+case $answer in
 *'"complete"'*) ;;
 *)
-    told=$(printf '%s' "$told" | tail -n 1)
-    fail "The helper does not work for members of the group draglag and was not installed: ${told:-it cannot be executed}"
+    answer=$(printf '%s' "$answer" | tail -n 1)
+    fail "The helper does not work for members of the group draglag and was not installed: ${answer:-it cannot be executed}"
     ;;
 esac
 mv -f "$new" "$helper"

@@ -11,7 +11,7 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.store import write_session
-from draglag_app.leftovers import sweep_beside
+from draglag_app.leftovers import sweep_for
 
 SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
 # The command, ended by SIGKILL in the moment in which what it made would get its name.
@@ -43,7 +43,7 @@ def test_what_a_killed_command_left_is_gone_after_the_next_start(tmp_path: Path,
     assert done.returncode == -9, done.stderr
     left = [*session.parent.glob(".*"), *out.glob(".*")]
     assert len(left) == 1
-    assert sweep_beside(arguments) == left
+    assert sweep_for(arguments) == left
     assert os.listdir(session.parent) == ["a.h5"]
     assert os.listdir(out) == []
     assert session.read_bytes() == content

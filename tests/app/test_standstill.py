@@ -45,7 +45,7 @@ def at(*readings: tuple[float, float]) -> Pulse:
     return Pulse(lambda: next(clocks))
 
 
-def test_a_program_that_did_not_run_is_told_from_a_computer_that_slept() -> None:
+def test_a_stopped_program_is_distinguished_from_a_suspended_computer() -> None:
     stopped = at((10.0, 50.0), (15.0, 55.0)).take()
     assert stopped == [Standstill(10.0, 15.0, 0.0)]
     assert "did not run for 5.0 s" in stopped[0].words()
@@ -59,7 +59,7 @@ def test_what_a_busy_computer_delays_a_little_is_nothing() -> None:
     assert pulse.take() == []
 
 
-def test_it_is_told_once() -> None:
+def test_a_standstill_is_reported_once() -> None:
     pulse = at((0.0, 0.0), (5.0, 5.0), (5.1, 5.1))
     assert len(pulse.take()) == 1
     assert pulse.take() == []

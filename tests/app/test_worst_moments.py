@@ -115,7 +115,7 @@ class Babbling(Troubled):
 
 
 class Resetting(Troubled):
-    """It restarts: its clock begins anew."""
+    """It restarts: its clock starts at zero."""
 
     def during(self, batch: Batch, first: bool) -> Batch:
         return Batch(batch.until_s, alive=False)
@@ -184,7 +184,7 @@ def test_the_session_goes_on_and_the_run_says_what_it_lacks(role: str, fault: st
         said = [entry.text for entry in first.log if entry.source == role]
         assert any("unplugged" in text or "back" in text or "restarted" in text for text in said), said
     if fault == "babbling" and moment == "middle":
-        assert len(trace.t_s) > 5000  # kept as it came
+        assert len(trace.t_s) > 5000  # all of it was kept
         known = next(run for run in analyze(session).runs if run.id == "run-01")
         assert known.flags or abs(known.latency_s - _true_latency_s()) < 5e-3
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from draglag.temporary import growing_beside, sweep
+from draglag.temporary import sweep, temporary_for
 
 _GROW = """
 import sys
 from pathlib import Path
-from draglag.temporary import growing_beside
-with growing_beside(Path(sys.argv[1])) as growing:
+from draglag.temporary import temporary_for
+with temporary_for(Path(sys.argv[1])) as growing:
     growing.write_text("half")
     print("growing", flush=True)
     sys.stdin.read()
@@ -38,8 +38,8 @@ def killed(tmp_path: Path) -> Path:
     return left
 
 
-def test_a_finished_file_leaves_nothing_beside_it(tmp_path: Path) -> None:
-    with growing_beside(tmp_path / "a") as growing:
+def test_a_finished_file_leaves_no_temporary_folder(tmp_path: Path) -> None:
+    with temporary_for(tmp_path / "a") as growing:
         growing.write_text("whole")
         assert sweep(tmp_path) == []
         growing.rename(tmp_path / "a")
@@ -47,7 +47,7 @@ def test_a_finished_file_leaves_nothing_beside_it(tmp_path: Path) -> None:
 
 
 def test_what_failed_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(ValueError), growing_beside(tmp_path / "a") as growing:  # noqa: PT012
+    with pytest.raises(ValueError), temporary_for(tmp_path / "a") as growing:  # noqa: PT012
         growing.write_text("half")
         raise ValueError
     assert list(tmp_path.iterdir()) == []

@@ -51,17 +51,17 @@ class Reader:
         file: name of the file under trial, in a folder of its own.
         seeds: contents that it reads.
         read: reads that file, and uses it as the program does next.
-        beside: further files of the folder.
+        others: further files of the folder.
     """
 
     name: str
     file: str
     seeds: tuple[bytes, ...]
     read: Callable[[Path], object]
-    beside: tuple[tuple[str, bytes], ...] = ()
+    others: tuple[tuple[str, bytes], ...] = ()
 
     def prepare(self, folder: Path) -> None:
-        for name, data in self.beside:
+        for name, data in self.others:
             (folder / name).write_bytes(data)
 
     def attempt(self, folder: Path, data: bytes) -> bool:

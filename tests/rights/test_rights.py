@@ -56,8 +56,8 @@ def evil(path: str) -> str:
 
 
 def test_a_member_can_use_what_was_installed_and_nobody_else_can(installed: World) -> None:
-    told = installed.as_user(f"{HELPER} --check")
-    assert (told.returncode, json.loads(told.stdout)) == (0, {"m": "complete"}), told.stderr
+    done = installed.as_user(f"{HELPER} --check")
+    assert (done.returncode, json.loads(done.stdout)) == (0, {"m": "complete"}), done.stderr
     stranger = installed.as_user(f"{HELPER} --check", member=False)
     assert stranger.returncode == 126
     assert installed.as_user(f"cp {HELPER} /home/user/copy").returncode == 0
@@ -154,8 +154,8 @@ def test_the_caller_s_environment_folder_and_modules_have_no_part_in_it(installe
         LD_PRELOAD=/home/user/x.so LD_LIBRARY_PATH=/home/user LD_AUDIT=/home/user/x.so \\
         GCONV_PATH=/home/user HOME=/home/user \\
         """
-    told = installed.as_user(f"{script} {HELPER} --check")
-    assert json.loads(told.stdout) == {"m": "complete"}, told.stderr
+    done = installed.as_user(f"{script} {HELPER} --check")
+    assert json.loads(done.stdout) == {"m": "complete"}, done.stderr
     assert installed.sh("test -e /home/user/x.so").returncode == 0
     assert installed.sh("test -e /home/user/evil").returncode != 0
 
@@ -198,9 +198,9 @@ def test_a_running_helper_gives_its_caller_no_way_in(installed: World) -> None:
 ])  # fmt: skip
 def test_an_installation_that_changed_hands_is_not_run(installed: World, change: str) -> None:
     assert installed.sh(change).returncode == 0
-    told = installed.as_user(f"{HELPER} --check")
-    assert told.returncode == 1
-    assert "can be changed by others than root" in told.stderr
+    done = installed.as_user(f"{HELPER} --check")
+    assert done.returncode == 1
+    assert "can be changed by others than root" in done.stderr
     installed.sh("chown -h 0:0 /opt/draglag")
 
 

@@ -32,7 +32,7 @@ from draglag.exchange.tables import write_table
 from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
 from draglag.store.schema import check_run_id
-from draglag.temporary import growing_beside
+from draglag.temporary import temporary_for
 
 # A lab may start its recorder a little early or stop it late; beyond this, its times are on another clock.
 _SLACK_S = 5.0
@@ -180,7 +180,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
         raise DataError(f"{folder}: exists already and is not overwritten", "Choose another name")
     made = False
     try:
-        with growing_beside(folder) as growing:
+        with temporary_for(folder) as growing:
             growing.mkdir()
             made = True
             yield growing

@@ -13,7 +13,7 @@ from draglag.errors import DataError
 from draglag.recording import Session
 from draglag.store.schema import distinct, session_nodes
 from draglag.store.write import publish
-from draglag.temporary import growing_beside
+from draglag.temporary import temporary_for
 
 
 def write_mat(session: Session, path: Path | str) -> Path:
@@ -40,7 +40,7 @@ def write_mat(session: Session, path: Path | str) -> Path:
                 np.array([value.decode() for value in values.tolist()], object) if values.dtype.kind == "S" else values
             )
     try:
-        with growing_beside(path) as growing:
+        with temporary_for(path) as growing:
             with growing.open("wb") as file:
                 savemat(file, {"session": root}, long_field_names=True, do_compression=True, oned_as="column")
             publish(growing, path)

@@ -14,7 +14,7 @@ from draglag.packages import advice
 from draglag.recording import Session
 from draglag.store.schema import Node, distinct, session_nodes
 from draglag.store.write import publish, reason, zero_utc
-from draglag.temporary import growing_beside
+from draglag.temporary import temporary_for
 
 
 def write_netcdf(session: Session, path: Path | str) -> Path:
@@ -31,7 +31,7 @@ def write_netcdf(session: Session, path: Path | str) -> Path:
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
     start = zero_utc(session.started_utc, session.started_s)
     try:
-        with growing_beside(path) as growing:
+        with temporary_for(path) as growing:
             with h5netcdf.File(growing, "w") as file:
                 for node in distinct(session_nodes(session)):
                     _put(file, node, start)

@@ -91,17 +91,17 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
             f"{path}, line {line_of_row(path, int(odd[0]))}: expected down 0 or 1, found {table[odd[0], 2]:g}",
             "Correct or remove that line",
         )
-    rows, told = _in_order(path, rows)
+    rows, more = _in_order(path, rows)
     physical_s, registered_s, down = (np.ascontiguousarray(column) for column in rows.T)
-    return Taps(physical_s, registered_s, down.astype(np.int64)), said + told
+    return Taps(physical_s, registered_s, down.astype(np.int64)), said + more
 
 
 def read_display(path: Path, missed: int) -> tuple[DisplayTrace, list[str]]:
     """Where the target was drawn, and what was mended. Raises DataError."""
     rows, said = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
-    rows, told = _in_order(path, rows)
+    rows, more = _in_order(path, rows)
     t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T)
-    return DisplayTrace(t_s, x_mm, y_mm, missed), said + told
+    return DisplayTrace(t_s, x_mm, y_mm, missed), said + more
 
 
 def read_gaps(path: Path) -> Floats:

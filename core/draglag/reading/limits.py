@@ -9,7 +9,7 @@ DOCUMENT_BYTES = 4_000_000
 """Bytes of a model, calibration, protocol, screen or settings file: a few kilobytes, a thousand times over."""
 
 HEADER_BYTES = 16 * 2**20
-"""Bytes of ``session.json`` and of a protocol kept beside it: logs and notes of 10 000 runs."""
+"""Bytes of ``session.json`` and of the protocol kept with it: logs and notes of 10 000 runs."""
 
 TABLE_BYTES = 512 * 2**20
 """Bytes of a CSV or evemu file, unpacked: an hour at 1 kHz is 130 MB as CSV and 330 MB as evemu lines."""

@@ -20,7 +20,7 @@ from draglag.store.checksum import raw_checksum
 from draglag.store.lowlevel import append_rows, make_table, put_attrs, put_text
 from draglag.store.safely import open_session, short, text_attr
 from draglag.store.schema import Column, Table, encode
-from draglag.temporary import growing_beside
+from draglag.temporary import temporary_for
 
 _UNITS = (("_mm_s", "mm/s"), ("_s_per_mm", "s/mm"), ("_mm2", "mm2"), ("_mm", "mm"), ("_ms", "ms"), ("_hz", "Hz"))
 _MORE_UNITS = (("_percent", "percent"), ("_s", "s"))
@@ -56,7 +56,7 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
         number = 1 + max((int(name) for name in file.get("analysis", ()) if name.isdecimal()), default=0)
         checksum = raw_checksum(file)
     try:
-        with growing_beside(path) as copy:
+        with temporary_for(path) as copy:
             shutil.copyfile(path, copy)
             shutil.copymode(path, copy)
             with h5py.File(copy, "r+") as file:

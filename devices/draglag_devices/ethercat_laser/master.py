@@ -54,7 +54,7 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
 
 
 def check(wire: Wire) -> int:
-    """Tell what an installation lacks, as ``serve`` would, without touching an interface: 0 if nothing."""
+    """Report what an installation lacks, as ``serve`` would, without touching an interface: 0 if nothing."""
     try:
         preflight.check_rights("")
         import draglag_devices.ethercat_laser.runner  # noqa: F401  (with pysoem)
