@@ -11,5 +11,8 @@ from draglag.temporary import sweep
 
 def sweep_for(arguments: Sequence[str]) -> list[Path]:
     """Sweep the present folder and those that the arguments of a command lie in; returns what was removed."""
-    folders = {os.getcwd()} | {os.path.dirname(os.path.abspath(text.rpartition("=")[2])) for text in arguments if text}
+    try:
+        folders = {os.getcwd()} | {os.path.dirname(os.path.abspath(text.rpartition("=")[2])) for text in arguments}
+    except OSError:  # the present folder was removed
+        return []
     return [path for folder in sorted(folders) if "\0" not in folder for path in sweep(Path(folder))]

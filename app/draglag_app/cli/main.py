@@ -126,7 +126,7 @@ def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
         # The reader (head, less) has gone: nothing to say, and nothing to say it to.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        if error.errno in _OF_A_NAME and error.filename is not None:
+        if error.errno in _OF_A_NAME and isinstance(error.filename, str | bytes):
             name = os.fsdecode(error.filename)
             shown = name if len(name) <= _SHOWN else f"{name[:_SHOWN]}…"
             click.echo(f"draglag: {shown}: {error.strerror}. Choose another name or place.", err=True)
