@@ -25,7 +25,8 @@ python=
 for candidate in /usr/bin/python3.13 /usr/bin/python3.12 /usr/bin/python3.11 /usr/bin/python3; do
     [ -x "$candidate" ] || continue
     trusted "$candidate" || fail "$loose can be changed by others than root"
-    if clean "$candidate" -I -c 'import sys, venv, ensurepip; raise SystemExit(sys.version_info < (3, 11))' 2>/dev/null; then
+    # Without site (-S): no module from a folder that others may have been given is run as root.
+    if clean "$candidate" -I -S -c 'import sys, venv, ensurepip; raise SystemExit(sys.version_info < (3, 11))' 2>/dev/null; then
         python=$candidate
         break
     fi
@@ -48,7 +49,7 @@ before=$home.before
 rm -rf "$before"
 [ ! -e "$home" ] || mv "$home" "$before"
 echo "Installing draglag into $home (this takes a minute or two)"
-clean "$python" -I -m venv "$home"
+clean "$python" -I -S -m venv "$home"
 clean "$home/bin/python" -I -m pip install --quiet --disable-pip-version-check --no-cache-dir "$source" ||
     fail "Could not install draglag into $home: pip's last lines are above. Check the network, then try again."
 chmod -R go-w "$home" # a wheel may bring what its group may write
