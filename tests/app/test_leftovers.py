@@ -27,9 +27,7 @@ main(sys.argv[1:])
 
 @pytest.mark.parametrize("command", [
     ("analyze", "{session}", "--save"),
-    ("export", "{session}", "--to", "mat", "--out", "{folder}/out/a.mat"),
     ("export", "{session}", "--to", "netcdf", "--out", "{folder}/out/a.nc"),
-    ("export", "{session}", "--to", "csv", "--out", "{folder}/out/tables"),
     ("export", "{session}", "--to", "exchange", "--out", "{folder}/out/again"),
 ], ids=" ".join)  # fmt: skip
 def test_what_a_killed_command_left_is_gone_after_the_next_start(tmp_path: Path, command: tuple[str, ...]) -> None:

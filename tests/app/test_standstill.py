@@ -101,7 +101,7 @@ def test_steps_of_the_wall_clock_change_nothing(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(time, "time_ns", lambda: int(1e9 * stepping()))
     before_s = time.monotonic()
     rig = make_rig(dict.fromkeys(ROLES, "sim:"), "screen-1", 1, fast=False)
-    recording = Recording(protocol(300, duration_s=2.0), rig, tmp_path / "s.h5")
+    recording = Recording(protocol(300, duration_s=1.0), rig, tmp_path / "s.h5")
     run = read_session(recording.path).runs[0]
     assert run.outcome == "complete"
     assert before_s <= run.touch.t_s[0] <= run.touch.t_s[-1] <= time.monotonic()
