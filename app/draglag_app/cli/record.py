@@ -21,7 +21,7 @@ from draglag.presets import load_screen_file
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
 from draglag.store import clear_leftovers
-from draglag_app.cli.common import FiniteRange
+from draglag_app.cli.common import FiniteRange, Seed
 from draglag_app.cli.window import need_display
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_devices.addresses import parse_address
@@ -45,7 +45,7 @@ _ON_SCREEN = "draglag_app.windows.participant.screen_display"
               help="Where the participant sees the target.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session file to make.")
 @click.option("--screen", "screen_name", metavar="NAME", help="Preset or TOML file of the screen under test.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of the order of runs and of the simulation.")
+@click.option("--seed", type=Seed(), help="Of the order of runs and of the simulation.")
 @click.option("--fast/--realtime", "fast", default=None,
               help="Simulated or replayed sources: as fast as the computer allows, or in real time.")  # fmt: skip
 @click.option("--calibration", type=click.Path(path_type=Path), metavar="FILE.json",

@@ -84,6 +84,13 @@ class Conductor:
 
     def everything(self, plan: tuple[PlannedRun, ...]) -> None:
         """Clock check, taps, runs, taps, clock check, with rests between."""
+        self._watch.pulse.start()
+        try:
+            self._step_by_step(plan)
+        finally:
+            self._watch.pulse.stop()
+
+    def _step_by_step(self, plan: tuple[PlannedRun, ...]) -> None:
         steps: list[Callable[[], None]] = []
         taps, check = self._protocol.taps, self._protocol.clock_check
         if check is not None:
@@ -188,6 +195,7 @@ class Conductor:
             if signal is not None:
                 go(signal)
         self._compare.wait(RUN_ROLES)
+        self._watch.look_for_standstill()
         run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
         if self._saver.failure is not None and not self._saved_elsewhere(run):
             self._spoilt = True

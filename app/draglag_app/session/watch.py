@@ -10,12 +10,14 @@ from functools import partial
 import numpy as np
 
 from draglag.errors import DraglagError
+from draglag.latency.conduct import STANDSTILL
 from draglag.recording import LogEntry
 from draglag_app.session import events
 from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.machine import Signal
 from draglag_app.session.saver import Saver
+from draglag_app.session.standstill import Pulse
 from draglag_devices.timebase import TimeBase
 
 # Simulated time is advanced in steps, so that nobody runs far ahead and requests are heard in between.
@@ -47,6 +49,7 @@ class Watch:
         self._saver = saver
         self._disk_looked = -np.inf
         self._disk_warned = False
+        self.pulse = Pulse()
 
     def pass_time(
         self,
@@ -85,7 +88,8 @@ class Watch:
                     self._saver.call(partial(self._saver.give_up, role))
 
     def _look(self, roles: tuple[str, ...]) -> Signal | None:
-        """Operator, devices, disk."""
+        """Operator, program, devices, disk."""
+        self.look_for_standstill()
         for text in self._control.take_notes():
             self.log("note", "operator", text)
         self.look_at_disk()
@@ -107,6 +111,12 @@ class Watch:
         if self._saver.failure is not None:
             return Signal.FAILURE
         return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
+
+    def look_for_standstill(self) -> None:
+        """Say in the file that this program, or its computer, stood still. Simulated time stands with it."""
+        for seen in self.pulse.take():
+            if self._time.realtime:
+                self.log("error", STANDSTILL, seen.words())
 
     def look_at_disk(self, force: bool = False) -> None:
         if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:

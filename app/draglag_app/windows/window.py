@@ -37,6 +37,7 @@ from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import apply_theme, theme
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
@@ -190,7 +191,7 @@ class OperatorWindow(QMainWindow):
                 self.tell("error", " ".join(problems))
                 return
             question = " ".join(problems) + "\n\n" + self.tr("Start nevertheless?")
-            if QMessageBox.question(self, "draglag", question, defaultButton=QMessageBox.StandardButton.No) != (
+            if QMessageBox.question(self, "draglag", plain(question), defaultButton=QMessageBox.StandardButton.No) != (
                 QMessageBox.StandardButton.Yes
             ):
                 return

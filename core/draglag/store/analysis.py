@@ -6,7 +6,6 @@ import json
 import math
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from draglag.store.checksum import raw_checksum
 from draglag.store.lowlevel import append_rows, make_table, put_attrs, put_text
 from draglag.store.safely import open_session, short, text_attr
 from draglag.store.schema import Column, Table, encode
+from draglag.temporary import temporary_for
 
 _UNITS = (("_mm_s", "mm/s"), ("_s_per_mm", "s/mm"), ("_mm2", "mm2"), ("_mm", "mm"), ("_ms", "ms"), ("_hz", "Hz"))
 # Room for a result in the file: groups and attributes (bytes), and its text again as columns, at four bytes a letter.
@@ -59,25 +59,27 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
         number = 1 + max((int(name) for name in file.get("analysis", ()) if name.isdecimal()), default=0)
         checksum = raw_checksum(file)
     texts = to_json(options), to_json(result)
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    room = _BASE + _COPIES * sum(map(len, texts))
     try:
-        shutil.copyfile(path, name)
-        shutil.copymode(path, name)
-        with safe_hdf5(descriptor, "r+", _BASE + _COPIES * sum(map(len, texts)), path) as (file, _):
-            group = file.create_group(f"analysis/{number}")
-            about = {"software": f"draglag {draglag.__version__}", "created_utc": created_utc}
-            put_attrs(group, {**about, "input_sha256": checksum})
-            put_text(group, "options_json", texts[0], "what the analysis was asked to do")
-            put_text(group, "result_json", texts[1], "the result as `draglag analyze --json` prints it")
-            for key, rows in result.items():
-                if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
-                    _put_records(group, key, rows)
-        os.replace(name, path)
+        with temporary_for(path) as copy:
+            shutil.copyfile(path, copy)
+            shutil.copymode(path, copy)
+            descriptor = os.open(copy, os.O_RDWR)
+            try:
+                with safe_hdf5(descriptor, "r+", room, path) as (file, _):
+                    group = file.create_group(f"analysis/{number}")
+                    about = {"software": f"draglag {draglag.__version__}", "created_utc": created_utc}
+                    put_attrs(group, {**about, "input_sha256": checksum})
+                    put_text(group, "options_json", texts[0], "what the analysis was asked to do")
+                    put_text(group, "result_json", texts[1], "the result as `draglag analyze --json` prints it")
+                    for key, rows in result.items():
+                        if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
+                            _put_records(group, key, rows)
+            finally:
+                os.close(descriptor)
+            os.replace(copy, path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({short(error)})", "Check rights and free space") from error
-    finally:
-        os.close(descriptor)
-        Path(name).unlink(missing_ok=True)
     return number
 
 

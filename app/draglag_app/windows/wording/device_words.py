@@ -35,6 +35,9 @@ PROBLEMS = (
     ),
     QT_TRANSLATE_NOOP("Device", "the network interface {name} cannot be opened"),
     QT_TRANSLATE_NOOP("Device", "this account has no right to send EtherCAT frames (CAP_NET_RAW and CAP_NET_ADMIN)"),
+    QT_TRANSLATE_NOOP(
+        "Device", "the network interface {name} was not allowed when the EtherCAT helper was installed, only {others}"
+    ),
     QT_TRANSLATE_NOOP("Device", "the EtherCAT bus on {name} is in use by another program"),
     QT_TRANSLATE_NOOP("Device", "no EtherCAT device answers on {name}"),
     QT_TRANSLATE_NOOP("Device", "the EtherCAT devices on {name} are not an EK1101 with an EL1252, but: {found}"),
@@ -123,6 +126,7 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "close the other EtherCAT program"),
     QT_TRANSLATE_NOOP("Device", "to look there: {command}"),
     QT_TRANSLATE_NOOP("Device", "install the helper again: {command}"),
+    QT_TRANSLATE_NOOP("Device", "install it again for this interface: {command}"),
     QT_TRANSLATE_NOOP("Device", "{command}, then log in again"),
     QT_TRANSLATE_NOOP("Device", "plug in the cable, switch on the coupler"),
     QT_TRANSLATE_NOOP("Device", "plug the cable into the coupler's IN port, switch it on"),
@@ -236,6 +240,12 @@ NOTICES = (
     QT_TRANSLATE_NOOP("Device", "as recorded, moved to the start of the run"),
     QT_TRANSLATE_NOOP("Device", "recording of {name}"),
     QT_TRANSLATE_NOOP("Device", "{names} on {interface}, channel {channel}"),
+    # what the session says of any of them
+    QT_TRANSLATE_NOOP(
+        "Device",
+        "{n} samples came with stamps that go back in time or are no times: they are left out and counted as lost, as "
+        "further ones will be. Check the device.",
+    ),
     # what a look around this computer finds
     QT_TRANSLATE_NOOP("Device", "simulated rig (any screen of the presets)"),
     QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices, not an EK1101 with an EL1252: {found}"),
@@ -278,6 +288,7 @@ REASONS = (
     QT_TRANSLATE_NOOP("Device", "switched off"),
     QT_TRANSLATE_NOOP("Device", "no carrier"),
     QT_TRANSLATE_NOOP("Device", "no rights to look"),
+    QT_TRANSLATE_NOOP("Device", "was not allowed when the EtherCAT helper was installed"),
     QT_TRANSLATE_NOOP("Device", "has the address {ip}"),
     QT_TRANSLATE_NOOP("Device", "has addresses that cannot be read"),
     QT_TRANSLATE_NOOP("Device", "is wireless"),

@@ -10,6 +10,7 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.plots.plot import Plot, tr
@@ -53,7 +54,7 @@ class StepTable(QTableWidget):
         chance = f"{p_value:.1e}" if 0.0 < p_value < 1e-3 else f"{p_value:.2g}" if p_value else "< 1e-300"
         for column, text in enumerate((name, in_words(str(step.get("where", ""))), size, gap, chance)):
             item = QTableWidgetItem(text)
-            item.setToolTip(effect_meaning(step["effect"]) if column == 0 else text)
+            item.setToolTip(plain(effect_meaning(step["effect"]) if column == 0 else text))
             item.setData(Qt.ItemDataRole.UserRole, step["effect"])
             self.setItem(k, column, item)
 
