@@ -14,12 +14,13 @@ import draglag
 from draglag.curve import FORMS, CurveFit
 from draglag.errors import DataError
 from draglag.provenance import Source
+from draglag.reading import parse_json, read_text
+from draglag.reading.limits import DOCUMENT_BYTES
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
 
 VERSION = 1
 MADE_BY = "Give a file made by analyze --save-model or gap --save-model"
-LONGEST_FILE = 4_000_000  # bytes; a model is a few kilobytes
 LONGEST_S = 60.0  # no drag latency is near
 OF_SPEED = "law of speed"  # what an effect is undone in
 IN_THE_LAW = (OF_SPEED, "law")
@@ -194,14 +195,7 @@ def save_model(model: LatencyModel, path: Path | str) -> None:
 def load_model(path: Path | str) -> LatencyModel:
     """Read a model. Raises DataError, naming what is wrong with the file."""
     path = Path(path)
-    try:
-        if path.stat().st_size > LONGEST_FILE:
-            raise DataError(f"{path}: too large for a latency model", MADE_BY)
-        raw: Any = json.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the name and the rights") from error
-    except (ValueError, RecursionError):
-        raise DataError(f"{path}: is not JSON", MADE_BY) from None
+    raw: Any = parse_json(read_text(path, DOCUMENT_BYTES), path, MADE_BY)
     if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version", VERSION) != VERSION:
         known = f"model version {raw.get('version')!r} is not known here, only {VERSION}"
         raise DataError(f"{path}: {known}", "Save the model again, or update draglag")

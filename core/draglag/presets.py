@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -12,6 +12,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import PydanticCustomError
 
 from draglag.errors import DataError
+from draglag.reading import parse_toml, read_text
+from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM, SIZE_PX
 from draglag.recording import Screen
 from draglag_resources import presets, resource
 
@@ -23,6 +25,8 @@ def _a_number(value: object) -> object:
 
 
 Positive = Annotated[float, BeforeValidator(_a_number), Field(gt=0, allow_inf_nan=False)]
+Length = Annotated[Positive, Field(le=SIZE_MM)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Strict(BaseModel):
@@ -30,37 +34,37 @@ class Strict(BaseModel):
 
 
 class _Panel(Strict):
-    width_mm: Positive
-    height_mm: Positive
-    width_px: Annotated[int, Field(gt=0)]
-    height_px: Annotated[int, Field(gt=0)]
+    width_mm: Length
+    height_mm: Length
+    width_px: Annotated[int, Field(gt=0, le=SIZE_PX)]
+    height_px: Annotated[int, Field(gt=0, le=SIZE_PX)]
 
 
 class _StylusTable(Strict):
-    diameter_mm: Positive = 7.0
+    diameter_mm: Length = 7.0
 
 
 class LawTable(Strict):
     """Eq. 5 with the redundant a3 and a6 left out; ms and s/mm as in Table 2."""
 
-    a1_ms: Annotated[float, Field(ge=0)]
-    a2_s_per_mm: Annotated[float, Field(ge=0)]
-    a4_ms: Annotated[float, Field(ge=0)]
-    a5_s_per_mm: Annotated[float, Field(ge=0)]
-    a7_ms: Annotated[float, Field(ge=0)]
+    a1_ms: NotNegative
+    a2_s_per_mm: NotNegative
+    a4_ms: NotNegative
+    a5_s_per_mm: NotNegative
+    a7_ms: NotNegative
 
 
 class _Digitiser(Strict):
     touch_rate_hz: Positive = 120.0
-    scan_jitter_s: Annotated[float, Field(ge=0)] = 1e-4
-    noise_mm: Annotated[float, Field(ge=0)] = 0.15
-    resolution_mm: Annotated[float, Field(ge=0)] = 0.02
+    scan_jitter_s: NotNegative = 1e-4
+    noise_mm: NotNegative = 0.15
+    resolution_mm: NotNegative = 0.02
 
 
 class _TapTable(Strict):
     touch_median_s: Positive = 0.030
     release_median_s: Positive = 0.0285
-    spread_s: Annotated[float, Field(ge=0)] = 0.0025
+    spread_s: NotNegative = 0.0025
 
 
 class ScreenFile(Strict):
@@ -82,17 +86,13 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
     """(label, text) of a preset or a file. Raises DataError."""
     preset = resource(folder, f"{name_or_path}.toml")
     what = folder.removesuffix("s")
-    if isinstance(name_or_path, str) and re.fullmatch(r"[\w-]+", name_or_path) and preset.is_file():
+    if isinstance(name_or_path, str) and re.fullmatch(r"[\w-]{1,100}", name_or_path) and preset.is_file():
         return f"{what} '{name_or_path}'", preset.read_text("utf-8")
     path = Path(name_or_path)
-    if not path.is_file():
+    if not os.path.exists(path):
         known = ", ".join(presets(folder))
         raise DataError(f"no {what} preset or file '{name_or_path}'", f"presets are {known}; or give a TOML file")
-    try:
-        return str(path), path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else f"byte {error.start}"
-        raise DataError(f"{path} cannot be read as UTF-8 text ({reason})", "give a TOML file") from error
+    return str(path), read_text(path, DOCUMENT_BYTES, "give a TOML file")
 
 
 def _line_of(text: str, location: Sequence[int | str]) -> int:
@@ -124,10 +124,7 @@ def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tup
     Raises DataError that names the file, the line and what was expected there.
     """
     label, text = _text_of(name_or_path, folder)
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{label} is not valid TOML: {error}", "correct the file at that line") from error
+    data = parse_toml(text, label)
     try:
         return model.model_validate(data), text
     except ValidationError as error:

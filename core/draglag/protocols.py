@@ -14,7 +14,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from draglag.presets import Positive, Strict, load_screen, load_screen_file, read_toml
+from draglag.presets import Length, Positive, Strict, load_screen, load_screen_file, read_toml
+from draglag.reading.limits import RUNS, SIZE_MM, WHOLE_MOST
 from draglag.recording import Beam, Screen
 from draglag.targets import SIDEWAYS_PX_S, Chirp, Circle, MultiSine, Step, Target, check_on_screen
 
@@ -35,14 +36,14 @@ class RunPlan(Strict):
 
     kind: Literal["circle", "chirp", "multisine", "step"]
     speed_mm_s: Speed | None = None
-    speeds_mm_s: tuple[Speed, ...] = ()
-    radius_mm: Positive | None = None
+    speeds_mm_s: Annotated[tuple[Speed, ...], Field(max_length=RUNS)] = ()
+    radius_mm: Length | None = None
     radius_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.1  # of the screen's width
     duration_s: Annotated[float, Field(gt=0, le=3600)] | None = None
     repeats: Annotated[int, Field(ge=1, le=100)] = 1
     practice: bool = False
     sideways_px_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = SIDEWAYS_PX_S
-    beam_offset_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0  # of the target's centre, down
+    beam_offset_mm: Annotated[float, Field(ge=-SIZE_MM, le=SIZE_MM)] = 0.0  # of the target's centre, down
     start_hz: Positive = 0.05
     end_hz: Positive = 1.0
     peak_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.25  # multi-sine's peak, of the screen's height
@@ -86,7 +87,7 @@ class Protocol(Strict):
 
     name: Annotated[str, Field(min_length=1)]
     description: str = ""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=WHOLE_MOST)] = 0
     shuffle: bool = False
     rest_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
     runs: tuple[RunPlan, ...] = ()
@@ -98,6 +99,8 @@ class Protocol(Strict):
     def _something(self) -> Protocol:
         if not (self.runs or self.taps or self.clock_check):
             raise ValueError("a protocol needs at least one of [[runs]], [taps] and [clock_check]")
+        if sum(plan.repeats * len(plan.all_speeds_mm_s) for plan in self.runs) > RUNS:
+            raise ValueError(f"a protocol has at most {RUNS} runs")
         return self
 
 

@@ -10,12 +10,16 @@ import numpy as np
 
 from draglag.calibration import AffineFit
 from draglag.errors import DataError
+from draglag.reading import parse_json, read_text
+from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM
 from draglag.recording import TouchCalibration
 from draglag_devices.touch.frames import Mapping2D
 
 _FORMAT = "draglag-touch-calibration"
 _TOUCHES = ("x_raw", "y_raw", "x_mm", "y_mm")
 _REMEDY = "calibrate again"
+# An offset undoes what the axes count: 32 bits of 1 mm each, the coarsest unit, and more than that is no map.
+_LARGEST = 2.0**32
 
 
 def as_mapping(fit: AffineFit) -> Mapping2D:
@@ -54,7 +58,9 @@ def load_calibration(path: Path) -> tuple[AffineFit, str]:
         rms = float(content["rms_mm"])
     except (KeyError, TypeError, ValueError):
         raise DataError(f"{path}: lacks the matrix or the residuals of a calibration", _REMEDY) from None
-    if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:, :2])) == 0:
+    if not (np.isfinite(residual).all() and 0 <= rms <= SIZE_MM):
+        raise DataError(f"{path}: its residuals are no lengths", _REMEDY)
+    if not (np.abs(matrix) <= _LARGEST).all() or abs(np.linalg.det(matrix[:, :2])) == 0:
         raise DataError(f"{path}: maps the whole screen onto a line or nowhere", _REMEDY)
     return AffineFit(matrix, residual, rms), str(content.get("device", ""))
 
@@ -75,12 +81,7 @@ def load_touches(path: Path) -> TouchCalibration:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", "check the path") from None
-    except ValueError:
-        raise DataError(f"{path}: is not a calibration", _REMEDY) from None
+    content = parse_json(read_text(path, DOCUMENT_BYTES, "check the path"), path, _REMEDY)
     if not isinstance(content, dict) or content.get("format") != _FORMAT or content.get("version") != 1:
         raise DataError(f"{path}: is not a calibration of version 1", _REMEDY)
     return content

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -10,7 +10,9 @@ from typing import cast
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.exchange.tables import line_of_row, read_table
 from draglag.protocols import PlannedRun
+from draglag.reading.limits import TIME_S
 from draglag.recording import (
     ClockBounds,
     FloatArray,
@@ -129,7 +131,7 @@ def _shared(address: Address, role: str) -> str:
 def load_tape(address: Address, role: str) -> Tape:
     """Read what an address names. Raises DeviceError with the reader's own sentence."""
     path = Path(address.target)
-    if not path.exists():
+    if not os.path.exists(path):
         raise DeviceError(address.text, "there is no such file", "check the path")
     try:
         if address.scheme == "csv":
@@ -203,34 +205,18 @@ def _csv_tape(path: Path, role: str) -> Tape:
         t_s, x_mm, y_mm = columns
         touch = TouchTrace(t_s, x_mm, y_mm, np.zeros(len(t_s), np.int64))
         return Tape(path.name, (_one_run(touch, empty_laser()),))
+    if not np.isin(columns[1], (0.0, 1.0)).all():
+        raise DataError(f"{path}: light is 0 or 1", "Correct the column light")
     laser = LaserTrace(columns[0], columns[1].astype(np.int64))
     return Tape(path.name, (_one_run(empty_touch(), laser),))
 
 
 def read_csv(path: Path, columns: tuple[str, ...]) -> list[FloatArray]:
     """Columns of a CSV file (plain or .gz) with a header, each (n,). Raises DataError naming file and line."""
-    expected = ",".join(columns)
-    try:
-        raw = path.read_bytes()
-        text = (gzip.decompress(raw) if raw[:2] == b"\x1f\x8b" else raw).decode("utf-8")
-    except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({error})") from None
-    lines = text.splitlines()
-    names = tuple(name.strip() for name in lines[0].split(",")) if lines else ()
-    if not set(columns) <= set(names):
-        raise DataError(f"{path}, line 1: the header is '{','.join(names)[:60]}'", f"expected {expected}")
-    places = [names.index(name) for name in columns]
-    rows: list[list[float]] = []
-    for number, line in enumerate(lines[1:], 2):
-        if not line.strip():
-            continue
-        words = line.split(",")
-        try:
-            row = [float(words[place]) for place in places]
-        except (ValueError, IndexError):
-            raise DataError(f"{path}, line {number}: '{line[:60]}' is not {expected} in numbers") from None
-        if not np.isfinite(row).all() or (rows and row[0] < rows[-1][0]):
-            raise DataError(f"{path}, line {number}: times must be numbers that never go back")
-        rows.append(row)
-    table = np.array(rows).reshape(-1, len(columns))
-    return [table[:, k] for k in range(len(columns))]
+    table = read_table(path, columns)
+    wrong = ~np.isfinite(table).all(axis=1) | (np.abs(table[:, 0]) > TIME_S)
+    wrong[1:] |= np.diff(table[:, 0], prepend=-np.inf)[1:] < 0
+    if wrong.any():
+        line = line_of_row(path, int(np.argmax(wrong)))
+        raise DataError(f"{path}, line {line}: times must be numbers that never go back", "Correct or remove that line")
+    return [np.ascontiguousarray(column) for column in table.T]

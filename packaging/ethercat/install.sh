@@ -1,45 +1,111 @@
 #!/bin/sh
-# Lets members of the group draglag use an EtherCAT terminal, without running draglag as root:
-#   sudo packaging/ethercat/install.sh [PYTHON]     PYTHON: the interpreter that has draglag, default /usr/bin/python3
+# Lets members of the group draglag use an EtherCAT terminal on the interfaces named, without running draglag as root:
+#   sudo packaging/ethercat/install.sh [PYTHON] IFACE …   PYTHON: the interpreter that has draglag, as an absolute path,
+#                                                         default /opt/draglag/bin/python (./run install makes it)
 #   sudo packaging/ethercat/install.sh --remove
+# Nothing is run before every component of its path, as given and through every link, was found to be root's alone.
+# SECURITY.md says against whom.
 set -eu
-here=$(cd "$(dirname "$0")" && pwd)
-target=${DRAGLAG_LIBDIR:-/usr/local/lib/draglag}
-helper=$target/draglag-ethercat-master
+place=$(cd "$(dirname "$0")" && pwd)
+. "$place/../trusted.sh"
+lib=/usr/local/lib/draglag
+helper=$lib/draglag-ethercat-master
+again="make an installation that is root's alone first: sudo ./run install"
 
-fail() { echo "$1" >&2; exit 1; }
 [ "$(id -u)" = 0 ] || fail "This needs the administrator's rights: sudo $0 $*"
 
 if [ "${1:-}" = --remove ]; then
     rm -f "$helper"
-    rmdir "$target" 2>/dev/null || true
+    rmdir "$lib" 2>/dev/null || true
     echo "Removed $helper. The group draglag was left alone."
     exit 0
 fi
 
-python=${1:-/usr/bin/python3}
-for tool in cc setcap getent groupadd; do
-    command -v $tool >/dev/null || fail "$tool is missing: sudo apt install gcc libcap2-bin passwd"
+python=/opt/draglag/bin/python
+case "${1:-}" in /*) python=$1; shift ;; esac
+interfaces=
+for name in "$@"; do
+    case $name in
+    -* | *[!A-Za-z0-9._:@-]* | '' | ????????????????*) fail "“$name” cannot be the name of a network interface" ;;
+    esac
+    interfaces=${interfaces:+$interfaces,}$name
+    [ -e "/sys/class/net/$name" ] || echo "There is no interface $name at present." >&2
 done
-[ -x "$python" ] || fail "$python is not an interpreter"
-package=$("$python" -I -c 'import os, draglag_devices; print(os.path.dirname(draglag_devices.__file__))') ||
-    fail "$python does not have draglag: name the interpreter that has, as the first argument"
-"$python" -I -c 'import pysoem' || fail "$python does not have pysoem: $python -m pip install pysoem"
+[ -n "$interfaces" ] || fail "Name the interface that the coupler is plugged into: sudo $0 $python eth1"
 
-# Whoever may change these files could use the capabilities for something else.
-site=$("$python" -I -c 'import os, pysoem; print(os.path.dirname(os.path.dirname(pysoem.__file__)))')
-for place in "$package" "$site" "$(readlink -f "$python")"; do
-    loose=$(find "$place" \( ! -user root -o -perm /022 \) ! -type l -print -quit)
-    [ -z "$loose" ] || fail "$loose can be changed by others than root: install draglag system-wide (root-owned) first"
+# --- the interpreter: looked at before it is run ---
+
+case $python in *[!A-Za-z0-9/._+-]*) fail "$python: name the interpreter without blanks and quotes" ;; esac
+changed() { fail "$loose can be changed by others than root, or is not there: $again"; }
+trusted "$python" || changed
+[ -f "$python" ] && [ -x "$python" ] || fail "$python is not an interpreter"
+for settings in "${python%/*}/pyvenv.cfg" "${python%/*/*}/pyvenv.cfg"; do
+    trusted "$settings" or-absent || changed
+    [ -f "$settings" ] || continue
+    base=$(sed -n 's/^home *= *//p' "$settings")
+    [ -z "$base" ] || trusted "$base" || changed
 done
-
+for tool in cc setcap getent groupadd setpriv; do
+    found=$(command -v "$tool") || fail "$tool is missing: sudo apt install gcc libc6-dev libcap2-bin passwd util-linux"
+    trusted "$found" || changed
+done
 getent group draglag >/dev/null || groupadd --system draglag
-mkdir -p "$target"
-rm -f "$helper"
-cc -O2 -Wall -Wextra -Werror -DDRAGLAG_PYTHON="\"$python\"" -o "$helper" "$here/draglag-ethercat-master.c"
-chown root:draglag "$helper"
-chmod 0750 "$helper"
-# After chown, which clears capabilities.
-setcap cap_net_raw,cap_net_admin=ep "$helper"
-echo "Installed $helper."
+group=$(getent group draglag | cut -d: -f3)
+
+# --- what it would run: asked of it as an account without rights, looked at before it gets any ---
+
+asked=$(as_member "$group" "$python" -I -c '
+import os, sys, sysconfig
+from importlib import metadata, util
+for entry in sys.path:
+    print("path", entry)
+homes = {os.path.realpath(sysconfig.get_path(kind)) for kind in ("purelib", "platlib")}
+homes |= {entry for entry in map(os.path.realpath, sys.path) if entry.endswith("/dist-packages")}
+for name in ("draglag", "draglag_devices", "draglag_resources", "pysoem"):
+    found = util.find_spec(name)
+    if found is None:
+        print("lacks", name)
+    else:
+        folder = os.path.dirname(os.path.realpath(found.origin))
+        print("path", folder)
+        if os.path.dirname(folder) not in homes:
+            print("elsewhere", folder)
+if "\"editable\": true" in (metadata.distribution("draglag").read_text("direct_url.json") or ""):
+    print("elsewhere", "the checkout it was installed from")
+' 2>/dev/null) || fail "$python cannot be run by members of the group draglag, or does not have draglag: $again"
+while read -r kind what; do
+    case $kind in
+    lacks) fail "$python does not have $what: $again" ;;
+    elsewhere) fail "$python runs draglag from $what, an editable installation: $again" ;;
+    path) if [ -d "$what" ]; then all_trusted "$what" || changed; else trusted "$what" or-absent || changed; fi ;;
+    esac
+done <<ASKED
+$asked
+ASKED
+for library in $(as_member "$group" ldd "$python" 2>/dev/null | grep -o '/[^ ]*' || true); do
+    trusted "$library" || changed
+done
+
+# --- the helper ---
+
+mkdir -p "$lib"
+trusted "$lib" || changed
+new=$(mktemp "$lib/.new.XXXXXX")
+trap 'rm -f "$new"' EXIT
+clean cc -O2 -Wall -Wextra -Werror -DDRAGLAG_PYTHON="\"$python\"" -DDRAGLAG_INTERFACES="\"$interfaces\"" -o "$new" \
+    "$place/draglag-ethercat-master.c"
+chown "root:$group" "$new"
+chmod 0750 "$new"
+setcap cap_net_raw,cap_net_admin=ep "$new" # after chown, which clears capabilities
+# Installed is what a member can use.
+answer=$(as_member "$group" "$new" --check 2>&1 </dev/null) || true
+case $answer in
+*'"complete"'*) ;;
+*)
+    answer=$(printf '%s' "$answer" | tail -n 1)
+    fail "The helper does not work for members of the group draglag and was not installed: ${answer:-it cannot be executed}"
+    ;;
+esac
+mv -f "$new" "$helper"
+echo "Installed $helper for $interfaces."
 echo "Add each operator to the group, then log in again:  sudo usermod -aG draglag NAME"

@@ -1,5 +1,8 @@
 """What a session records is what happened in the simulated world, and every run has one outcome."""
 
+import errno
+import os
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +12,8 @@ from app.session_rigs import ROLES, DiesAt, DoesNotOpen, Recording, Wrapped, fas
 from draglag.errors import DataError
 from draglag.latency import estimate_on_clock
 from draglag.recording import ClockBounds, empty_touch
-from draglag.store import read_session
-from draglag.store.write import SessionWriter
+from draglag.store import SessionWriter, read_session, salvage
+from draglag.store.frames import FrameFile
 from draglag_app.session import Control, OffscreenDisplay, events
 from draglag_app.session.conductor import PREVIEW_S
 from draglag_app.session.machine import Phase
@@ -371,6 +374,91 @@ def test_a_full_disk_fails_the_run_and_keeps_what_was_saved(tmp_path, monkeypatc
     session = read_session(tmp_path / "s.h5.partial")
     assert_same_samples(session.runs[0], world_of(recording).truth[0])
     assert session.runs[1].outcome == "aborted"  # cut off, as far as the file knows
+
+
+@contextmanager
+def failing(monkeypatch, folder, number):
+    """From its ``number``-th record on nothing can be written in the folder (EIO, ENOSPC …)."""
+    append, count = FrameFile.append, [0]
+
+    def filling(self, payload):
+        count[0] += 1
+        if self.path.parent == folder and count[0] >= number:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        append(self, payload)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FrameFile, "append", filling)
+        yield
+
+
+@pytest.mark.parametrize("number", [3, 4, 5, 6])
+def test_a_full_disk_with_a_spare_place_costs_a_repeat_and_nothing_else(tmp_path, monkeypatch, number):
+    (tmp_path / "spare").mkdir()
+    with failing(monkeypatch, tmp_path, number):
+        recording = Recording(
+            protocol(300, 600), fast_rig(), tmp_path / "s.h5", control=Control(spare=tmp_path / "spare")
+        )
+    assert recording.error is None
+    assert recording.path == tmp_path / "spare" / "s.h5"
+    assert [path.name for path in tmp_path.glob("s.h5*")] == []
+    session = read_session(recording.path)
+    whole = [run for run in session.runs if run.outcome == "complete"]
+    assert [run.nominal_speed_mm_s for run in whole] == [300, 600]
+    assert [run.outcome for run in session.runs if run not in whole] in ([], ["failed"])
+    truths = {truth.id: truth for truth in world_of(recording).truth}
+    for run in whole:
+        assert_same_samples(run, truths[run.id])
+
+
+def test_no_room_for_the_session_file_at_the_end_makes_it_in_the_spare_place(tmp_path, monkeypatch):
+    """The journal was whole, and its disk has no room for a second file of its size."""
+    (tmp_path / "spare").mkdir()
+    take_room, refused = os.posix_fallocate, []
+
+    def full(fd, at, size):
+        if not refused:
+            refused.append(size)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        take_room(fd, at, size)
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    recording = Recording(protocol(300), fast_rig(), tmp_path / "s.h5", control=Control(spare=tmp_path / "spare"))
+    assert recording.error is None
+    assert refused
+    (wanted,) = recording.of(events.PlaceWanted)
+    assert "No space left on device" in wanted.problem
+    assert "The recording is whole in" in wanted.remedy
+    assert recording.path == tmp_path / "spare" / "s.h5"
+    assert_same_samples(read_session(recording.path).runs[0], world_of(recording).truth[0])
+    assert [path.name for path in tmp_path.iterdir()] == ["spare"]
+
+
+def test_no_room_for_the_session_file_and_no_other_place_leaves_a_journal_that_can_be_saved(tmp_path, monkeypatch):
+    def full(fd, at, size):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "posix_fallocate", full)
+        recording = Recording(protocol(300), fast_rig(), tmp_path / "s.h5")
+    assert "draglag verify" in str(recording.error)
+    assert [path.name for path in tmp_path.iterdir()] == ["s.h5.partial"]
+    saved = salvage(tmp_path / "s.h5.partial", tmp_path / "elsewhere.h5")
+    assert saved.losses == ()
+    assert_same_samples(saved.session.runs[0], world_of(recording).truth[0])
+    assert saved.session.runs[0].outcome == "complete"
+
+
+def test_a_journal_deleted_while_recording_costs_nothing_and_is_reported(tmp_path):
+    def on_event(control, event):
+        if isinstance(event, events.RunFinished) and event.run.id == "run-01":
+            (tmp_path / "s.h5.partial").unlink()
+
+    recording = Recording(protocol(300, 600), fast_rig(), tmp_path / "s.h5", on_event)
+    assert recording.error is None
+    assert any("was deleted while it was recorded" in event.text for event in recording.of(events.NoticeRaised))
+    for run, truth in zip(read_session(recording.path).runs, world_of(recording).truth, strict=True):
+        assert_same_samples(run, truth)
 
 
 def test_an_existing_file_is_refused_before_any_device_is_opened(tmp_path):

@@ -17,10 +17,10 @@ SAMPLES = Path(__file__).parent.parent / "data" / "exchange"
 NO_DISPLAY = "there is no display to draw on."
 
 
-def without_display(*arguments: object) -> subprocess.CompletedProcess[str]:
+def without_display(*arguments: object, **variables: str) -> subprocess.CompletedProcess[str]:
     """The program as started from a console that has no desktop."""
     taken = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
-    env = {key: value for key, value in os.environ.items() if key not in taken}
+    env = {key: value for key, value in os.environ.items() if key not in taken} | variables
     env["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     program = [sys.executable, "-c", "from draglag_app.cli import main; main()", *map(str, arguments)]
     return subprocess.run(program, env=env, capture_output=True, text=True, check=False)
@@ -39,6 +39,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path | None]:
     asked: list[Path | None] = []
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-7")
     monkeypatch.delenv("QT_QPA_PLATFORM", raising=False)
+    monkeypatch.setattr(window, "need_display", lambda: None)
     monkeypatch.setattr(window, "load", {OPERATOR_WINDOW: lambda session: asked.append(session)}.__getitem__)
     return asked
 
@@ -105,6 +106,22 @@ def test_a_display_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch
     result = run()
     assert result.exit_code == 1
     assert result.stderr.startswith("draglag: the display :40404 does not answer. Start it from a desktop")
+
+
+@pytest.mark.parametrize(("variables", "named"), [
+    ({"WAYLAND_DISPLAY": "wayland-404"}, "WAYLAND_DISPLAY=wayland-404"),
+    ({"WAYLAND_DISPLAY": "wayland-404", "DISPLAY": ":40404"}, "WAYLAND_DISPLAY=wayland-404"),
+    ({"QT_QPA_PLATFORM": "wayland"}, "QT_QPA_PLATFORM=wayland"),
+    ({"QT_QPA_PLATFORM": "no-such"}, "QT_QPA_PLATFORM=no-such"),
+    ({"QT_QPA_PLATFORM": "wayland;xcb"}, "QT_QPA_PLATFORM=wayland;xcb"),
+    ({"QT_QPA_PLATFORM": "xcb"}, "the display of X does not answer"),
+], ids=str)  # fmt: skip
+def test_a_display_on_which_qt_would_end_the_program_is_one_sentence(variables: dict[str, str], named: str) -> None:
+    done = without_display(**variables)
+    assert (done.returncode, done.stdout) == (1, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("draglag: ")
+    assert named in line
 
 
 @pytest.mark.parametrize("library", ["libEGL.so.1", "libxcb-cursor.so.0"])

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from PySide6.QtCore import QAbstractEventDispatcher
 
-from draglag.store.write import SessionWriter
+from draglag.store import SessionWriter
 from draglag_app.session.saver import Saver
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.header import Header

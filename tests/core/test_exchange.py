@@ -20,9 +20,9 @@ from core.store_sessions import assert_same, bare_session, full_session
 from draglag.analysis import analyze
 from draglag.errors import DataError
 from draglag.exchange import read_exchange, write_csv, write_exchange, write_mat, write_netcdf
-from draglag.exchange.header import MAX_BYTES
 from draglag.exchange.tables import read_events
 from draglag.protocols import load_protocol
+from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LaserTrace, Run, TouchTrace, empty_laser, empty_touch
 from draglag.simulation import simulate_session
 from draglag.store import write_session
@@ -115,12 +115,12 @@ BAD_OPTIONAL: list[tuple[dict[str, Any], dict[str, bytes], str]] = [
     ({}, {"r1.touch-more.csv": b"t_s,contact_id\n10.0,1\n10.1,2.5\n10.2,3\n"}, "whole numbers for contact_id"),
     ({}, {"r1.laser-more.csv": b"t_s,epoch\n10.05,nan\n10.15,1\n"}, "whole numbers for epoch"),
     ({}, {"r1.laser-more.csv": b"t_s,epoch\n10.05,1e300\n10.15,1\n"}, "whole numbers for epoch"),
-    ({}, {"r1.display.csv": b"\xff\xfe"}, r"r1\.display\.csv, line 1: is not text"),
+    ({}, {"r1.display.csv": b"\xff\xfe"}, r"r1\.display\.csv, line 1: is not UTF-8 text"),
     ({}, {"r1.touch-gaps.csv": b"start_s\n1\n"}, r"touch-gaps\.csv, line 1: expected the header start_s,end_s"),
     ({}, {"r1.touch-gaps.csv.gz": b"none"}, "is not sound gzip"),
     ({"clocks": [{"stream": "laser", "file": "c.csv"}]}, {}, r"c\.csv: cannot be read"),
     ({"clocks": [{"stream": "laser", "file": "../c.csv"}]}, {}, "expected the name of a file in the same folder"),
-    ({"clocks": [{"stream": "laser", "file": ".."}]}, {}, "cannot be read"),
+    ({"clocks": [{"stream": "laser", "file": ".."}]}, {}, "is a folder"),
     ({"clocks": CLOCK}, {"c": b"device_s,host_min_s,host_max_s\n1,3,2\n"}, "no later than"),
     ({"clocks": CLOCK}, {"c": b"device_s,host_min_s,host_max_s\nnan,1,2\n"}, "finite device_s"),
     ({"protocol_file": "p.toml"}, {}, r"p\.toml: cannot be read"),
@@ -150,7 +150,7 @@ def test_a_malformed_optional_part_is_one_sentence(
 def test_a_protocol_longer_than_the_limit_is_refused(tmp_path: Path) -> None:
     folder = folder_of(tmp_path, protocol_file="p.toml")
     with (folder / "p.toml").open("wb") as file:
-        file.truncate(MAX_BYTES + 1)
+        file.truncate(HEADER_BYTES + 1)
     with pytest.raises(DataError, match="longer than 16 MiB"):
         read_exchange(folder)
 
@@ -269,7 +269,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"touch": "t_s,x_mm,y_mm\n10.0,1,2,9\n10.1,3,4,9\n"}, r"r1\.touch\.csv, line 2: expected 3 numbers"),
     ({"touch": "time,x,y\n1,2,3\n"}, r"r1\.touch\.csv, line 1: expected the header t_s,x_mm,y_mm"),
     ({"touch": "1,2,3\n4,5,6\n"}, r"r1\.touch\.csv, line 1: expected the header"),
-    ({"touch": b"t_s,x_mm,y_mm\n1,2,3\n\xff\xfe,1,1\n"}, r"r1\.touch\.csv, line 3: is not text"),
+    ({"touch": b"t_s,x_mm,y_mm\n1,2,3\n\xff\xfe,1,1\n"}, r"r1\.touch\.csv, line 3: is not UTF-8 text"),
     ({"laser": "t_s,light\n10.0,1\n10.1,2\n"}, r"r1\.laser\.csv, line 3: expected light 0 or 1, found 2"),
     ({"touch": None, "laser": None}, "holds no data of any run"),
     ({"touch": "", "laser": ""}, "holds no data of any run"),

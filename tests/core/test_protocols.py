@@ -116,7 +116,7 @@ def test_an_empty_protocol_and_an_unknown_name_are_refused(tmp_path):
 
 def test_a_file_that_is_no_text_is_refused_with_a_remedy(tmp_path):
     (tmp_path / "x.toml").write_bytes(b"\x89HDF")
-    with pytest.raises(DataError, match=r"cannot be read as UTF-8 text \(byte 0\); give a TOML file"):
+    with pytest.raises(DataError, match=r"is not UTF-8 text \(byte 0\). Save it as UTF-8"):
         load_protocol(tmp_path / "x.toml")
 
 

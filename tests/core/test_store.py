@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -160,6 +162,28 @@ def test_results_are_kept_beside_unchanged_raw_data(tmp_path: Path) -> None:
     assert first.created_utc == "2026-03-01T11:00:00Z"
     with h5py.File(path) as file:
         assert file["analysis/1/runs/latency_ms"].attrs["units"] == b"ms"
+
+
+def test_results_that_do_not_fit_on_the_disk_leave_the_file_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_session(full_session(), tmp_path / "s.h5")
+    before = (tmp_path / "s.h5").read_bytes()
+
+    def full(fd: int, at: int, size: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(DataError, match="No space left on device"):
+        add_analysis(tmp_path / "s.h5", {"runs": []}, {})
+    assert (tmp_path / "s.h5").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["s.h5"]
+
+
+def test_results_of_a_recording_that_was_not_closed_are_refused_with_what_to_do(tmp_path: Path) -> None:
+    SessionWriter(tmp_path / "s.h5", full_session()).abandon()
+    with pytest.raises(DataError, match=r"not closed. Save it first with `draglag verify .*s.h5.partial`"):
+        add_analysis(tmp_path / "s.h5.partial", {"runs": []}, {})
 
 
 def test_raw_data_changed_afterwards_are_noticed(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from core.store_sessions import assert_same, full_session
 from draglag.errors import DataError
-from draglag.store import partial_files, read_session, salvage, verify, write_session
+from draglag.store import SessionWriter, clear_leftovers, partial_files, read_session, salvage, verify, write_session
 
 RECORDER = """
 import sys
@@ -81,19 +81,64 @@ def test_salvage_overwrites_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "s.h5").read_text() == "precious"
 
 
-def test_salvage_leaves_out_rows_that_were_never_finished_and_a_run_that_is_broken(tmp_path: Path) -> None:
+def test_salvage_of_hdf5_leaves_out_unfinished_rows_and_keeps_the_rest_of_a_broken_run(tmp_path: Path) -> None:
     path = tmp_path / "s.h5.partial"
     session = full_session()
     write_session(session, path)
     with h5py.File(path, "r+") as file:
         for name in ("x_mm", "y_mm", "contact_id"):  # written before the scale, when the writer died
             file[f"runs/run-01/touch/{name}"].resize((250,))
-        del file["runs/run-02/protocol" if "protocol" in file["runs/run-02"] else "runs/run-02/laser"]
+        del file["runs/run-02/laser"]
+        del file["runs/run-02/touch/x_raw"]
+        del file["runs/run-02/touch/y_mm"]
     saved = salvage(path)
-    assert [run.id for run in saved.session.runs] == ["run-01"]
+    assert [run.id for run in saved.session.runs] == ["run-01", "run-02"]
     np.testing.assert_array_equal(saved.session.runs[0].touch.x_mm, session.runs[0].touch.x_mm)
+    broken = saved.session.runs[1]
+    np.testing.assert_array_equal(broken.touch.t_s, session.runs[1].touch.t_s)
+    np.testing.assert_array_equal(broken.touch.x_mm, session.runs[1].touch.x_mm)
+    assert np.isnan(broken.touch.y_mm).all()
+    assert len(broken.laser.t_s) == 0
     assert any("50 unfinished rows" in loss for loss in saved.losses)
-    assert any("run-02" in loss for loss in saved.losses)
+    assert any("run-02: laser is lost" in loss for loss in saved.losses)
+    assert any("y_mm: 200 of 200 values are lost" in loss for loss in saved.losses)
+    assert "Record again" not in " ".join(saved.losses)
+
+
+def test_an_unfinished_hdf5_file_of_the_first_recordings_is_saved(tmp_path: Path) -> None:
+    """They were recorded into HDF5, without a checksum until they were closed."""
+    path, session = tmp_path / "s.h5.partial", full_session()
+    write_session(session, path)
+    with h5py.File(path, "r+") as file:
+        del file.attrs["raw_sha256"]
+        file["runs/run-02"].attrs["outcome"] = np.bytes_(b"recording")
+        del file["runs/run-02"].attrs["duration_s"]
+    assert partial_files(tmp_path) == [path]
+    saved = salvage(path)
+    assert [run.outcome for run in saved.session.runs] == ["complete", "aborted"]
+    for run, recorded in zip(saved.session.runs, session.runs, strict=True):
+        assert_same(run.touch, recorded.touch)
+        assert_same(run.laser, recorded.laser)
+    assert saved.losses == ("run run-02: duration_s is lost, it was estimated from the samples",)
+
+
+def test_only_leftovers_of_recordings_are_cleared(tmp_path: Path) -> None:
+    """Not a journal of which the session file lacks something, not one that is being recorded, no file of others."""
+    kept = SessionWriter(tmp_path / "live.h5", full_session())
+    for name in ("whole", "other", "alone"):
+        SessionWriter(tmp_path / f"{name}.h5", full_session()).abandon()
+    SessionWriter(tmp_path / "closed.h5", full_session()).close()
+    (tmp_path / "closed.h5").rename(tmp_path / "whole.h5")
+    write_session(full_session(), tmp_path / "other.h5")
+    with h5py.File(tmp_path / "other.h5", "r+") as file:
+        file["runs/run-01/touch/x_mm"][0] += 1
+    for name in (".notes.tmp", ".s.h5.tmp", "s.h5.1234abcd.tmp", ".s.h5.1234abcd.tmp"):
+        (tmp_path / name).write_text("")
+    before = {path.name for path in tmp_path.iterdir()}
+    gone = {path.name for path in clear_leftovers(tmp_path)}
+    assert gone == {"whole.h5.partial", ".s.h5.1234abcd.tmp"}
+    assert {path.name for path in tmp_path.iterdir()} == before - gone
+    kept.close()
 
 
 def _external(file: h5py.File) -> None:

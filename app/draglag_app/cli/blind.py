@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from draglag.errors import DataError
-from draglag_app.cli.common import json_option, print_json, progress
+from draglag_app.cli.common import Seed, json_option, print_json, progress
 
 
 @click.command("blind")
@@ -20,7 +20,7 @@ from draglag_app.cli.common import json_option, print_json, progress
 @click.option("--scheduler", metavar="ADDRESS", help="Run on a cluster: its Dask scheduler, as tcp://host:8786.")
 @click.option("--quick", is_flag=True, help="About forty plain sessions and thirty realistic ones, of every kind.")
 @click.option("--only", multiple=True, metavar="NAME", help="A kind (none, single, pair …) or an effect; repeatable.")
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of everything drawn.")
+@click.option("--seed", type=Seed(), default=1, show_default=True, help="Of everything drawn.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write blind.json and figures.")
 @click.option(
     "--world",

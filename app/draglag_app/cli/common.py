@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,10 +14,20 @@ from typing import Any
 
 import click
 
-from draglag.errors import DataError
+from draglag.errors import DataError, one_line
+from draglag.reading.limits import WHOLE_MOST
 from draglag.recording import LogEntry, Session
 
 Progress = Callable[[float, str], None]
+# A name has 255 bytes on Linux's file systems; what grows under it for a while has a longer one (store, temporary).
+NAME_BYTES = 200
+
+
+class Seed(click.IntRange):
+    """A seed: not negative, at most 128 bits."""
+
+    def __init__(self) -> None:
+        super().__init__(min=0, max=WHOLE_MOST)
 
 
 class FiniteRange(click.FloatRange):
@@ -56,14 +67,16 @@ def say_warnings(notes: Iterable[LogEntry]) -> None:
 def warn(*texts: str) -> None:
     """Each text that is not empty as a warning beside the output."""
     for text in filter(None, texts):
-        click.echo(f"warning: {text}", err=True)
+        click.echo(f"warning: {one_line(text)}", err=True)
 
 
 def refuse_existing(path: Path) -> None:
     """Raise DataError if something is there, before long work rather than after it."""
-    if path.exists() or path.is_symlink():
+    if os.path.lexists(path):
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
-    if not path.absolute().parent.is_dir():
+    if len(os.fsencode(path.name)) > NAME_BYTES:
+        raise DataError(f"{path.name[:40]}…: is too long for the name of a file", "Choose a shorter one")
+    if not os.path.isdir(path.absolute().parent):
         raise DataError(f"{path.absolute().parent}: there is no such folder", "Make it first, or choose another")
 
 
@@ -110,7 +123,10 @@ def number(value: object, digits: int = 1) -> str:
 
 def checksum(path: Path) -> str:
     """SHA-256 of a session file; empty for an exchange folder."""
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    if not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def now_utc() -> str:

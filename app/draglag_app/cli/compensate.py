@@ -9,10 +9,9 @@ import click
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.reading.limits import TIME_S
 from draglag.recording import FloatArray
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
-
-LATEST_S = 1e11  # even stamps since 1970 are far below
 
 
 @click.command("compensate")
@@ -114,7 +113,7 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
     rows = read_events(path, ("t_s", "x_mm", "y_mm"))
     if not len(rows):
         raise DataError(f"{path}: holds no events", "Give one row t_s,x_mm,y_mm for each event")
-    if np.nanmax(np.abs(rows[:, 0]), initial=0.0, where=np.isfinite(rows[:, 0])) > LATEST_S:
+    if np.nanmax(np.abs(rows[:, 0]), initial=0.0, where=np.isfinite(rows[:, 0])) > TIME_S:
         raise DataError(f"{path}: t_s holds times that cannot be seconds", "Give the times in seconds")
     return rows[:, 0], rows[:, 1], rows[:, 2]
 

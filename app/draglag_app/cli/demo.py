@@ -13,6 +13,7 @@ from draglag.errors import DataError, DraglagError
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
+from draglag_app.cli.common import Seed
 from draglag_app.cli.record import record_with, session_options
 from draglag_app.cli.window import open_window
 from draglag_devices.rig import make_rig
@@ -22,7 +23,7 @@ from draglag_devices.rig import make_rig
 @click.option("--out", type=click.Path(path_type=Path), default=Path("draglag-demo"), show_default=True,
               help="Folder for session.h5, report.html and the figures.")  # fmt: skip
 @click.option("--screen", "screen_name", default="screen-1", show_default=True, help="Which screen to simulate.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of the simulation and the order of runs.")
+@click.option("--seed", type=Seed(), help="Of the simulation and the order of runs.")
 @click.option("--window/--no-window", default=True, help="Open the operator window on the result.")
 def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
     """Measure a simulated touchscreen from the moving target to the curve of latency against speed.

@@ -16,6 +16,7 @@ import click
 
 from draglag.errors import DraglagError
 from draglag.packages import missing_package
+from draglag_app.leftovers import sweep_for
 
 _HERE = "draglag_app.cli"
 
@@ -42,6 +43,14 @@ COMMANDS: dict[str, tuple[str, str]] = {
 OPERATOR_WINDOW = "draglag_app.windows.main:open_operator_window"
 _WINDOW = f"{_HERE}.window:open_window"
 _OPEN_SESSION = f"{_HERE}.window:open_session"
+
+
+# What the system says of a name that a person gave: it exists, is too long, may not be written there …
+_OF_A_NAME = (
+    errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST,
+    errno.ENOTEMPTY, errno.ELOOP, errno.EBUSY, errno.EXDEV, errno.ENXIO,
+)  # fmt: skip
+_SHOWN = 200  # characters of a name in a message
 
 
 class LazyGroup(click.Group):
@@ -93,6 +102,7 @@ def cli(ctx: click.Context) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the program: 0 done, 1 the data or the rig says no, 2 usage."""
+    sweep_for(sys.argv[1:] if arguments is None else arguments)
     cli.main(args=None if arguments is None else list(arguments), prog_name="draglag")
 
 
@@ -116,7 +126,11 @@ def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
         # The reader (head, less) has gone: nothing to say, and nothing to say it to.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno in _OF_A_NAME and isinstance(error.filename, str | bytes):
+            name = os.fsdecode(error.filename)
+            shown = name if len(name) <= _SHOWN else f"{name[:_SHOWN]}…"
+            click.echo(f"draglag: {shown}: {error.strerror}. Choose another name or place.", err=True)
+        elif error.errno not in (errno.ENOSPC, errno.EDQUOT):
             click.echo(f"draglag: {_unexpected(error)}", err=True)
         else:
             click.echo(

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
-from typing import cast
+from typing import Any, cast
 
 import click
 
@@ -20,7 +20,8 @@ from draglag.packages import advice
 from draglag.presets import load_screen_file
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
-from draglag_app.cli.common import FiniteRange
+from draglag.store import clear_leftovers
+from draglag_app.cli.common import FiniteRange, Seed
 from draglag_app.cli.window import need_display
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_devices.addresses import parse_address
@@ -30,6 +31,7 @@ from draglag_devices.sim.world import World
 
 SIMULATED = ("sim", "replay", "csv")
 _OnScreen = Callable[[int, Callable[[Display], Path], Screen, Control], Path]
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _ON_SCREEN = "draglag_app.windows.participant.screen_display"
 
 
@@ -43,13 +45,15 @@ _ON_SCREEN = "draglag_app.windows.participant.screen_display"
               help="Where the participant sees the target.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session file to make.")
 @click.option("--screen", "screen_name", metavar="NAME", help="Preset or TOML file of the screen under test.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of the order of runs and of the simulation.")
+@click.option("--seed", type=Seed(), help="Of the order of runs and of the simulation.")
 @click.option("--fast/--realtime", "fast", default=None,
               help="Simulated or replayed sources: as fast as the computer allows, or in real time.")  # fmt: skip
 @click.option("--calibration", type=click.Path(path_type=Path), metavar="FILE.json",
               help="Of the touchscreen, saved on the Geometry page of the window.")  # fmt: skip
 @click.option("--stylus-mm", type=FiniteRange(min=0, min_open=True), help="Diameter of the stylus.")
 @click.option("--note", default="", help="The operator's words for the file.")
+@click.option("--spare", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="FOLDER",
+              help="Where the session goes on when the place of --out is full or gone.")  # fmt: skip
 def record(
     protocol: str,
     screen_number: str | None,
@@ -64,6 +68,7 @@ def record(
     calibration: Path | None,
     stylus_mm: float | None,
     note: str,
+    spare: Path | None,
 ) -> None:
     """Record PROTOCOL (a preset's name or a TOML file) into a new session file.
 
@@ -72,7 +77,7 @@ def record(
         draglag record latency-sweep --touch evdev:/dev/input/event5 --laser ethercat:eth1?channel=1 \\
             --display screen 2 --screen screen-1 --out session.h5
         draglag record latency-sweep --touch evdev:/dev/input/event5 --laser ethercat:eth1?channel=1 \\
-            --calibration touchscreen.json --display screen 2 --screen screen-1 --out session.h5
+            --calibration touchscreen.json --display screen 2 --screen screen-1 --out session.h5 --spare /media/stick
         draglag record demo --touch sim: --laser sim: --walt sim: --display offscreen --out session.h5
     """
     number = display_number(display, screen_number)
@@ -90,7 +95,9 @@ def record(
     options = session_options(rig, screen_name, seed, stylus_mm, note)
     if calibration is not None:
         options = replace(options, calibration=calibrated(rig, touch, calibration))
-    path = record_with(plan, rig, number, out, options)
+    if out.absolute().parent.is_dir():
+        clear_leftovers(out.absolute().parent)
+    path = record_with(plan, rig, number, out, options, spare)
     click.echo(f"{path}: saved")
 
 
@@ -130,9 +137,12 @@ def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
     return load_touches(path)
 
 
-def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, options: SessionOptions) -> Path:
-    """Run a session, with progress on a terminal. Ctrl-C ends it in order.
+def record_with(
+    protocol: Protocol, rig: Rig, number: int | None, out: Path, options: SessionOptions, spare: Path | None = None
+) -> Path:
+    """Run a session, with progress on a terminal. Ctrl-C, SIGTERM and SIGHUP end it in order.
 
+    ``spare``: the folder in which it goes on when the place of ``out`` is full or gone.
     Raises DraglagError; also when the session ended early, with the path of what was recorded.
     """
     problem = ""
@@ -144,12 +154,12 @@ def record_with(protocol: Protocol, rig: Rig, number: int | None, out: Path, opt
             problem = event.problem
         tell(event)
 
-    control = Control()
+    control = Control(spare=spare)
 
     def measure(display: Display) -> Path:
         return run_session(protocol, rig, display, out, options, listener, control)
 
-    with stop_on_interrupt(control):
+    with stop_on_signals(control):
         if number is None:
             path = measure(OffscreenDisplay())
         else:
@@ -172,22 +182,29 @@ def _on_screen(number: int) -> _OnScreen:
 
 
 @contextmanager
-def stop_on_interrupt(control: Control) -> Iterator[None]:
-    """The first Ctrl-C ends the session and closes the file; a second one is the usual one."""
+def stop_on_signals(control: Control) -> Iterator[None]:
+    """The first Ctrl-C, SIGTERM (kill, shutdown) or SIGHUP (terminal closed) ends the session and closes the file; a
+    second Ctrl-C is the usual one, further SIGTERM and SIGHUP change nothing."""
+    before: dict[signal.Signals, Any] = {}
 
     def stop(number: int, frame: FrameType | None) -> None:
         control.stop()
-        signal.signal(signal.SIGINT, before)
+        if number == signal.SIGINT:
+            signal.signal(signal.SIGINT, before[signal.SIGINT])
 
     try:
-        before = signal.signal(signal.SIGINT, stop)
-    except ValueError:  # not the main thread: whoever owns that one hears Ctrl-C
+        for number in _ENDING:
+            # nohup asks that a closed terminal changes nothing.
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, stop)
+    except ValueError:  # not the main thread: whoever owns that one hears them
         yield
         return
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def progress_printer() -> events.Listener:

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError
-from draglag_app.cli.common import json_option, print_json, progress, table
+from draglag_app.cli.common import Seed, json_option, print_json, progress, table
 
 
 @click.command("reproduce")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write reproduction.html and figures here.")
-@click.option("--seed", type=click.IntRange(min=0), default=3, show_default=True, help="Another hand, other noise.")
+@click.option("--seed", type=Seed(), default=3, show_default=True, help="Another hand, other noise.")
 @click.option(
     "--seeds",
     "n_further",

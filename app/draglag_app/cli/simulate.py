@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from draglag_app.cli.common import progress, refuse_existing, warn
+from draglag_app.cli.common import Seed, progress, refuse_existing, warn
 
 if TYPE_CHECKING:
     from draglag.simulation.effects import Effect
@@ -44,7 +44,7 @@ class _ListsEffects(click.Command):
     metavar="FILE.json",
     help="Law and effects of a latency model instead of the screen's law.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Makes the session repeatable.")
+@click.option("--seed", type=Seed(), default=0, show_default=True, help="Makes the session repeatable.")
 @click.option(
     "--protocol", default="demo", show_default=True, metavar="NAME", help="Preset or TOML file of the protocol."
 )

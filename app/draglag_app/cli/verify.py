@@ -13,22 +13,29 @@ from draglag_app.cli.common import json_option, print_json
 if TYPE_CHECKING:
     from draglag.store import Finding
 
+_STATES = {
+    "sound": "sound",
+    "incomplete": "incomplete: measured data are missing, what is there can be used",
+    "damaged": "damaged",
+}
+
 
 @click.command("verify")
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="Where to save what an unfinished file holds.")
 @json_option
 def verify(session: Path, out: Path | None, as_json: bool) -> None:
-    """Check SESSION against the schema and its contents against sense. A file that was never finished (its name
-    ends on .partial), or a damaged one with --out, is saved: everything readable goes to a new file, the old one
-    stays. An exchange folder is checked too.
+    """Check SESSION against the schema and its contents against sense: it is sound, incomplete (measured data are
+    missing; what is there can be used) or damaged. A file that was never finished (its name ends on .partial), or a
+    damaged one with --out, is saved: everything readable goes to a new file, the old one stays. An exchange folder is
+    checked too.
 
     \b
     Examples:
         draglag verify session.h5
         draglag verify session.h5.partial --out saved.h5
     """
-    from draglag.store import Finding, salvage
+    from draglag.store import Finding, grade, salvage
     from draglag.store import verify as check
 
     saved: Path | None = None
@@ -38,13 +45,15 @@ def verify(session: Path, out: Path | None, as_json: bool) -> None:
     elif session.exists() and (out is not None or _unfinished(session)):
         result = salvage(session, out)
         saved = result.path
-        findings = [Finding("warning", str(session), loss) for loss in result.losses] + check(saved)
+        findings = [Finding("loss", str(session), loss) for loss in result.losses] + check(saved)
     else:
         findings = check(session)
+    state = grade(findings)
     errors = [finding for finding in findings if finding.level == "error"]
     if as_json:
         rows = [{"level": f.level, "where": f.where, "text": f.text} for f in findings]
-        print_json({"session": str(session), "ok": not errors, "saved": saved and str(saved), "findings": rows})
+        about = {"session": str(session), "ok": state == "sound", "state": state, "saved": saved and str(saved)}
+        print_json({**about, "findings": rows})
         if errors:
             click.echo(str(errors[0]), err=True)
     else:
@@ -53,7 +62,8 @@ def verify(session: Path, out: Path | None, as_json: bool) -> None:
         if saved is not None:
             click.echo(f"{saved}: saved from {session.name}")
         if not errors:
-            click.echo(f"{saved or session}: sound" + (f", {len(findings)} remarks" if findings else ""))
+            remarks = f", {len(findings)} remarks" if findings else ""
+            click.echo(f"{saved or session}: {_STATES[state]}{remarks}")
     if errors:
         raise click.exceptions.Exit(1)
 

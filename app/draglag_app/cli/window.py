@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -13,15 +15,34 @@ from draglag.errors import DataError, DraglagError
 from draglag_app.cli.main import OPERATOR_WINDOW, load
 
 _REMEDY = "Start it from a desktop, or use a command that needs none"
+_NEED_NONE = ("offscreen", "minimal")  # platforms of Qt that draw into memory
+_PATIENCE_S = 20.0  # Qt starts within half a second; a display that does not answer may take for ever
 
 
 def need_display() -> None:
     """Raises DraglagError where Qt has nothing to draw on: it would end the whole program."""
-    display = os.environ.get("DISPLAY", "")
-    if not (display or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("QT_QPA_PLATFORM")):
+    display, platform = os.environ.get("DISPLAY", ""), os.environ.get("QT_QPA_PLATFORM", "")
+    if platform in _NEED_NONE:
+        return
+    if not (display or os.environ.get("WAYLAND_DISPLAY") or platform):
         raise DraglagError("there is no display to draw on", _REMEDY)
-    if _on_x() and not _x_answers():
-        raise DraglagError(f"the display {display} does not answer", _REMEDY)
+    if _on_x():
+        if not display or not _x_answers():
+            raise DraglagError(f"the display {display or 'of X'} does not answer", _REMEDY)
+    elif not _qt_starts():
+        where = f"QT_QPA_PLATFORM={platform}" if platform else f"WAYLAND_DISPLAY={os.environ['WAYLAND_DISPLAY']}"
+        raise DraglagError(f"Qt cannot draw on the display that is set ({where})", _REMEDY)
+
+
+def _qt_starts() -> bool:
+    """Whether Qt finds something to draw on, tried in a process of its own: where it does not, it ends that one."""
+    trial = [sys.executable, "-c", "from PySide6.QtGui import QGuiApplication; QGuiApplication([])"]
+    try:
+        done = subprocess.run(trial, stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE_S, check=False)
+    except subprocess.TimeoutExpired:
+        return False
+    # A missing module or library is no matter of the display: whoever opens the window says which.
+    return done.returncode >= 0
 
 
 def open_window(session: Path | None = None) -> int:

@@ -6,15 +6,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import draglag
-from draglag.errors import DataError, DraglagError
+from draglag.errors import DataError
 from draglag.protocols import Protocol, expand
 from draglag.recording import LogEntry, Session
-from draglag.store.write import SessionWriter
+from draglag.store import SessionWriter
 from draglag_app.session import events
 from draglag_app.session.conductor import RUN_ROLES, TAP_ROLES, Conductor
 from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.options import SessionOptions
+from draglag_app.session.place import close, elsewhere
 from draglag_app.session.readers import open_all
 from draglag_app.session.recorder import Recorder
 from draglag_devices.rig import Rig, give_panel
@@ -43,8 +44,8 @@ def run_session(
 
     Raises:
         OpenFaults: sources that could not be opened, all at once; nothing was written.
-        DataError: the file exists or cannot be written (what was flushed is in the ``.partial`` file), or a
-            target does not fit the screen.
+        DataError: the file exists or cannot be written and nobody named another place (what was flushed is in the
+            ``.partial`` file), or a target does not fit the screen.
     """
     plan = expand(protocol, options.screen, options.seed, beam=options.beam)
     roles = {source.role for source in rig.sources}
@@ -63,7 +64,8 @@ def run_session(
             for source in rig.sources:
                 source.close()
     recorder = Recorder(rig.sources, writer, listener)
-    conductor = Conductor(protocol, rig, display, out, options, listener, control or Control(), recorder)
+    control = control or Control()
+    conductor = Conductor(protocol, rig, display, options, listener, control, recorder)
     conductor.axes = infos["touch"].axes if "touch" in infos else ()
     finished = False
     try:
@@ -74,22 +76,19 @@ def run_session(
         rig.stage.stop()
         recorder.stop()
         display.hide()
-        if not finished or recorder.saver.failure is not None:
-            _abandon(writer, listener)
+        if not finished:
+            writer.abandon()
     failure = recorder.saver.failure
-    if failure is not None:
-        listener(events.SessionFinished(writer.partial, str(failure)))
-        raise failure
-    path = writer.close()
+    try:
+        if failure is not None and not control.has_place:
+            raise elsewhere(failure, writer.partial)
+        path = close(writer, control, listener)
+    except DataError as error:
+        writer.abandon()
+        listener(events.SessionFinished(writer.partial, str(error)))
+        raise
     listener(events.SessionFinished(path, conductor.problem))
     return path
-
-
-def _abandon(writer: SessionWriter, listener: events.Listener) -> None:
-    try:
-        writer.abandon()
-    except DraglagError as error:
-        listener(events.NoticeRaised(0.0, "error", "file", str(error)))
 
 
 def _check_roles(protocol: Protocol, roles: set[str]) -> None:

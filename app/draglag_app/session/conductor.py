@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
+from draglag_app.session.place import another_place
 from draglag_app.session.recorder import Recorder
 from draglag_app.session.watch import STUCK_S, Watch
 from draglag_devices.rig import Rig
@@ -61,7 +61,6 @@ class Conductor:
         protocol: Protocol,
         rig: Rig,
         display: Display,
-        out: Path,
         options: SessionOptions,
         listener: events.Listener,
         control: Control,
@@ -79,12 +78,19 @@ class Conductor:
         self.axes: tuple[AxisInfo, ...] = ()
         self.problem = ""
         self._last: _Recorded | None = None
-        self._ran = self._touched = False
-        self._watch = Watch(self._time, self._roles, display, out, listener, control, self._saver)
+        self._ran = self._touched = self._spoilt = False
+        self._watch = Watch(self._time, self._roles, display, listener, control, self._saver)
         self._compare = Comparisons(rig.sources, self._time, self._saver)
 
     def everything(self, plan: tuple[PlannedRun, ...]) -> None:
         """Clock check, taps, runs, taps, clock check, with rests between."""
+        self._watch.pulse.start()
+        try:
+            self._step_by_step(plan)
+        finally:
+            self._watch.pulse.stop()
+
+    def _step_by_step(self, plan: tuple[PlannedRun, ...]) -> None:
         steps: list[Callable[[], None]] = []
         taps, check = self._protocol.taps, self._protocol.clock_check
         if check is not None:
@@ -122,8 +128,11 @@ class Conductor:
 
     def _over(self) -> bool:
         """Whether the session cannot or shall not go on; ``problem`` then says why."""
+        if self._saver.failure is not None and another_place(self._saver, self._control, self._tell) and self._spoilt:
+            self._control.repeat_run()  # the run that could not be saved whole
+        self._spoilt = False
         if self._saver.failure is not None:
-            self.problem = str(self._saver.failure)
+            self.problem = self._saver.failure.problem
         elif self._control.stopping:
             self.problem = "Stopped by the operator."
         elif "touch" in self._saver.lost:
@@ -186,8 +195,10 @@ class Conductor:
             if signal is not None:
                 go(signal)
         self._compare.wait(RUN_ROLES)
+        self._watch.look_for_standstill()
         run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
-        if self._saver.failure is not None:
+        if self._saver.failure is not None and not self._saved_elsewhere(run):
+            self._spoilt = True
             go(Signal.FAILURE)
         go(Signal.DRAINED)
         if run is None:
@@ -195,6 +206,11 @@ class Conductor:
         self._ran, self._touched = True, self._touched or len(run.touch.t_s) > 0
         outcome = state.outcome or "failed"
         self._tell(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
+
+    def _saved_elsewhere(self, run: Run | None) -> bool:
+        """Whether a run that was whole when the disk failed is in another place now."""
+        whole = run is not None and run.outcome != "failed"
+        return whole and another_place(self._saver, self._control, self._tell)
 
     def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
         self._display.prompt(f"{run_id}: follow the target")

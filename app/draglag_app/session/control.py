@@ -3,6 +3,15 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where to go on saving; without a folder where it was, in which there is room now."""
+
+    folder: Path | None = None
 
 
 class Control:
@@ -10,9 +19,11 @@ class Control:
 
     Args:
         auto: begin each run by itself after the rest; False waits for ``proceed()`` before every run.
+        asks: somebody answers where to go on when nothing can be saved any more (``name_place``).
+        spare: the folder to go on in then, without asking; used once.
     """
 
-    def __init__(self, auto: bool = True) -> None:
+    def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None) -> None:
         self._changed = threading.Condition()
         self._auto = auto
         self._stop = False
@@ -20,6 +31,9 @@ class Control:
         self._repeat = False
         self._proceed = False
         self._notes: list[str] = []
+        self._asks = asks
+        self._spare = spare
+        self._place: Place | None = None
 
     def stop(self) -> None:
         """End the session: the present run is aborted, the file is closed."""
@@ -43,6 +57,18 @@ class Control:
         """Begin the next run now, without waiting for the rest to end."""
         with self._changed:
             self._proceed = True
+            self._changed.notify_all()
+
+    def name_place(self, folder: Path | None) -> None:
+        """Go on saving in that folder, or where it was."""
+        with self._changed:
+            self._place = Place(folder)
+            self._changed.notify_all()
+
+    def no_place(self) -> None:
+        """There is no other place, and nobody will name one: a session that cannot save ends."""
+        with self._changed:
+            self._asks, self._spare = False, None
             self._changed.notify_all()
 
     def note(self, text: str) -> None:
@@ -92,6 +118,22 @@ class Control:
         with self._changed:
             notes, self._notes = self._notes, []
             return notes
+
+    @property
+    def has_place(self) -> bool:
+        """Whether there is, or may be named, another place to save to."""
+        with self._changed:
+            return self._asks or self._spare is not None
+
+    def wait_for_place(self, heed_stop: bool) -> Place | None:
+        """Wait until a place is named; None where nobody will, or (``heed_stop``) once the session is to stop."""
+        with self._changed:
+            if self._spare is not None:
+                place, self._spare = Place(self._spare), None
+                return place
+            self._place = None
+            self._changed.wait_for(lambda: self._place is not None or not self._asks or (heed_stop and self._stop))
+            return self._place
 
     def wait(self, timeout_s: float) -> None:
         """Wait for any request, at most so long."""

@@ -127,6 +127,15 @@ class DiskStatus:
 
 
 @dataclass(frozen=True)
+class PlaceWanted:
+    """Nothing can be saved any more; the session waits for ``Control.name_place``. ``path``: the session file."""
+
+    path: Path
+    problem: str
+    remedy: str
+
+
+@dataclass(frozen=True)
 class SessionFinished:
     """The file is closed. ``problem`` is empty when all that was planned was recorded."""
 
@@ -145,6 +154,7 @@ Event = (
     | DeviceFault
     | NoticeRaised
     | DiskStatus
+    | PlaceWanted
     | SessionFinished
 )
 Listener = Callable[[Event], None]

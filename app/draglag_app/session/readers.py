@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.recording import concatenate, empty_laser, empty_touch
+from draglag_app.session.orderly import Order
 from draglag_devices.source import Batch, Concludes, DeviceError, Source, SourceInfo
 
 READ_TIMEOUT_S = 0.1
@@ -83,6 +84,7 @@ class ReaderThread(threading.Thread):
         # Not ``_stop``: the thread class has a method of that name.
         self._stopping = stop
         self._realtime = getattr(source, "realtime", True)
+        self._order = Order()
         self._lost = 0
         self._gap_from_s: float | None = None
         self._until_s: float | None = None
@@ -94,7 +96,7 @@ class ReaderThread(threading.Thread):
             except Exception as error:  # whatever a driver raises ends this source, not the session
                 self._put_waiting(Lost(self._source.role, as_device_error(self._source, error)))
                 return
-            self._hand_on(batch)
+            self._hand_on(self._order.kept(batch))
         if isinstance(self._source, Concludes):
             notices = self._source.last_words()
             with suppress(queue.Full):  # whoever saves has ended as well

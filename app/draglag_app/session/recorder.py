@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 
-from draglag.store.write import SessionWriter
+from draglag.store import SessionWriter
 from draglag_app.session.events import Listener
 from draglag_app.session.readers import ReaderThread
 from draglag_app.session.saver import Saver

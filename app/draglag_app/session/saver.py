@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from draglag.errors import DataError, DraglagError
 from draglag.recording import ClockBounds, DisplayTrace, LogEntry, Run
-from draglag.store.write import SessionWriter
+from draglag.store import SessionWriter
 from draglag_app.session import events
 from draglag_app.session.digest import digest, within
 from draglag_app.session.open_run import OpenRun
@@ -25,16 +26,17 @@ from draglag_devices.source import Batch, DeviceError
 
 # A crash may cost at most 0.5 s of data; live plots follow the flushes.
 FLUSH_S = 0.2
+DELETED = "was deleted while it was recorded into, and was written again"
 _T = TypeVar("_T")
 
 
 class Saver:
     """Takes batches and requests from one queue, in order.
 
-    After a failure to write it takes everything and saves nothing, so that nobody waits for it.
+    After a failure to write the disk is left alone until ``resume``; what comes meanwhile waits in memory.
 
     Attributes:
-        failure: why nothing can be saved any more, or None.
+        failure: why nothing can be saved at present, or None.
         lost: role → what became of a source that is gone for good.
     """
 
@@ -55,7 +57,18 @@ class Saver:
         self._clocks: list[ClockBounds] = []
         self._untold: list[events.Event] = []
         self._flushed = time.monotonic()
+        self._restored = 0
         self.thread = threading.Thread(target=self._work, name="draglag-writer", daemon=True)
+
+    @property
+    def path(self) -> Path:
+        """Where the session file will be."""
+        return self._writer.path
+
+    @property
+    def partial(self) -> Path:
+        """What is written meanwhile."""
+        return self._writer.partial
 
     @property
     def tap_count(self) -> int:
@@ -97,8 +110,18 @@ class Saver:
 
     def begin_run(self, run: Run, to_s: float) -> None:
         """Save samples stamped from ``run.start_s`` to ``to_s`` in a new run. Raises DraglagError."""
-        self._save(lambda: self._writer.begin_run(run))
+        if self.failure is not None:
+            raise self.failure.with_traceback(None)
         self._run = OpenRun(run, to_s)
+        self._keep(lambda: self._writer.begin_run(run))
+
+    def resume(self, path: Path | None) -> None:
+        """Save again, from now on as ``path`` (None: where it was); first what waits. Raises DraglagError."""
+        if path is not None:
+            self._writer.move(path)
+        self._keep(self._writer.flush)
+        with self._progress:
+            self.failure = None
 
     def cut_run(self, to_s: float) -> None:
         """The run ends earlier than planned."""
@@ -113,30 +136,32 @@ class Saver:
         return opened.assembled(opened.run.outcome, opened.run.duration_s)
 
     def end_run(self, outcome: str, duration_s: float) -> Run | None:
-        """Close the run; the data are on disk afterwards. Returns what was recorded. Raises DraglagError."""
+        """End the run and return what was recorded; it is on the disk then.
+
+        Where nothing could be saved before, its outcome is "failed". Where ``failure`` came only now, it is whole and
+        waits in memory.
+        """
         opened, self._run = self._run, None
         if opened is None:
             return None
         run = opened.assembled(outcome, duration_s)
-        if self.failure is not None:
-            return replace(run, outcome="failed")
-        try:
-            self._save(lambda: self._writer.end_run(run.id, outcome, duration_s))
-        except DraglagError:
-            return replace(run, outcome="failed")
+        saving = self.failure is None
+        run = run if saving else replace(run, outcome="failed")
+        with suppress(DraglagError):  # it is kept as ``failure``
+            self._keep(lambda: self._writer.end_run(run.id, run.outcome, duration_s, flush=saving))
         self._tell()
         return run
 
     def append_display(self, trace: DisplayTrace) -> None:
         opened = self._run
         if opened is not None and (len(trace.t_s) or trace.missed):
-            self._save(lambda: self._writer.append_display(opened.run.id, trace))
+            self._keep(lambda: self._writer.append_display(opened.run.id, trace))
             opened.display.append(trace)
 
     def log(self, entry: LogEntry) -> None:
         """Into the open run's log, or the session's notes."""
         opened = self._run
-        self._save(lambda: self._writer.append_log(entry, None if opened is None else opened.run.id))
+        self._keep(lambda: self._writer.append_log(entry, None if opened is None else opened.run.id))
         if opened is not None:
             opened.log.append(entry)
 
@@ -169,7 +194,7 @@ class Saver:
             except DraglagError as error:
                 self._fail(error)
             except Exception as error:  # an unforeseen fault must end the run with an outcome, not the thread
-                self._fail(DataError(f"{self._writer.partial}: cannot be written ({error})"))
+                self._fail(DataError(f"{self.partial}: cannot be written ({error})"))
             if item is None:
                 self._tell()
                 return
@@ -209,11 +234,11 @@ class Saver:
         touch, laser = batch.touch, batch.laser
         if opened is not None and touch is not None:
             kept = within(touch, opened.run.start_s, opened.to_s)
-            self._save(lambda: self._writer.append_touch(opened.run.id, kept))
+            self._keep(lambda: self._writer.append_touch(opened.run.id, kept))
             opened.touch.append(kept)
         if opened is not None and laser is not None:
             edges = within(laser, opened.run.start_s, opened.to_s)
-            self._save(lambda: self._writer.append_laser(opened.run.id, edges))
+            self._keep(lambda: self._writer.append_laser(opened.run.id, edges))
             opened.laser.append(edges)
         if self._pairer is not None:
             self._pairer.add(batch.taps, batch.contacts, batch.until_s)
@@ -227,7 +252,7 @@ class Saver:
 
     def _take_clock(self, bounds: ClockBounds, opened: OpenRun | None) -> None:
         run_id = None if opened is None else opened.run.id
-        self._save(lambda: self._writer.append_clock(bounds, run_id))
+        self._keep(lambda: self._writer.append_clock(bounds, run_id))
         if opened is not None:
             opened.sync.setdefault(bounds.stream, []).append(bounds)
         else:
@@ -239,35 +264,34 @@ class Saver:
         taps = self._pairer.take(until_s)
         if len(taps.physical_s) == 0 and not taps.rejected:
             return
-        self._save(lambda: self._writer.append_taps(taps))
+        self._keep(lambda: self._writer.append_taps(taps))
         self._taps["down"] += int((taps.down == 1).sum())
         self._taps["release"] += int((taps.down == 0).sum())
         self._taps["rejected"] += sum(taps.rejected.values())
         self._untold.append(events.TapsArrived(**self._taps))
 
-    def _save(self, write: Callable[[], None]) -> None:
-        """Raises DraglagError. Once saving failed it is not tried again: the file stays as it is."""
-        if self.failure is not None:
-            raise self.failure.with_traceback(None)
+    def _keep(self, append: Callable[[], _T]) -> _T:
+        """Hand to the writer, which has it on the disk after the next flush. Raises DraglagError."""
         try:
-            write()
-        except DraglagError as error:
-            self._fail(error)
-            raise
+            done = append()
         except OSError as error:
-            failure = DataError(
-                f"{self._writer.partial}: cannot be written ({error.strerror or error})",
-                "Make room on the disk, then `draglag verify` that file to save what it holds",
-            )
-            self._fail(failure)
-            raise failure from error
+            failure: DraglagError = DataError(f"{self.partial}: cannot be written ({error.strerror or error})")
+        except DraglagError as error:
+            failure = error
+        else:
+            if self._writer.restored > self._restored:
+                self._restored = self._writer.restored
+                self._untold.append(events.NoticeRaised(0.0, "warning", "file", f"{self.partial}: {DELETED}"))
+            return done
+        self._fail(failure)
+        raise failure
 
     def _flush_due(self, force: bool = False) -> None:
         if not force and time.monotonic() - self._flushed < FLUSH_S:
             return
         self._flushed = time.monotonic()
         if self.failure is None:
-            self._save(self._writer.flush)
+            self._keep(self._writer.flush)
         self._tell()
 
     def _tell(self) -> None:

@@ -6,18 +6,18 @@ import shutil
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from draglag.errors import DraglagError
+from draglag.latency.conduct import STANDSTILL
 from draglag.recording import LogEntry
-from draglag.store.write import PARTIAL
 from draglag_app.session import events
 from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.machine import Signal
 from draglag_app.session.saver import Saver
+from draglag_app.session.standstill import Pulse
 from draglag_devices.timebase import TimeBase
 
 # Simulated time is advanced in steps, so that nobody runs far ahead and requests are heard in between.
@@ -37,7 +37,6 @@ class Watch:
         time_base: TimeBase,
         roles: tuple[str, ...],
         display: Display,
-        out: Path,
         listener: events.Listener,
         control: Control,
         saver: Saver,
@@ -45,12 +44,12 @@ class Watch:
         self._time = time_base
         self._roles = roles
         self._display = display
-        self._out = out
         self._tell = listener
         self._control = control
         self._saver = saver
         self._disk_looked = -np.inf
         self._disk_warned = False
+        self.pulse = Pulse()
 
     def pass_time(
         self,
@@ -89,7 +88,8 @@ class Watch:
                     self._saver.call(partial(self._saver.give_up, role))
 
     def _look(self, roles: tuple[str, ...]) -> Signal | None:
-        """Operator, devices, disk."""
+        """Operator, program, devices, disk."""
+        self.look_for_standstill()
         for text in self._control.take_notes():
             self.log("note", "operator", text)
         self.look_at_disk()
@@ -112,14 +112,19 @@ class Watch:
             return Signal.FAILURE
         return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
 
+    def look_for_standstill(self) -> None:
+        """Say in the file that this program, or its computer, stood still. Simulated time stands with it."""
+        for seen in self.pulse.take():
+            if self._time.realtime:
+                self.log("error", STANDSTILL, seen.words())
+
     def look_at_disk(self, force: bool = False) -> None:
         if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:
             return
         self._disk_looked = time.monotonic()
-        folder = self._out.absolute().parent
-        growing = self._out.with_name(self._out.name + PARTIAL)
+        folder = self._saver.path.absolute().parent
         try:
-            free, size = shutil.disk_usage(folder).free, growing.stat().st_size
+            free, size = shutil.disk_usage(folder).free, self._saver.partial.stat().st_size
         except OSError:
             return  # the writer meets the same trouble and says so
         self._tell(events.DiskStatus(free, size))

@@ -36,6 +36,7 @@ class SessionBridge(QObject):
     device_fault = Signal(object)
     notice_raised = Signal(object)
     disk_status = Signal(object)
+    place_wanted = Signal(object)
     session_finished = Signal(object)
     prompted = Signal(object)
     crashed = Signal(object)
@@ -87,6 +88,7 @@ class SessionBridge(QObject):
             events.DeviceFault: self.device_fault,
             events.NoticeRaised: self.notice_raised,
             events.DiskStatus: self.disk_status,
+            events.PlaceWanted: self.place_wanted,
             events.SessionFinished: self.session_finished,
             Prompted: self.prompted,
         }

@@ -11,8 +11,9 @@ from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
 from draglag.recording import Session
-from draglag.store import partial_files, salvage
+from draglag.store import clear_leftovers, partial_files, salvage
 from draglag_app.windows.parts.ask_files import ask_folder, ask_new_folder, ask_open
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.tasks import Progress
 from draglag_app.windows.wording.library_words import in_words
 
@@ -115,6 +116,8 @@ def offer_salvage(window: OperatorWindow) -> None:
     """Ask about recordings that were never closed; No leaves them as they are."""
     folder = Path(window.space.settings.folder)
     try:
+        if folder.is_dir():
+            clear_leftovers(folder)
         left = partial_files(folder) if folder.is_dir() else []
     except (DraglagError, OSError):
         left = []
@@ -122,7 +125,7 @@ def offer_salvage(window: OperatorWindow) -> None:
         return
     names = "\n".join(path.name for path in left)
     question = tr("These recordings were cut short. Save what they hold?") + "\n\n" + names
-    if QMessageBox.question(window, "draglag", question) != QMessageBox.StandardButton.Yes:
+    if QMessageBox.question(window, "draglag", plain(question)) != QMessageBox.StandardButton.Yes:
         return
 
     def work(progress: Progress) -> list[str]:

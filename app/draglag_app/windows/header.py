@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from draglag_app.session import events
 from draglag_app.windows.parts.full_texts import ElidedLabel
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.widgets import Light, label, restyle
 from draglag_app.windows.wording import words
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
@@ -73,7 +74,7 @@ class Header(QFrame):
     def set_light(self, role: str, state: str, tip: str) -> None:
         """Show a device's state: "off", "ready", "live", "warning" or "fault"."""
         self.lights[role].set_state(state)
-        self.lights[role].setToolTip(tip)
+        self.lights[role].setToolTip(plain(tip))
         self.lights[role].setAccessibleName(f"{source_name(role)}: {state}")
         self.lights_changed.emit()
 

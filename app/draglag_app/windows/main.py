@@ -9,6 +9,7 @@ from pathlib import Path
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
 
+from draglag.temporary import sweep
 from draglag_app.windows.application import install_excepthook, make_application
 from draglag_app.windows.settings import load_settings, settings_path
 from draglag_app.windows.window import OperatorWindow
@@ -31,6 +32,7 @@ def open_operator_window(session: Path | None = None) -> int:
     file = settings_path()
     settings, problem = load_settings(file)
     application = make_application(sys.argv[:1], settings)
+    sweep(Path(settings.folder))
     window = OperatorWindow(settings, file)
     install_excepthook(lambda text: window.tell("error", text))
     if problem:
@@ -40,7 +42,8 @@ def open_operator_window(session: Path | None = None) -> int:
         window.space.open(session, lambda: window.go("results"))
     else:
         window.offer_salvage()
-    signal.signal(signal.SIGINT, lambda number, frame: window.close())
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, frame: window.end())
     # Python sees a signal only while it runs: give it the chance.
     pulse = QTimer()
     pulse.timeout.connect(lambda: None)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,6 +16,8 @@ from draglag.calibration import AffineFit
 from draglag.errors import DataError, DraglagError
 from draglag.presets import load_screen_file
 from draglag.protocols import load_protocol
+from draglag.reading import parse_toml, read_bytes, read_text
+from draglag.reading.limits import DOCUMENT_BYTES, SIZE_PX
 from draglag.recording import Beam, Screen, Stylus, TouchCalibration
 from draglag.simulation import rig_for_screen
 from draglag_app.calibrating import TARGETS, as_recorded, fit_touches
@@ -82,8 +82,8 @@ class PanelSettings(_Table):
     preset: str = "screen-1"
     width_mm: Positive | None = None
     height_mm: Positive | None = None
-    width_px: Annotated[int, Field(gt=0)] | None = None
-    height_px: Annotated[int, Field(gt=0)] | None = None
+    width_px: Annotated[int, Field(gt=0, le=SIZE_PX)] | None = None
+    height_px: Annotated[int, Field(gt=0, le=SIZE_PX)] | None = None
     stylus_mm: Positive = 7.0
     beam_slope: Finite = 0.0
     beam_intercept_mm: Finite | None = None
@@ -142,12 +142,12 @@ def load_settings(path: Path) -> tuple[Settings, str]:
 
     What cannot be used is named; the file as it was is kept beside it, since the next change writes a new one.
     """
-    try:
-        known = tomllib.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
+    if not os.path.exists(path):
         return Settings(), ""
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        return Settings(), f"{path} cannot be read ({error}), so the settings start from the defaults.{_kept(path)}"
+    try:
+        known = parse_toml(read_text(path, DOCUMENT_BYTES), path)
+    except DataError as error:
+        return Settings(), f"{error.problem} The settings start from the defaults.{_kept(path)}"
     try:
         settings, problem = Settings.model_validate(known), ""
     except ValidationError as error:
@@ -184,8 +184,8 @@ def _kept(path: Path) -> str:
     """Copy a file that cannot be used, before it is overwritten; words about it."""
     copy = path.with_name(path.name + ".unusable")
     try:
-        shutil.copyfile(path, copy)
-    except OSError:
+        copy.write_bytes(read_bytes(path, DOCUMENT_BYTES))
+    except (DataError, OSError):
         return ""
     return f" As it was it is kept in {copy.name}."
 

@@ -25,6 +25,7 @@ from draglag.provenance import Source, source_of
 from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.actions import Actions
+from draglag_app.windows.another_place import ask_another_place, withdraw
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
 from draglag_app.windows.navigation import Navigation
@@ -36,6 +37,7 @@ from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import apply_theme, theme
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
@@ -77,6 +79,7 @@ class OperatorWindow(QMainWindow):
         recording.began.connect(lambda order: self._recording_changed(True))
         recording.ended.connect(self._ended)
         bridge.notice_raised.connect(self._notice)
+        bridge.place_wanted.connect(lambda event: ask_another_place(self, self.space.recording.control, event))
         bridge.device_fault.connect(lambda fault: self.tell("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.tell)
         record.noted.connect(self.keyboard.give_back)
@@ -188,7 +191,7 @@ class OperatorWindow(QMainWindow):
                 self.tell("error", " ".join(problems))
                 return
             question = " ".join(problems) + "\n\n" + self.tr("Start nevertheless?")
-            if QMessageBox.question(self, "draglag", question, defaultButton=QMessageBox.StandardButton.No) != (
+            if QMessageBox.question(self, "draglag", plain(question), defaultButton=QMessageBox.StandardButton.No) != (
                 QMessageBox.StandardButton.Yes
             ):
                 return
@@ -254,6 +257,7 @@ class OperatorWindow(QMainWindow):
         self.setWindowTitle(" – ".join(part for part in ("draglag", name, mark) if part))
 
     def _ended(self, path: Path | None, problem: str) -> None:
+        withdraw(self)
         self.record.show_outcome(path, problem)
         self._recording_changed(False)
         if path is not None and not problem:
@@ -314,6 +318,11 @@ class OperatorWindow(QMainWindow):
         box.setWindowModality(Qt.WindowModality.WindowModal)  # the participant's Esc still aborts the run
         box.exec()
         return box.clickedButton() is stop
+
+    def end(self) -> None:
+        """Stop and save without a question, and leave: nobody may be there to answer."""
+        self.shut_down()
+        QApplication.exit()
 
     def shut_down(self) -> None:
         """Stop and save what is being recorded, cancel what is being computed. Twice does no harm."""

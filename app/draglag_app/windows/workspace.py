@@ -16,8 +16,7 @@ from draglag.errors import DraglagError
 from draglag.protocols import Protocol, load_protocol
 from draglag.provenance import is_simulated
 from draglag.recording import Session
-from draglag.store import add_analysis, read_session
-from draglag.store.write import PARTIAL
+from draglag.store import PARTIAL, add_analysis, read_session
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.parts.tasks import Progress, Tasks
 from draglag_app.windows.recording.calibrating import Calibrating

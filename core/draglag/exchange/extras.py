@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.exchange.header import MAX_BYTES, CalibrationPart, ClockPart, EntryPart, HeaderPart, RunPart
-from draglag.exchange.streams import LASER_MORE, TOUCH_MORE, whole
+from draglag.exchange.header import CalibrationPart, ClockPart, EntryPart, HeaderPart, RunPart
+from draglag.exchange.streams import LASER_MORE, TOUCH_MORE, read_display, read_gaps, whole
 from draglag.exchange.tables import column_names, find_table, read_table, write_table
 from draglag.provenance import SIMULATED, is_simulated
+from draglag.reading import read_text
+from draglag.reading.limits import HEADER_BYTES, TIME_S
 from draglag.recording import (
     AxisInfo,
     Beam,
@@ -109,7 +111,7 @@ def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:
         "clocks": read_clocks(folder, header.clocks),
         "started_utc": header.started_utc,
         "started_s": header.started_s,
-        "protocol_toml": "" if header.protocol_file is None else _text(folder / header.protocol_file),
+        "protocol_toml": _protocol(folder, header),
         "seed": header.seed,
         "devices": devices,
         "software": header.software,
@@ -119,18 +121,19 @@ def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:
 
 def run_extras(
     folder: Path, part: RunPart, touch: TouchTrace, laser: LaserTrace
-) -> tuple[TouchTrace, LaserTrace, DisplayTrace | None]:
-    """The traces of one run with gaps, counts and axes, and what was displayed. Raises DataError."""
+) -> tuple[TouchTrace, LaserTrace, DisplayTrace | None, list[str]]:
+    """The traces of one run with gaps, counts and axes, what was displayed, and what was mended in it.
+
+    Raises DataError.
+    """
     axes = tuple(AxisInfo(a.name, a.minimum, a.maximum, a.resolution, a.fuzz) for a in part.touch_axes)
     touch = replace(touch, gaps_s=_gaps(folder, f"{part.id}.touch"), dropped=part.touch_dropped, axes=axes)
     missed = laser.missed if part.laser_missed is None else part.laser_missed
     laser = replace(laser, gaps_s=_gaps(folder, f"{part.id}.laser"), missed=missed)
     path = find_table(folder, f"{part.id}.display")
     if path is None:
-        return touch, laser, None
-    shown = read_table(path, ("t_s", "x_mm", "y_mm"))
-    t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in shown.T)
-    return touch, laser, DisplayTrace(t_s, x_mm, y_mm, part.display_missed)
+        return touch, laser, None, []
+    return touch, laser, *read_display(path, part.display_missed)
 
 
 def read_clocks(folder: Path, parts: Sequence[ClockPart]) -> tuple[ClockBounds, ...]:
@@ -159,7 +162,7 @@ def _clock(path: Path, stream: str) -> ClockBounds:
     names = [*_CLOCK, "epoch"] if "epoch" in column_names(path) else list(_CLOCK)
     columns = [np.ascontiguousarray(column) for column in read_table(path, names).T]
     device_s, host_min_s, host_max_s = columns[:3]
-    if not np.isfinite(device_s).all() or not (host_min_s <= host_max_s).all():
+    if not (np.abs(device_s) <= TIME_S).all() or not (host_min_s <= host_max_s).all():
         raise DataError(
             f"{path}: expected finite device_s and host_min_s no later than host_max_s", "Correct or remove those rows"
         )
@@ -171,21 +174,13 @@ def _gaps(folder: Path, stem: str) -> FloatArray:
     path = find_table(folder, f"{stem}-gaps")
     if path is None:
         return np.empty((0, 2))
-    return np.ascontiguousarray(read_table(path, ("start_s", "end_s")))
+    return read_gaps(path)
 
 
-def _text(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", "Remove the key that names it") from error
-    if len(data) > MAX_BYTES:
-        raise DataError(f"{path}: is longer than {MAX_BYTES // 2**20} MiB", "Remove the key that names it")
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise DataError(f"{path}: is not UTF-8 text (byte {error.start})", "Save it as UTF-8") from error
+def _protocol(folder: Path, header: HeaderPart) -> str:
+    if header.protocol_file is None:
+        return ""
+    return read_text(folder / header.protocol_file, HEADER_BYTES, "Remove the key protocol_file")
 
 
 def _write_clock(path: Path, bounds: ClockBounds) -> None:

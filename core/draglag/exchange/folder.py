@@ -7,8 +7,8 @@ same host clock, as they are in a ``Session``. A run's samples therefore begin n
 from __future__ import annotations
 
 import json
-import shutil
-import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,11 +26,13 @@ from draglag.exchange.extras import (
     write_run_extras,
     write_session_extras,
 )
-from draglag.exchange.header import FORMAT, MAX_BYTES, VERSION, HeaderPart, RunPart, read_header
+from draglag.exchange.header import FORMAT, VERSION, HeaderPart, RunPart, read_header
 from draglag.exchange.streams import read_laser, read_taps, read_touch
 from draglag.exchange.tables import write_table
+from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
 from draglag.store.schema import check_run_id
+from draglag.temporary import temporary_for
 
 # A lab may start its recorder a little early or stop it late; beyond this, its times are on another clock.
 _SLACK_S = 5.0
@@ -48,10 +50,12 @@ def read_exchange(folder: Path | str) -> Session:
     folder = Path(folder)
     header = read_header(folder / "session.json")
     runs: list[Run] = []
+    ids: set[str] = set()
     for part in header.runs:
         check_run_id(part.id, f"{folder / 'session.json'}")
-        if any(run.id == part.id for run in runs):
+        if part.id in ids:
             raise DataError(f"{folder / 'session.json'}: there are two runs “{part.id}”", "Rename one of them")
+        ids.add(part.id)
         runs.append(_run(folder, part))
     if not any(len(run.touch.t_s) or len(run.laser.t_s) for run in runs):
         raise DataError(
@@ -62,7 +66,8 @@ def read_exchange(folder: Path | str) -> Session:
     notes = list(entries(header.notes))
     imported = [entry for run in runs for entry in run.log if entry.source == "import"]
     imported += [LogEntry(0.0, "warning", "import", text) for text in said]
-    notes += [entry for entry in imported if entry not in notes]
+    known = set(notes)
+    notes += [entry for entry in imported if entry not in known]
     screen = header.screen
     return Session(
         name=header.name or folder.resolve().name,
@@ -80,7 +85,8 @@ def _run(folder: Path, part: RunPart) -> Run:
     touch, said = read_touch(*find_pair(folder, part.id, "touch"), part.as_recorded)
     laser, more = read_laser(*find_pair(folder, part.id, "laser"), part.as_recorded)
     said += more
-    touch, laser, display = run_extras(folder, part, touch, laser)
+    touch, laser, display, more = run_extras(folder, part, touch, laser)
+    said += more
     times = np.concatenate([touch.t_s, laser.t_s])
     start_s, duration_s = part.start_s, part.duration_s
     if start_s is None:
@@ -156,42 +162,32 @@ def _header_bytes(header: dict[str, Any], folder: Path) -> bytes:
         data = (json.dumps(header, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode("utf-8", "replace")
     except ValueError as error:
         raise DataError(f"{folder}: a value of the session is not a finite number", "Run draglag verify") from error
-    if len(data) > MAX_BYTES:
+    if len(data) > HEADER_BYTES:
         raise DataError(
-            f"{folder}: logs and notes need more than {MAX_BYTES // 2**20} MiB in session.json", "Export to netcdf"
+            f"{folder}: logs and notes need more than {HEADER_BYTES // 2**20} MiB in session.json", "Export to netcdf"
         )
     return data
 
 
-class new_folder:
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
     """A folder that appears under its name only when everything in it is written.
 
     Raises DataError where it exists and is not empty, or cannot be made.
     """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._growing = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}")
-
-    def __enter__(self) -> Path:
-        if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
-            raise DataError(f"{self.folder}: exists already and is not overwritten", "Choose another name")
-        try:
-            self._growing.mkdir()
-        except OSError as error:
-            raise DataError(f"{self.folder}: cannot be made ({error.strerror})", "Choose another place") from error
-        return self._growing
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        try:
-            if kind is None:
-                self._growing.rename(self.folder)
-        except OSError as trouble:
-            raise DataError(f"{self.folder}: cannot be made ({trouble.strerror})", "Choose another place") from trouble
-        finally:
-            shutil.rmtree(self._growing, ignore_errors=True)
-        if isinstance(error, OSError):
-            raise DataError(f"{self.folder}: cannot be written ({error.strerror})", "Check free space") from error
+    # "/" and "." have no name of their own.
+    if not folder.name or (folder.exists() and (not folder.is_dir() or any(folder.iterdir()))):
+        raise DataError(f"{folder}: exists already and is not overwritten", "Choose another name")
+    made = False
+    try:
+        with temporary_for(folder) as growing:
+            growing.mkdir()
+            made = True
+            yield growing
+            growing.rename(folder)
+    except OSError as error:
+        word, remedy = ("written", "Check free space") if made else ("made", "Choose another place")
+        raise DataError(f"{folder}: cannot be {word} ({error.strerror})", remedy) from error
 
 
 def _header(session: Session, taps: str | None) -> dict[str, Any]:

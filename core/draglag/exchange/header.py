@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from draglag.errors import DataError
+from draglag.reading import parse_json, read_text
+from draglag.reading.limits import HEADER_BYTES, RUNS, SIZE_MM, SIZE_PX, TIME_S
 
 FORMAT = "draglag-exchange"
 VERSION = 1
-MAX_BYTES = 16 * 2**20
 
 # Strict: "44" and true are no numbers, and what they were meant to be would be a guess.
 Positive = Annotated[float, Field(gt=0, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, strict=True)]
 Number = Annotated[float, Field(strict=True)]
+Stamp = Annotated[float, Field(ge=-TIME_S, le=TIME_S, strict=True)]
+Length = Annotated[float, Field(gt=0, le=SIZE_MM, strict=True)]
 Whole = Annotated[int, Field(strict=True)]
 Whole64 = Annotated[int, Field(ge=-(2**63), lt=2**63, strict=True)]
 Count = Annotated[int, Field(ge=0, lt=2**63, strict=True)]
@@ -30,16 +34,16 @@ class _Part(BaseModel):
 
 class ScreenPart(_Part):
     name: str
-    width_mm: Positive
-    height_mm: Positive
-    width_px: Annotated[int, Field(gt=0)]
-    height_px: Annotated[int, Field(gt=0)]
+    width_mm: Length
+    height_mm: Length
+    width_px: Annotated[int, Field(gt=0, le=SIZE_PX)]
+    height_px: Annotated[int, Field(gt=0, le=SIZE_PX)]
 
 
 class EntryPart(_Part):
     """One line of a log."""
 
-    t_s: Number
+    t_s: Stamp
     level: str
     source: str
     text: str
@@ -100,9 +104,9 @@ class RunPart(_Part):
     id: str
     protocol: Literal["circle", "chirp", "multisine", "step", "free"]
     nominal_speed_mm_s: NotNegative | None = None
-    radius_mm: Positive | None = None
-    duration_s: NotNegative | None = None
-    start_s: Annotated[float, Field(strict=True)] | None = None
+    radius_mm: Length | None = None
+    duration_s: Annotated[float, Field(ge=0, le=TIME_S, strict=True)] | None = None
+    start_s: Stamp | None = None
     target: dict[str, float | int | str] = Field(default_factory=dict)
     outcome: Literal["complete", "aborted", "device_lost", "failed"] = "complete"
     seed: Whole | None = None
@@ -119,14 +123,14 @@ class HeaderPart(_Part):
     format: Literal["draglag-exchange"]
     version: Literal[1]
     screen: ScreenPart
-    stylus_diameter_mm: Positive
+    stylus_diameter_mm: Length
     clock: str = ""
-    runs: list[RunPart]
+    runs: Annotated[list[RunPart], Field(max_length=RUNS)]
     taps: FileName | None = None
     name: str | None = None
     stylus_name: str = ""
     started_utc: str = ""
-    started_s: Number | None = None
+    started_s: Stamp | None = None
     seed: Whole | None = None
     software: str = ""
     simulated: Annotated[bool, Field(strict=True)] = False
@@ -159,26 +163,11 @@ def read_header(path: Path) -> HeaderPart:
 
 
 def _json(path: Path) -> Any:
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise DataError(f"{path.parent}: there is no such folder", "Name the folder that holds session.json")
-    if not path.is_file():
+    if not os.path.exists(path):
         raise DataError(f"{path.parent}: holds no session.json", "Name the folder that holds session.json")
-    if path.stat().st_size > MAX_BYTES:
-        raise DataError(f"{path}: is too large for a header ({path.stat().st_size} bytes)")
-    try:
-        return json.loads(path.read_text("utf-8-sig"))
-    except json.JSONDecodeError as error:
-        raise DataError(
-            f"{path}, line {error.lineno}, column {error.colno}: is not JSON ({error.msg})", "Correct that line"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise DataError(f"{path}: is not UTF-8 text (byte {error.start})", "Save it as UTF-8") from error
-    except RecursionError as error:
-        raise DataError(f"{path}: is nested too deep for a header", "Write the keys as the README shows") from error
-    except ValueError as error:  # a number of thousands of digits
-        raise DataError(f"{path}: holds a number that is too long", "Correct that number") from error
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    return parse_json(read_text(path, HEADER_BYTES), path, "Correct that line")
 
 
 def _plain(error: Any) -> str:

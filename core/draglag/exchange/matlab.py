@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import uuid
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,9 @@ from scipy.io import savemat
 
 from draglag.errors import DataError
 from draglag.recording import Session
+from draglag.store.build import publish
 from draglag.store.schema import distinct, session_nodes
-from draglag.store.write import publish
+from draglag.temporary import temporary_for
 
 
 def write_mat(session: Session, path: Path | str) -> Path:
@@ -39,15 +39,13 @@ def write_mat(session: Session, path: Path | str) -> Path:
             place[_name(key)] = (
                 np.array([value.decode() for value in values.tolist()], object) if values.dtype.kind == "S" else values
             )
-    growing = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
     try:
-        with growing.open("wb") as file:
-            savemat(file, {"session": root}, long_field_names=True, do_compression=True, oned_as="column")
-        publish(growing, path)
+        with temporary_for(path) as growing:
+            with growing.open("wb") as file:
+                savemat(file, {"session": root}, long_field_names=True, do_compression=True, oned_as="column")
+            publish(growing, path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
-    finally:
-        growing.unlink(missing_ok=True)
     return path
 
 

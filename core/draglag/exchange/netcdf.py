@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import uuid
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,9 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.packages import advice
 from draglag.recording import Session
+from draglag.store.build import publish, reason, zero_utc
 from draglag.store.schema import Node, distinct, session_nodes
-from draglag.store.write import publish, reason, zero_utc
+from draglag.temporary import temporary_for
 
 
 def write_netcdf(session: Session, path: Path | str) -> Path:
@@ -29,17 +29,15 @@ def write_netcdf(session: Session, path: Path | str) -> Path:
         raise DataError(*advice(missing.name or "")) from missing
     if path.exists():
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
-    growing = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
     start = zero_utc(session.started_utc, session.started_s)
     try:
-        with h5netcdf.File(growing, "w") as file:
-            for node in distinct(session_nodes(session)):
-                _put(file, node, start)
-        publish(growing, path)
+        with temporary_for(path) as growing:
+            with h5netcdf.File(growing, "w") as file:
+                for node in distinct(session_nodes(session)):
+                    _put(file, node, start)
+            publish(growing, path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({reason(error)})", "Check the folder and free space") from error
-    finally:
-        growing.unlink(missing_ok=True)
     return path
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from draglag.errors import DataError
 from draglag.exchange.tables import column_names, line_of_row, read_table
-from draglag.recording import LaserTrace, Taps, TouchTrace, empty_laser, empty_touch
+from draglag.reading.limits import TIME_S
+from draglag.recording import DisplayTrace, LaserTrace, Taps, TouchTrace, empty_laser, empty_touch
 
 Floats = NDArray[np.float64]
 
@@ -90,8 +91,27 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
             f"{path}, line {line_of_row(path, int(odd[0]))}: expected down 0 or 1, found {table[odd[0], 2]:g}",
             "Correct or remove that line",
         )
+    rows, more = _in_order(path, rows)
     physical_s, registered_s, down = (np.ascontiguousarray(column) for column in rows.T)
-    return Taps(physical_s, registered_s, down.astype(np.int64)), said
+    return Taps(physical_s, registered_s, down.astype(np.int64)), said + more
+
+
+def read_display(path: Path, missed: int) -> tuple[DisplayTrace, list[str]]:
+    """Where the target was drawn, and what was mended. Raises DataError."""
+    rows, said = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
+    rows, more = _in_order(path, rows)
+    t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T)
+    return DisplayTrace(t_s, x_mm, y_mm, missed), said + more
+
+
+def read_gaps(path: Path) -> Floats:
+    """Gaps of a stream, (n, 2) start and end, s. Raises DataError where a gap ends before it starts."""
+    gaps = np.ascontiguousarray(read_table(path, ("start_s", "end_s")))
+    bad = np.flatnonzero(~((gaps[:, 0] <= gaps[:, 1]) & (np.abs(gaps) <= TIME_S).all(axis=1)))
+    if len(bad):
+        line = line_of_row(path, int(bad[0]))
+        raise DataError(f"{path}, line {line}: expected start_s no later than end_s", "Correct or remove that line")
+    return gaps
 
 
 def _with_more(
@@ -130,6 +150,10 @@ def whole(path: Path, name: str, values: Floats) -> NDArray[np.int64]:
 def _finite(path: Path, rows: Floats, among: int = 3) -> tuple[Floats, list[str]]:
     """Rows whose first ``among`` columns are numbers."""
     numbers = rows[:, :among]
+    far = np.flatnonzero(np.isfinite(rows[:, 0]) & (np.abs(rows[:, 0]) > TIME_S))
+    if len(far):
+        found = f"{path}, line {line_of_row(path, int(far[0]))}: {rows[far[0], 0]:g} cannot be a time in seconds"
+        raise DataError(found, "Give all times in seconds")
     bad = np.flatnonzero(~np.isfinite(numbers).all(axis=1))
     if not len(bad):
         return rows, []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -13,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError
-
-MAX_BYTES = 512 * 2**20
+from draglag.reading.files import decoded, plain_lines
 
 
 def find_table(folder: Path, stem: str) -> Path | None:
@@ -110,20 +108,7 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any] | list[str]]) -> 
 
 
 def _text(path: Path) -> str:
-    try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise DataError(f"{path}: is not sound gzip ({error})", "Copy or compress it again") from error
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the file and its rights") from error
-    if len(data) > MAX_BYTES:
-        raise DataError(f"{path}: is longer than {MAX_BYTES // 2**20} MiB", "Split the run")
-    try:
-        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise DataError(f"{path}, line {line}: is not text", "Expected numbers separated by commas") from error
+    return decoded(path, plain_lines(path))
 
 
 def _refuse(path: Path, body: str, names: Sequence[str]) -> NoReturn:

@@ -13,6 +13,8 @@ import numpy as np
 from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate, estimate_run
 from draglag.recording import FloatArray, Run, Session
 
+# Source of the entry in a run's log that says that the recording program, or its computer, stood still.
+STANDSTILL = "standstill"
 # Share of the passes the touch trace shows of which the laser reported both edges; less is "most of it is missing".
 FEWEST_PASSES = 0.5
 # Measured over nominal speed. People fall behind fast targets by a fifth; a run that is half or twice as fast as
@@ -20,12 +22,12 @@ FEWEST_PASSES = 0.5
 NOTICEABLY, FAR = 1.25, 2.0
 # Second half over first half of a run: a mean over two speeds is no point of a curve that bends.
 CHANGED = 1.5
-EXCLUDED = ("aborted", "device_lost", "failed", "laser_missing", "far_from_nominal", "speed_changed")
+EXCLUDED = ("aborted", "device_lost", "failed", STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed")
 
 
 def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
     """The estimate with the flags of how its run went, before those it has."""
-    flags = [] if run.outcome == "complete" else [run.outcome]
+    flags = _outcome(run)
     share = _seen_passes(estimate, run)
     if share is not None and share < FEWEST_PASSES:
         flags.append("laser_missing")
@@ -54,8 +56,8 @@ def why_excluded(
         return {}
     found = {estimate.id: excluded_because(estimate) for estimate in estimates}
     for run in runs:
-        if run.outcome != "complete":
-            found.setdefault(run.id, run.outcome.replace("_", " "))
+        for flag in _outcome(run):
+            found.setdefault(run.id, flag.replace("_", " "))
     return {run_id: why for run_id, why in found.items() if why and run_id not in include}
 
 
@@ -67,6 +69,12 @@ def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session,
     if not excluded:
         return session, {}
     return replace(session, runs=tuple(run for run in session.runs if run.id not in excluded)), excluded
+
+
+def _outcome(run: Run) -> list[str]:
+    """The run's outcome where it is not complete, and whether the program stood still."""
+    flags = [] if run.outcome == "complete" else [run.outcome]
+    return flags + [STANDSTILL] * any(entry.source == STANDSTILL for entry in run.log)
 
 
 def _ratio(one: float, other: float) -> float:

@@ -53,6 +53,7 @@ _SETTINGS: dict[str, Any] = {
     "savefig.dpi": 150,
     "figure.facecolor": "white",
     "svg.fonttype": "path",
+    "text.parse_math": False,  # a name with $ in it is a name
     "svg.hashsalt": "draglag",
 }
 

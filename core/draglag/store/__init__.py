@@ -1,11 +1,14 @@
-"""Session files (HDF5): write while recording, read, verify, salvage, and keep results beside the raw data."""
+"""Session files (HDF5): record, write, read, verify, salvage, and keep results beside the raw data."""
 
 from draglag.store.analysis import StoredAnalysis, add_analysis, read_analyses, to_json
+from draglag.store.build import write_session
+from draglag.store.journal import PARTIAL
+from draglag.store.leftovers import clear_leftovers
 from draglag.store.migrate import migrate
 from draglag.store.read import read_session
 from draglag.store.salvage import Salvaged, final_name, partial_files, salvage
-from draglag.store.verify import Finding, check_session, verify
-from draglag.store.write import PARTIAL, SessionWriter, write_session
+from draglag.store.verify import Finding, check_session, grade, verify
+from draglag.store.writer import SessionWriter
 
 __all__ = [
     "PARTIAL",
@@ -15,7 +18,9 @@ __all__ = [
     "StoredAnalysis",
     "add_analysis",
     "check_session",
+    "clear_leftovers",
     "final_name",
+    "grade",
     "migrate",
     "partial_files",
     "read_analyses",

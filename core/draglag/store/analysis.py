@@ -6,23 +6,26 @@ import json
 import math
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 import draglag
 from draglag.errors import DataError
+from draglag.store.build import safe_hdf5
 from draglag.store.checksum import raw_checksum
 from draglag.store.lowlevel import append_rows, make_table, put_attrs, put_text
 from draglag.store.safely import open_session, short, text_attr
 from draglag.store.schema import Column, Table, encode
+from draglag.temporary import temporary_for
 
 _UNITS = (("_mm_s", "mm/s"), ("_s_per_mm", "s/mm"), ("_mm2", "mm2"), ("_mm", "mm"), ("_ms", "ms"), ("_hz", "Hz"))
+# Room for a result in the file: groups and attributes (bytes), and its text again as columns, at four bytes a letter.
+_BASE = 1 << 20
+_COPIES = 4
 _MORE_UNITS = (("_percent", "percent"), ("_s", "s"))
 
 
@@ -55,25 +58,28 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
     with open_session(path) as file:
         number = 1 + max((int(name) for name in file.get("analysis", ()) if name.isdecimal()), default=0)
         checksum = raw_checksum(file)
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(descriptor)
+    texts = to_json(options), to_json(result)
+    room = _BASE + _COPIES * sum(map(len, texts))
     try:
-        shutil.copyfile(path, name)
-        shutil.copymode(path, name)
-        with h5py.File(name, "r+") as file:
-            group = file.create_group(f"analysis/{number}")
-            about = {"software": f"draglag {draglag.__version__}", "created_utc": created_utc}
-            put_attrs(group, {**about, "input_sha256": checksum})
-            put_text(group, "options_json", to_json(options), "what the analysis was asked to do")
-            put_text(group, "result_json", to_json(result), "the result as `draglag analyze --json` prints it")
-            for key, rows in result.items():
-                if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
-                    _put_records(group, key, rows)
-        os.replace(name, path)
+        with temporary_for(path) as copy:
+            shutil.copyfile(path, copy)
+            shutil.copymode(path, copy)
+            descriptor = os.open(copy, os.O_RDWR)
+            try:
+                with safe_hdf5(descriptor, "r+", room, path) as (file, _):
+                    group = file.create_group(f"analysis/{number}")
+                    about = {"software": f"draglag {draglag.__version__}", "created_utc": created_utc}
+                    put_attrs(group, {**about, "input_sha256": checksum})
+                    put_text(group, "options_json", texts[0], "what the analysis was asked to do")
+                    put_text(group, "result_json", texts[1], "the result as `draglag analyze --json` prints it")
+                    for key, rows in result.items():
+                        if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
+                            _put_records(group, key, rows)
+            finally:
+                os.close(descriptor)
+            os.replace(copy, path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({short(error)})", "Check rights and free space") from error
-    finally:
-        Path(name).unlink(missing_ok=True)
     return number
 
 

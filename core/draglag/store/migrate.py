@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from draglag.store.analysis import add_analysis, read_analyses
+from draglag.store.build import write_session
 from draglag.store.read import read_session
-from draglag.store.write import write_session
 
 
 def migrate(path: Path | str, out: Path | str) -> Path:

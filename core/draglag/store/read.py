@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,10 +30,12 @@ from draglag.recording import (
 )
 from draglag.store import schema
 from draglag.store.checksum import raw_checksum
+from draglag.store.journal import in_memory, is_journal, open_journal
 from draglag.store.safely import (
     check_schema,
     float_attr,
     int_attr,
+    named_errors,
     open_session,
     read_attr,
     read_columns,
@@ -44,18 +47,37 @@ CHANGED = "The raw data were changed after recording: the checksum of the file d
 
 
 def read_session(path: Path | str) -> Session:
-    """The raw data of a session file.
+    """The raw data of a session file, or what the journal of an unfinished recording holds.
 
     Raw data that were changed after recording (by their checksum) carry a warning in the notes.
     Raises DataError: no such file, not a session, damaged, links out of the file, a version from the future, times that
     go back or cannot be.
     """
-    with open_session(path) as file:
-        session = check_times(READERS[check_schema(file, Path(path))](file), str(path))
+    path = Path(path)
+    with open_recorded(path) as file:
+        session = check_times(READERS[check_schema(file, path)](file), str(path))
         if text_attr(file, "raw_sha256", "") not in ("", raw_checksum(file)):
             changed = LogEntry(session.started_s or 0.0, "warning", "file", CHANGED)
             return replace(session, notes=(*session.notes, changed))
         return session
+
+
+def read_unchecked(path: Path | str) -> Session:
+    """The raw data as ``read_session`` gives them, whatever their times are and their checksum says."""
+    path = Path(path)
+    with open_recorded(path) as file:
+        return READERS[check_schema(file, path)](file)
+
+
+@contextmanager
+def open_recorded(path: Path) -> Iterator[Any]:
+    """The open session file, or in memory what the journal of an unfinished recording holds. Raises DataError."""
+    if not is_journal(path):
+        with open_session(path) as file:
+            yield file
+        return
+    with open_journal(path) as fd, named_errors(path), in_memory(fd, str(path)) as file:
+        yield file
 
 
 def read_v1(file: Any) -> Session:

@@ -12,14 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError, DraglagError
+from draglag.store.frames import MAGIC
 from draglag.store.schema import SCHEMA, VERSION, Column, Table, Value
 
 MAX_BYTES = 2**31
 MAX_ITEMS = 200_000
 MAX_DEPTH = 8
 _MAX_ATTRIBUTE_BYTES = 2**20
+_MAX_ATTRIBUTES = 1000
 _DEFLATE_LIMIT = 1100  # deflate cannot shrink data further than about 1030 to 1
+# All columns together, unpacked, for each byte of the file: recorded numbers do not pack below a tenth of themselves,
+# columns that hold one value throughout may add as much again.
+_WHOLE_LIMIT = 100
+_SLACK_BYTES = 2**24
+_OF_SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}  # read by HDF5 alone
 _FILTERS = {"1", "2", "3", "gzip", "shuffle", "fletcher32"}  # built in; others would load a plug-in
+TOO_LARGE = "makes the file too large when unpacked"
 BROKEN = (
     OSError,
     RuntimeError,
@@ -40,11 +48,17 @@ def open_session(path: Path | str) -> Iterator[Any]:
     types or sizes that no session file has; also for anything HDF5 stumbles over later in the block.
     """
     path = Path(path)
+    with named_errors(path), open_hdf5(path) as file:
+        check_schema(file, path)
+        check_tree(file, path)
+        yield file
+
+
+@contextmanager
+def named_errors(path: Path) -> Iterator[None]:
+    """Whatever goes wrong with the file in the block is one DataError that names it and what to do."""
     try:
-        with open_hdf5(path) as file:
-            check_schema(file, path)
-            check_tree(file, path)
-            yield file
+        yield
     except DraglagError as error:
         raise _named(error, path) from error
     except BROKEN as error:
@@ -66,6 +80,8 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     """An HDF5 file, read only. Raises DataError."""
     if not path.exists():
         raise DataError(f"{path}: there is no such file", "Check the name")
+    if is_unfinished(path):
+        raise DataError(f"{path}: is a recording that was not closed", f"Save it first with `draglag verify {path}`")
     if not path.is_file():
         raise DataError(f"{path}: is not a file", "Name a session file, such as session.h5")
     try:
@@ -74,6 +90,15 @@ def open_hdf5(path: Path) -> Iterator[Any]:
         raise _cannot_open(path, error) from error
     with file:
         yield file
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether a file begins as a journal."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
 
 
 def _cannot_open(path: Path, error: BaseException) -> DataError:
@@ -113,7 +138,9 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
     """(name, problem) of every item that no session file has."""
     seen: set[int] = set()
     waiting = [("", file, 0)]
-    count = 0
+    count, claimed = 0, 0
+    limit = _WHOLE_LIMIT * file.id.get_filesize() + _SLACK_BYTES
+    yield from (("", problem) for problem in _attribute_problems(file))
     while waiting:
         prefix, group, depth = waiting.pop()
         if depth > MAX_DEPTH:
@@ -130,6 +157,7 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
                 yield name, "is a link to another place"
                 continue
             item = group[key]
+            yield from ((name, problem) for problem in _attribute_problems(item))
             if isinstance(item, h5py.Group):
                 address = int(h5py.h5o.get_info(item.id).addr)
                 if address in seen:
@@ -139,10 +167,31 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
                 waiting.append((name, item, depth + 1))
             elif isinstance(item, h5py.Dataset):
                 problem = dataset_problem(item)
+                claimed += 0 if problem else _bytes(item)
+                if claimed > limit:
+                    yield name, TOO_LARGE
+                    return
                 if problem:
                     yield name, problem
             else:
                 yield name, "is a named type"
+
+
+def _attribute_problems(item: Any) -> Iterator[str]:
+    """What is wrong with the attributes of a group or column, without reading them."""
+    if not hasattr(item, "attrs"):
+        return
+    if len(item.attrs) > _MAX_ATTRIBUTES:
+        yield "has too many attributes"
+        return
+    for key in item.attrs:
+        handle = item.attrs.get_id(key)
+        if key not in _OF_SCALES and handle.get_storage_size() > _MAX_ATTRIBUTE_BYTES:
+            yield f"has the attribute {short_text(key)} of {handle.get_storage_size()} bytes"
+
+
+def _bytes(dataset: Any) -> int:
+    return int(np.prod(dataset.shape, dtype=object)) * int(dataset.dtype.itemsize)
 
 
 def dataset_problem(dataset: Any) -> str:
@@ -157,9 +206,9 @@ def dataset_problem(dataset: Any) -> str:
         return "is packed with a filter this program does not load"
     if dataset.shape is None or len(dataset.shape) > 1:
         return "is not a column of numbers"
-    size = int(np.prod(dataset.shape, dtype=object)) * kind.itemsize
-    stored = dataset.id.get_storage_size()
-    if size > MAX_BYTES or size > _DEFLATE_LIMIT * stored + 2**20:
+    size, stored = _bytes(dataset), dataset.id.get_storage_size()
+    packed = _DEFLATE_LIMIT if plist.get_nfilters() else 1
+    if size > MAX_BYTES or size > packed * stored + 2**20:
         return f"claims {size} bytes and holds {stored}"
     return ""
 
@@ -243,4 +292,9 @@ def read_column(group: Any, column: Column) -> NDArray[Any]:
 
 def short(error: BaseException) -> str:
     """An exception's text on one line."""
-    return " ".join(str(error).split())[:160] or type(error).__name__
+    return short_text(str(error)) or type(error).__name__
+
+
+def short_text(text: str) -> str:
+    """Text on one line, of which a sentence can hold so much."""
+    return " ".join(text.split())[:160]

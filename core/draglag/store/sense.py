@@ -15,14 +15,17 @@ REMEDY = "Use an untouched copy of the file; draglag verify lists all that is wr
 def check_times(session: Session, where: str) -> Session:
     """The session itself. Raises DataError naming run and sample where times are no numbers, go back or are absurd."""
     for run in session.runs:
-        for stream, t_s in (("touch", run.touch.t_s), ("laser", run.laser.t_s)):
-            problem = _problem(stream, t_s, run)
+        if not np.isfinite([run.start_s, run.duration_s]).all():
+            raise DataError(f"{where}: {run.id}: its beginning or duration is no number", REMEDY)
+        shown = () if run.display is None else (("display", run.display.t_s),)
+        for stream, t_s in (("touch", run.touch.t_s), ("laser", run.laser.t_s), *shown):
+            problem = first_problem(stream, t_s, run)
             if problem:
                 raise DataError(f"{where}: {run.id}: {problem}", REMEDY)
     return session
 
 
-def _problem(stream: str, t_s: FloatArray, run: Run) -> str:
+def first_problem(stream: str, t_s: FloatArray, run: Run) -> str:
     """The first sample whose time cannot be right, in words; empty where all can."""
     bad = np.flatnonzero(~np.isfinite(t_s))
     if bad.size:

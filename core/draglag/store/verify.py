@@ -12,13 +12,15 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.recording import OUTCOMES, PROTOCOLS, FloatArray, Run, Session
 from draglag.store.checksum import raw_checksum
-from draglag.store.read import read_v1
+from draglag.store.journal import UNFINISHED, all_losses, is_journal, open_journal, survey
+from draglag.store.read import READERS, read_session
 from draglag.store.safely import BROKEN, check_schema, open_hdf5, short, tree_problems
 
 
 @dataclass(frozen=True)
 class Finding:
-    """``level``: "error" (the file is not what it should be) | "warning" (readable, look before use)."""
+    """``level``: "error" (the file is not what it should be) | "loss" (something measured is missing) | "warning"
+    (readable, look before use)."""
 
     level: str
     where: str
@@ -28,23 +30,42 @@ class Finding:
         return f"{self.level}: {self.where}: {self.text}"
 
 
+def grade(findings: list[Finding]) -> str:
+    """ "damaged" | "incomplete" (measured data are missing) | "sound": of a file with these findings."""
+    levels = {finding.level for finding in findings}
+    return "damaged" if "error" in levels else "incomplete" if "loss" in levels else "sound"
+
+
 def verify(path: Path | str) -> list[Finding]:
     """Everything that is wrong with a session file; empty when nothing is. Never raises for what is in the file."""
     path = Path(path)
+    if is_journal(path):
+        return _journal(path)
     findings: list[Finding] = []
     try:
         with open_hdf5(path) as file:
-            check_schema(file, path)
+            version = check_schema(file, path)
             findings += [Finding("error", f"/{name}", problem) for name, problem in tree_problems(file)]
             if not findings:
                 findings += _layout(file)
                 findings += _checksums(file)
-                findings += check_session(read_v1(file))
+                findings += check_session(READERS[version](file))
     except DataError as error:
         findings.append(Finding("error", str(path), str(error).removeprefix(f"{path}: ")))
     except BROKEN as error:
         findings.append(Finding("error", str(path), f"is damaged ({short(error)})"))
     return findings
+
+
+def _journal(path: Path) -> list[Finding]:
+    """Findings of a recording that was not closed."""
+    try:
+        with open_journal(path) as fd:
+            found = survey(fd, str(path))
+        findings = [Finding("loss", str(path), loss) for loss in all_losses(found)]
+        return [Finding("loss", str(path), UNFINISHED), *findings, *check_session(read_session(path))]
+    except DataError as error:
+        return [Finding("error", str(path), str(error).removeprefix(f"{path}: "))]
 
 
 def _layout(file: Any) -> list[Finding]:
@@ -65,7 +86,7 @@ def _layout(file: Any) -> list[Finding]:
 def _checksums(file: Any) -> list[Finding]:
     now = raw_checksum(file)
     if "raw_sha256" not in file.attrs:
-        return [Finding("warning", "/", "was never closed: the recording was cut off")]
+        return [Finding("loss", "/", "was never closed: the recording was cut off")]
     findings = []
     if _text(file.attrs["raw_sha256"]) != now:
         findings.append(Finding("error", "/", "the raw data were changed after recording"))
@@ -89,6 +110,9 @@ def check_session(session: Session) -> list[Finding]:
         findings.append(Finding("error", "stylus", "its diameter is not positive"))
     if not session.runs:
         findings.append(Finding("warning", "runs", "the session has no run"))
+    for note in session.notes:
+        if note.source == "salvage" and ";" in note.text:
+            findings.append(Finding("loss", "notes", note.text))
     for run in session.runs:
         findings += [Finding(level, run.id, text) for level, text in _run(run, session)]
     return findings
@@ -102,6 +126,7 @@ def _run(run: Run, session: Session) -> list[tuple[str, str]]:
         found.append(("warning", f"unknown outcome “{run.outcome}”"))
     elif run.outcome != "complete":
         found.append(("warning", f"ended as “{run.outcome}”"))
+    found += [("loss", entry.text) for entry in run.log if entry.source == "file" and entry.level == "error"]
     touch, laser = run.touch, run.laser
     found += _times("touch", touch.t_s)
     found += _times("laser", laser.t_s)
@@ -113,9 +138,9 @@ def _run(run: Run, session: Session) -> list[tuple[str, str]]:
     if outside.any():
         found.append(("warning", f"{int(outside.sum())} touch events lie outside the screen"))
     if touch.dropped or len(touch.gaps_s):
-        found.append(("warning", f"touch: {touch.dropped} events dropped, {len(touch.gaps_s)} gaps"))
+        found.append(("loss", f"touch: {touch.dropped} events dropped, {len(touch.gaps_s)} gaps"))
     if laser.missed or len(laser.gaps_s):
-        found.append(("warning", f"laser: {laser.missed} edges missed, {len(laser.gaps_s)} gaps"))
+        found.append(("loss", f"laser: {laser.missed} edges missed, {len(laser.gaps_s)} gaps"))
     if not np.isin(laser.light, (0, 1)).all():
         found.append(("error", "laser levels other than 0 and 1"))
     return found

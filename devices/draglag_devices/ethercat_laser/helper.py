@@ -10,7 +10,7 @@ from typing import IO
 
 from draglag_devices.ethercat_laser.preflight import has_rights
 
-# Installed once by packaging/ethercat/install.sh; carries the two capabilities and starts only ``master``.
+# Installed by ``./run install``; carries the two capabilities and starts only ``master``.
 LAUNCHERS = (
     Path("/usr/lib/draglag/draglag-ethercat-master"),
     Path("/usr/local/lib/draglag/draglag-ethercat-master"),

@@ -11,10 +11,10 @@ from typing import Any
 from draglag_devices.discovery import Found
 from draglag_devices.ethercat_laser.helper import LAUNCHERS, command
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
-from draglag_devices.ethercat_laser.probe import look_around
+from draglag_devices.ethercat_laser.preflight import INSTALL
+from draglag_devices.ethercat_laser.probe import NOT_ALLOWED, look_around
 
 _PATIENCE_S = 10.0
-_INSTALL = "sudo packaging/ethercat/install.sh"
 
 
 def look_for_buses(asked: Collection[str] = ()) -> list[Found]:
@@ -52,6 +52,10 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
     if seen["busy"]:
         remedy = "close the other EtherCAT program"
         return Found(address, ("laser",), f"EtherCAT bus on {name}, in use", False, remedy)
+    install = f"{INSTALL} {name}"
+    if seen["left_alone"] == NOT_ALLOWED:
+        remedy = f"install it again for this interface: {install}"
+        return Found(address, ("laser",), f"network interface {name}: {NOT_ALLOWED}", False, remedy)
     if seen["left_alone"]:
         remedy = f"to look there: draglag devices --probe {name}"
         # What is no Ethernet cable of this computer is nothing to choose.
@@ -62,12 +66,12 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
     elif not seen["carrier"]:
         problem, remedy = "no carrier", "plug in the cable, switch on the coupler"
     elif helper:
-        problem, remedy = helper, f"install the helper again: {_INSTALL}"
+        problem, remedy = helper, f"install the helper again: {install}"
     elif not seen["rights"]:
         installed = any(launcher.exists() and not os.access(launcher, os.X_OK) for launcher in LAUNCHERS)
         problem, remedy = (
             "no rights to look",
-            "sudo usermod -aG draglag $USER, then log in again" if installed else _INSTALL,
+            "sudo usermod -aG draglag $USER, then log in again" if installed else install,
         )
     else:
         problem, remedy = "no EtherCAT device answers", "plug the cable into the coupler's IN port, switch it on"

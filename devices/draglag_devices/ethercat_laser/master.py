@@ -26,7 +26,7 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
     try:
         if first_epoch == 0:
             preflight.check_interface(interface)
-        preflight.check_rights()
+        preflight.check_rights(interface)
         # After a crash of an earlier process it may take a moment until it has let go of everything.
         lock = preflight.claim(interface, 0.0 if first_epoch == 0 else _INHERIT_S)
         try:
@@ -53,6 +53,21 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
             lock.close()
 
 
+def check(wire: Wire) -> int:
+    """Report what an installation lacks, as ``serve`` would, without touching an interface: 0 if nothing."""
+    try:
+        preflight.check_rights("")
+        import draglag_devices.ethercat_laser.runner  # noqa: F401  (with pysoem)
+    except ModuleNotFoundError as missing:
+        wire.tell("refused", code="no_pysoem", problem=f"there is no {missing.name}", remedy="install draglag again")
+        return 1
+    except Refusal as refusal:
+        wire.tell("refused", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
+        return 1
+    wire.tell("complete")
+    return 0
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="draglag-ethercat-master", description="EtherCAT bus of the laser sensor")
     parser.add_argument("interface", nargs="*", help="one, to run its bus; with --probe: more to ask")
@@ -60,6 +75,8 @@ def main() -> int:
     parser.add_argument("--position", type=int, default=0, help="of the EL1252 on the line, where there are several")
     parser.add_argument("--first-epoch", type=int, default=0)
     parser.add_argument("--probe", action="store_true", help="ask once on which interfaces devices answer")
+    parser.add_argument("--only", help="interfaces that may be opened, with commas between; any if left out")
+    parser.add_argument("--check", action="store_true", help="say whether all that a bus needs is installed")
     arguments = parser.parse_args()
     # Ctrl-C belongs to the program that started us: it closes our input when it is done.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -69,14 +86,19 @@ def main() -> int:
 
     signal.signal(signal.SIGTERM, stop)
     wire = Wire(sys.stdin.fileno(), sys.stdout.fileno())
+    only = None if arguments.only is None else arguments.only.split(",")
     try:
+        if arguments.check:
+            return check(wire)
         if arguments.probe:
             from draglag_devices.ethercat_laser.probe import look_around
 
-            wire.tell("probed", found=look_around(arguments.interface))
+            wire.tell("probed", found=look_around(arguments.interface, only=only))
             return 0
         if len(arguments.interface) != 1:
             parser.error("name one interface")
+        if only is not None and arguments.interface[0] not in only:
+            parser.error("that interface is not allowed")
         return serve(arguments.interface[0], arguments.channel, wire, arguments.first_epoch, arguments.position)
     except ReaderGone:
         return 0

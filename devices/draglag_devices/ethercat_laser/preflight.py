@@ -16,6 +16,7 @@ _SIOCGIFFLAGS, _SIOCETHTOOL, _ETHTOOL_GLINK = 0x8913, 0x8946, 0x0A
 _IFF_UP, _IFF_RUNNING = 0x1, 0x40
 _CAP_NET_ADMIN, _CAP_NET_RAW = 1 << 12, 1 << 13
 ETHERTYPE = 0x88A4
+INSTALL = "sudo ./run install"  # in the checkout; the interfaces that the bus is on follow
 
 
 def check_interface(interface: str) -> None:
@@ -76,13 +77,13 @@ def has_rights() -> bool:
     return False
 
 
-def check_rights() -> None:
+def check_rights(interface: str) -> None:
     """Raises Refusal without CAP_NET_RAW and CAP_NET_ADMIN."""
     if not has_rights():
         raise Refusal(
             "no_rights",
             "this account has no right to send EtherCAT frames (CAP_NET_RAW and CAP_NET_ADMIN)",
-            "install the helper once as administrator: sudo packaging/ethercat/install.sh",
+            f"install the helper once as administrator: {INSTALL} {interface}",
         )
 
 

@@ -28,14 +28,18 @@ _FRAME = struct.Struct("<HBBHHHH")
 _FIRST_INDEX = 0x7F
 # A longer line is nobody's laser.
 _MOST_ASKED = 64
+NOT_ALLOWED = "was not allowed when the EtherCAT helper was installed"
 
 
-def look_around(asked: Collection[str] = (), send: bool = True) -> list[dict[str, Any]]:
+def look_around(
+    asked: Collection[str] = (), send: bool = True, only: Collection[str] | None = None
+) -> list[dict[str, Any]]:
     """One entry per Ethernet interface: name, up, carrier, rights, busy, slaves, kinds, left_alone.
 
     Args:
         asked: interfaces to ask even though others use them.
         send: whether any frame may go out.
+        only: interfaces that may be asked at all; any if None.
 
     ``kinds`` are (vendor, product) in order of the line, (0, 0) where a device did not say; ``left_alone`` is why
     the interface was not asked.
@@ -49,6 +53,8 @@ def look_around(asked: Collection[str] = (), send: bool = True) -> list[dict[str
     for index, name in socket.if_nameindex():
         if _ethernet(name):
             why = "" if name in asked else blind or why_not_ask(name, addresses.get(index, []))
+            if not why and only is not None and name not in only:
+                why = NOT_ALLOWED
             with contextlib.suppress(OSError):  # it went meanwhile
                 entries.append(_probe(name, rights, why, send))
     return entries

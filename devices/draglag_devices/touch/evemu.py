@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
 from draglag.errors import DataError
+from draglag.reading import plain_lines
+from draglag.reading.limits import CONTACTS, TIME_S
 from draglag.recording import AxisInfo
 from draglag_devices.touch.frames import (
     ABS_MT_POSITION_X,
@@ -63,13 +63,7 @@ class EvemuRecording:
 
 def read_evemu(path: Path) -> EvemuRecording:
     """Read a recording. Raises DataError naming the file and the line that cannot be read."""
-    try:
-        raw = path.read_bytes()
-        if raw[:2] == b"\x1f\x8b":
-            raw = gzip.decompress(raw)
-    except (OSError, EOFError, zlib.error) as error:
-        raise DataError(f"{path}: cannot be read ({error})", "check the path and that the file is whole") from None
-    return parse_evemu(raw.decode("utf-8", errors="replace"), str(path))
+    return parse_evemu(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
 def parse_evemu(text: str, where: str = "text") -> EvemuRecording:
@@ -77,7 +71,7 @@ def parse_evemu(text: str, where: str = "text") -> EvemuRecording:
     name = ""
     events: list[InputEvent] = []
     axes: dict[int, AxisInfo] = {}
-    for number, full_line in enumerate(text.splitlines(), 1):
+    for number, full_line in enumerate(text.split("\n"), 1):
         line = full_line.split("#", 1)[0].strip()
         if line.startswith("N:"):
             name = full_line[2:].strip()
@@ -87,16 +81,46 @@ def parse_evemu(text: str, where: str = "text") -> EvemuRecording:
         words = line[2:].split()
         try:
             if line.startswith("E:"):
-                events.append(InputEvent(float(words[0]), int(words[1], 16), int(words[2], 16), int(words[3])))
+                events.append(_event(words))
             else:
-                code, values = int(words[0], 16), [int(word) for word in words[1:]]
-                resolution = values[4] if len(values) > 4 else 0  # version 1.0 of the format has no resolution
-                axes[code] = AxisInfo(
-                    AXIS_NAMES.get(code, f"ABS_{code:#04x}"), values[0], values[1], resolution, values[2]
-                )
+                code, axis = _axis(words)
+                axes[code] = axis
         except (ValueError, IndexError):
             expected = "E: <seconds> <type> <code> <value>" if line[0] == "E" else "A: <axis> <min> <max> <fuzz> <flat>"
             raise DataError(f"{where}, line {number}: '{line[:60]}' is not '{expected}'") from None
+        if len(events) > 1 and events[-1].t_s < events[-2].t_s:
+            raise DataError(f"{where}, line {number}: the time goes back", "record again, or correct that line")
     if not events:
         raise DataError(f"{where}: holds no E: lines", "an evemu recording is expected (evemu-record)")
     return EvemuRecording(name, tuple(events), axes)
+
+
+def _event(words: list[str]) -> InputEvent:
+    """Raises ValueError, also for numbers that the kernel's struct input_event cannot hold."""
+    kind, code = (_whole(word, 16, 0, 0xFFFF) for word in words[1:3])
+    event = InputEvent(float(words[0]), kind, code, _value(words[3]))
+    if not 0 <= event.t_s <= TIME_S:
+        raise ValueError("no time")
+    if (event.type, event.code) == (EV_ABS, ABS_MT_SLOT) and not 0 <= event.value < CONTACTS:
+        raise ValueError("no slot of a touchscreen")
+    return event
+
+
+def _axis(words: list[str]) -> tuple[int, AxisInfo]:
+    """Raises ValueError."""
+    code, values = _whole(words[0], 16, 0, 0xFFFF), [_value(word) for word in words[1:]]
+    resolution = values[4] if len(values) > 4 else 0  # version 1.0 of the format has no resolution
+    return code, AxisInfo(AXIS_NAMES.get(code, f"ABS_{code:#04x}"), values[0], values[1], resolution, values[2])
+
+
+def _value(word: str) -> int:
+    return _whole(word, 10, -(2**31), 2**32 - 1)  # 32 bits; unsigned where a stamp was written so
+
+
+def _whole(word: str, base: int, least: int, most: int) -> int:
+    if len(word) > 11:
+        raise ValueError("too many digits")
+    number = int(word, base)
+    if not least <= number <= most:
+        raise ValueError("beyond what the field holds")
+    return number

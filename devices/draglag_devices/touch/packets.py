@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
+from draglag.errors import DataError
+from draglag.reading.limits import CONTACTS
 from draglag_devices.touch.frames import (
     ABS_MT_POSITION_X,
     ABS_MT_POSITION_Y,
@@ -67,6 +69,8 @@ class PacketDecoder:
         values, self._values = self._values, {}
         if ABS_MT_POSITION_X in values and ABS_MT_POSITION_Y in values:
             number = values.get(ABS_MT_TRACKING_ID)
+            if len(self._places) == CONTACTS:
+                raise DataError(f"a frame lists more than {CONTACTS} contacts", "record a touchscreen")
             self._places.append(_Place(values[ABS_MT_POSITION_X], values[ABS_MT_POSITION_Y], number))
             self._listed = True
 

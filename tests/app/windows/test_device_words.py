@@ -171,8 +171,8 @@ def test_a_device_that_is_lost_and_back_is_shown_as_recovered(open_window: Calla
             "netwerkinterface eno1: het EtherCAT-hulpprogramma mislukte (exit 2)",
         ),
         (
-            "install the helper again: sudo packaging/ethercat/install.sh",
-            "installeer het hulpprogramma opnieuw: sudo packaging/ethercat/install.sh",
+            "install the helper again: sudo ./run install eth1",
+            "installeer het hulpprogramma opnieuw: sudo ./run install eth1",
         ),
     ],
 )

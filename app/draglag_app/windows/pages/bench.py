@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from html import escape
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
@@ -231,8 +232,8 @@ class BenchPage(QWidget):
         rows = []
         for device in found:
             state = "✓" if device.usable else "✕"
-            line = f"<b>{state} {device.address}</b> &nbsp; {in_words(device.description)}"
-            rows.append(line + (f"<br>&nbsp;&nbsp;&nbsp;→ {in_words(device.remedy)}" if device.remedy else ""))
+            line = f"<b>{state} {escape(device.address)}</b> &nbsp; {escape(in_words(device.description))}"
+            rows.append(line + (f"<br>&nbsp;&nbsp;&nbsp;→ {escape(in_words(device.remedy))}" if device.remedy else ""))
         self.list.setHtml("<br>".join(rows))
 
     def check(self) -> None:

@@ -27,6 +27,7 @@ from draglag_app.windows.pages.parts.gap_picture import GapPicture
 from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.tasks import Progress, Task
 from draglag_app.windows.parts.widgets import Resting, Shallow, button, label, restyle
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
@@ -169,7 +170,7 @@ class GapPage(QWidget):
 
     def _choice_made(self) -> None:
         effect, tip = str(self.choice.currentData()), self.tr("Effect to add")
-        self.choice.setToolTip(f"{tip}: {effect_meaning(effect)}")
+        self.choice.setToolTip(plain(f"{tip}: {effect_meaning(effect)}"))
         if self.choice.hasFocus():
             self._explain(effect)
 

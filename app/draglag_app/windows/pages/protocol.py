@@ -22,6 +22,7 @@ from draglag_app.windows.pages.parts.protocol_form import ProtocolForm
 from draglag_app.windows.parts.ask_files import ask_open, ask_save
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.letter_menu import LetterMenu
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import wide
 from draglag_app.windows.parts.widgets import LARGE_TEXT, Panel, Scrolled, button, table
 from draglag_app.windows.protocol_text import to_toml
@@ -175,7 +176,7 @@ class ProtocolPage(QWidget):
                 )
             ):
                 item = QTableWidgetItem(text)
-                item.setToolTip(text)
+                item.setToolTip(plain(text))
                 self.table.setItem(k, column, item)
         # An empty column would take room from the speeds.
         self.table.setColumnHidden(self.table.columnCount() - 1, not any(plan.practice for plan in protocol.runs))

@@ -11,6 +11,8 @@ from pathlib import Path
 from PySide6.QtCore import QChildEvent, Qt
 from PySide6.QtWidgets import QDialog, QFileDialog, QMessageBox, QWidget
 
+from draglag_app.windows.parts.plain import plain
+
 Mode = QFileDialog.FileMode
 
 
@@ -65,7 +67,7 @@ def close_file_dialogs(window: QWidget) -> None:
 def ask_whether(parent: QWidget, text: str, then: Callable[[], None]) -> None:
     """Show a question and return at once; ``then`` is called where it is answered with Yes. No is the default."""
     yes, no = QMessageBox.StandardButton.Yes, QMessageBox.StandardButton.No
-    box = QMessageBox(QMessageBox.Icon.Question, "draglag", text, yes | no, parent.window())
+    box = QMessageBox(QMessageBox.Icon.Question, "draglag", plain(text), yes | no, parent.window())
     box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
     box.setWindowModality(Qt.WindowModality.NonModal)
     box.setDefaultButton(no)

@@ -14,6 +14,8 @@ from PySide6.QtWidgets import (
     QToolTip,
 )
 
+from draglag_app.windows.parts.plain import plain
+
 # Left and right of an entry in a list that drops down.
 _MARGINS_PX = 24
 
@@ -23,6 +25,7 @@ class ElidedLabel(QLabel):
 
     def __init__(self, name: str = "") -> None:
         super().__init__()
+        self.setTextFormat(Qt.TextFormat.PlainText)
         self.setObjectName(name)
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
 
@@ -47,8 +50,8 @@ class ElidedLabel(QLabel):
 
     def _tell_whole(self) -> None:
         tip = self.text() if self.shown() != self.text() else ""
-        if tip != self.toolTip():
-            self.setToolTip(tip)
+        if plain(tip) != self.toolTip():
+            self.setToolTip(plain(tip))
 
 
 class WholeTexts(QStyledItemDelegate):
@@ -63,7 +66,7 @@ class WholeTexts(QStyledItemDelegate):
     ) -> bool:
         own = index.data(Qt.ItemDataRole.ToolTipRole)
         if not own and self.is_cut_off(view, option, index):
-            QToolTip.showText(event.globalPos(), str(index.data() or ""), view)
+            QToolTip.showText(event.globalPos(), plain(str(index.data() or "")), view)
             return True
         return super().helpEvent(event, view, option, index)
 
@@ -79,7 +82,7 @@ def whole_text(box: QComboBox, tip: str = "") -> None:
     """What is chosen may be wider than the box: its tooltip tells the whole, and its list is as wide as it needs."""
 
     def tell(text: str) -> None:
-        box.setToolTip(": ".join(part for part in (tip, text) if part))
+        box.setToolTip(plain(": ".join(part for part in (tip, text) if part)))
 
     box.currentTextChanged.connect(tell)
     tell(box.currentText())

@@ -24,6 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from draglag_app.windows.parts.full_texts import WholeTexts
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme, wide
 
 # Rows are chosen by finger too.
@@ -124,8 +125,10 @@ class Light(QWidget):
 
 
 def label(text: str = "", name: str = "", wrap: bool = False) -> QLabel:
-    """A label whose look is named in the style sheet."""
-    made = QLabel(text)
+    """A label whose look is named in the style sheet; markup in its text is shown, not obeyed."""
+    made = QLabel()
+    made.setTextFormat(Qt.TextFormat.PlainText)
+    made.setText(text)
     if name:
         made.setObjectName(name)
     made.setWordWrap(wrap)
@@ -140,7 +143,7 @@ def button(text: str, role: str = "", large: bool = False, tip: str = "") -> QPu
     if role:
         made.setProperty("role", role)
     made.setProperty("large", "true" if large else "false")
-    made.setToolTip(tip)
+    made.setToolTip(plain(tip))
     made.setAutoDefault(False)
     return made
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ class Plot(PlotFrame):
             if self._looks.get(name) != look:  # a pen of its own costs as much again as the data
                 held[0].setPen(pg.mkPen(colour, width=width, style=style))
         else:
-            named = name if legend and self.legend is not None else None
+            named = escape(name) if legend and self.legend is not None else None  # a legend takes HTML
             pen = pg.mkPen(colour, width=width, style=style)
             self._keep(name, self.plot(x, y, pen=pen, name=named, connect="finite"))
         self._looks[name] = look
@@ -95,7 +96,7 @@ class Plot(PlotFrame):
             self.addItem(bars)
             self._keep(name, bars)
         brush = pg.mkBrush(None) if hollow else pg.mkBrush(colour)
-        named = name if legend and self.legend is not None else None
+        named = escape(name) if legend and self.legend is not None else None  # a legend takes HTML
         item = pg.ScatterPlotItem(
             x=x, y=y, symbol=symbol, size=size, brush=brush, pen=pg.mkPen(colour, width=1.6), name=named
         )

@@ -15,6 +15,7 @@ from draglag.errors import DataError
 from draglag.provenance import Source
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.letter_menu import LetterMenu
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import points, theme
 from draglag_app.windows.plots.plot_values import Column, as_csv, signed, write_picture, write_text
 
@@ -54,6 +55,7 @@ class PlotFrame(pg.PlotWidget):
         self._tip.hide()
         self.legend: Any = None
         self._nothing = QLabel(tr("nothing yet"), self)
+        self._nothing.setTextFormat(Qt.TextFormat.PlainText)
         self._nothing.setObjectName("hint")
         self._nothing.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._nothing.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
@@ -105,12 +107,15 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = " &nbsp; ") -> None:
-        """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend."""
+        """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend.
+
+        Title and words are HTML.
+        """
         words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
         self.title_lines(f"{title}{apart}{words}".split("<br>"))
 
     def title_lines(self, lines: Sequence[str]) -> None:
-        """A title of a line or more, each in the middle."""
+        """A title of a line or more, each in the middle; the lines are HTML."""
         self._title = tuple(lines)
         self._write_title()
 
@@ -233,7 +238,7 @@ class PlotFrame(pg.PlotWidget):
         if tell is not None:
             tell(level, text)
         elif level == "error":
-            QMessageBox.warning(self, "draglag", text)
+            QMessageBox.warning(self, "draglag", plain(text))
 
     def source_line(self) -> str:
         """What is drawn here, for pictures that leave the program: by default the session of the window."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from html import escape
 
 import numpy as np
 from PySide6.QtWidgets import QTableWidgetItem, QVBoxLayout, QWidget
@@ -38,14 +39,14 @@ class AlignmentPlot(Plot):
             found = estimate.alignment
         if found is None:
             name = estimate.id if estimate is not None else ""
-            self.title_lines([tr("No alignment for {run}").format(run=name)])
+            self.title_lines([escape(tr("No alignment for {run}").format(run=name))])
             return
         marks = (
             ("✕", theme().muted, tr("as they came")),
             ("▼", theme().blue, tr("top, shifted")),
             ("■", theme().orange, tr("bottom, shifted")),
         )
-        self.name_above(_title(estimate, checked), marks, apart="<br>")
+        self.name_above(escape(_title(estimate, checked)), marks, apart="<br>")
         self._draw(found)
 
     def _draw(self, found: Alignment) -> None:
@@ -99,7 +100,7 @@ class CostPlot(Plot):
             self.line(run.id, 1e3 * result.latency_s[finite], result.cost_mm2[finite], theme().blue, 2)
             if found.latency_s is not None:
                 self.upright(tr("estimate"), 1e3 * found.latency_s, theme().orange, f"{words.ms(found.latency_s)} ms")
-            self.title_lines([run.id])
+            self.title_lines([escape(run.id)])
 
         tasks.start(tr("Scanning"), work, done, lambda text: self.clear_all())
 

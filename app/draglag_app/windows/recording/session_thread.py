@@ -77,7 +77,7 @@ class Recording(QObject):
             display = self._participant(order)
         display = WatchedDisplay(display, self._bridge.listener)
         self.order = order
-        self.control = Control(order.auto)
+        self.control = Control(order.auto, asks=True)
         control = self.control
 
         def work() -> None:
@@ -104,6 +104,7 @@ class Recording(QObject):
     def stop_and_wait(self) -> None:
         """End the session in order and wait until the file is closed."""
         if self.control is not None:
+            self.control.no_place()
             self.control.stop()
         if self._thread is not None:
             self._thread.join()

@@ -35,6 +35,9 @@ PROBLEMS = (
     ),
     QT_TRANSLATE_NOOP("Device", "the network interface {name} cannot be opened"),
     QT_TRANSLATE_NOOP("Device", "this account has no right to send EtherCAT frames (CAP_NET_RAW and CAP_NET_ADMIN)"),
+    QT_TRANSLATE_NOOP(
+        "Device", "the network interface {name} was not allowed when the EtherCAT helper was installed, only {others}"
+    ),
     QT_TRANSLATE_NOOP("Device", "the EtherCAT bus on {name} is in use by another program"),
     QT_TRANSLATE_NOOP("Device", "no EtherCAT device answers on {name}"),
     QT_TRANSLATE_NOOP("Device", "the EtherCAT devices on {name} are not an EK1101 with an EL1252, but: {found}"),
@@ -74,6 +77,8 @@ PROBLEMS = (
     QT_TRANSLATE_NOOP("Device", "option position={place} is no place on the line"),
     # the file
     QT_TRANSLATE_NOOP("Device", "cannot be written ({why})"),
+    QT_TRANSLATE_NOOP("Device", "cannot be made ({why})"),
+    QT_TRANSLATE_NOOP("Device", "there is no such folder"),
     QT_TRANSLATE_NOOP("Device", "exists already and is not overwritten"),
 )
 
@@ -121,6 +126,7 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "close the other EtherCAT program"),
     QT_TRANSLATE_NOOP("Device", "to look there: {command}"),
     QT_TRANSLATE_NOOP("Device", "install the helper again: {command}"),
+    QT_TRANSLATE_NOOP("Device", "install it again for this interface: {command}"),
     QT_TRANSLATE_NOOP("Device", "{command}, then log in again"),
     QT_TRANSLATE_NOOP("Device", "plug in the cable, switch on the coupler"),
     QT_TRANSLATE_NOOP("Device", "plug the cable into the coupler's IN port, switch it on"),
@@ -140,7 +146,18 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "flash firmware {version}, or try it as it is with ?firmware=any"),
     QT_TRANSLATE_NOOP("Device", "plug it into the computer itself, without a hub, and close other programs"),
     QT_TRANSLATE_NOOP("Device", "Check the folder and free space"),
-    QT_TRANSLATE_NOOP("Device", "Make room on the disk, then `draglag verify` that file to save what it holds"),
+    QT_TRANSLATE_NOOP("Device", "Make room on the disk, then `draglag verify {file}`, or save it elsewhere with --out"),
+    QT_TRANSLATE_NOOP(
+        "Device", "Make room on the disk, or name another place; what was saved before is whole in {file}"
+    ),
+    QT_TRANSLATE_NOOP("Device", "Name another place; what was saved before is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Name another place: the folder was removed while it was recorded into"),
+    QT_TRANSLATE_NOOP("Device", "Make room there, or choose another place. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Choose another place. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Choose another name. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Make it first, or choose another. The recording is whole in {file}"),
+    QT_TRANSLATE_NOOP("Device", "Choose another place"),
+    QT_TRANSLATE_NOOP("Device", "Choose a folder you may write, with room"),
     QT_TRANSLATE_NOOP("Device", "Choose another name"),
     QT_TRANSLATE_NOOP("Device", "calibrate"),
     QT_TRANSLATE_NOOP("Device", "add ?width_mm=W&height_mm=H, or calibrate"),
@@ -157,6 +174,7 @@ REMEDIES = (
 
 # What comes while an instrument is read; each is a whole sentence, or two.
 NOTICES = (
+    QT_TRANSLATE_NOOP("Device", "was deleted while it was recorded into, and was written again"),
     QT_TRANSLATE_NOOP("Device", "{name} is gone ({why}). Plug it in again; it goes on then."),
     QT_TRANSLATE_NOOP("Device", "{name} is back at {path} and records again."),
     QT_TRANSLATE_NOOP(
@@ -222,6 +240,12 @@ NOTICES = (
     QT_TRANSLATE_NOOP("Device", "as recorded, moved to the start of the run"),
     QT_TRANSLATE_NOOP("Device", "recording of {name}"),
     QT_TRANSLATE_NOOP("Device", "{names} on {interface}, channel {channel}"),
+    # what the session says of any of them
+    QT_TRANSLATE_NOOP(
+        "Device",
+        "{n} samples came with stamps that go back in time or are no times: they are left out and counted as lost, as "
+        "further ones will be. Check the device.",
+    ),
     # what a look around this computer finds
     QT_TRANSLATE_NOOP("Device", "simulated rig (any screen of the presets)"),
     QT_TRANSLATE_NOOP("Device", "EtherCAT bus on {name}, {n} devices, not an EK1101 with an EL1252: {found}"),
@@ -264,6 +288,7 @@ REASONS = (
     QT_TRANSLATE_NOOP("Device", "switched off"),
     QT_TRANSLATE_NOOP("Device", "no carrier"),
     QT_TRANSLATE_NOOP("Device", "no rights to look"),
+    QT_TRANSLATE_NOOP("Device", "was not allowed when the EtherCAT helper was installed"),
     QT_TRANSLATE_NOOP("Device", "has the address {ip}"),
     QT_TRANSLATE_NOOP("Device", "has addresses that cannot be read"),
     QT_TRANSLATE_NOOP("Device", "is wireless"),

@@ -21,6 +21,7 @@ _SOURCES = {
     "protocol": QT_TRANSLATE_NOOP("Source", "protocol"),
     "operator": QT_TRANSLATE_NOOP("Source", "operator"),
     "participant": QT_TRANSLATE_NOOP("Source", "participant"),
+    "standstill": QT_TRANSLATE_NOOP("Source", "computer"),
 }
 
 # Why a run ended that the participant's window was asked to end.
@@ -108,6 +109,16 @@ SENTENCES = (
         "calibrate the touchscreen again, and begin anew.",
     ),
     QT_TRANSLATE_NOOP("Library", "only {free} MB are free in {folder}: make room"),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "the computer was suspended for {s} s: nothing was recorded meanwhile. Keep it awake, and record the "
+        "run again.",
+    ),
+    QT_TRANSLATE_NOOP(
+        "Library",
+        "this program did not run for {s} s (it was stopped, or the computer was too busy): the target stood still and "
+        "events may be lost. Record the run again.",
+    ),
     ESC,
     CLOSED,
     QT_TRANSLATE_NOOP("Library", "results of earlier analyses"),

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
 from draglag.gap.results import BY_TAPS, stated
 from draglag.gap.wording import separating_run
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.plots.plot import Plot, tr
@@ -56,7 +57,7 @@ class StepTable(QTableWidget):
         tips = {EFFECT: effect_meaning(step["effect"]), PROBABILITY: compared}
         for column, text in enumerate(texts):
             item = QTableWidgetItem(text)
-            item.setToolTip(tips.get(column) or text)
+            item.setToolTip(plain(tips.get(column) or text))
             item.setData(Qt.ItemDataRole.UserRole, step["effect"])
             self.setItem(k, column, item)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 import numpy as np
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, Qt
 
 from draglag.errors import DraglagError
 from draglag.protocols import PlannedRun, expand
@@ -24,6 +24,7 @@ class PlanPreview(QObject):
         self._space = workspace
         self._key = ""
         self.words = label("", "verdict", wrap=True)
+        self.words.setTextFormat(Qt.TextFormat.RichText)
         self.plot = Plot(
             tr("Order of the runs"), tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol"
         )
@@ -37,7 +38,7 @@ class PlanPreview(QObject):
         try:
             plan = expand(protocol, panel.screen(), beam=panel.beam())
         except DraglagError as error:
-            self.words.setText(str(error))
+            self.words.setText(escape(str(error)))
             restyle(self.words, "level", "bad")
             return
         restyle(self.words, "level", "")

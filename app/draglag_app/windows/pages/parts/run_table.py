@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem, QWidg
 
 from draglag.latency import RunEstimate
 from draglag.recording import Run
+from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.wording import words
@@ -112,7 +113,7 @@ class RunTable(QTableWidget):
                 item.setForeground(QBrush(QColor(colours[level])))
             if column in (2, 3, 4):
                 item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-            item.setToolTip(tip)
+            item.setToolTip(plain(tip))
             self.setItem(row, column, item)
 
     def _selected(self) -> None:

@@ -1,0 +1,69 @@
+"""When nothing can be saved any more: the session waits for another place, or for room, and goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from draglag.errors import DataError, DraglagError
+from draglag.store import SessionWriter
+from draglag_app.session import events
+from draglag_app.session.control import Control
+from draglag_app.session.saver import Saver
+
+
+def another_place(saver: Saver, control: Control, tell: events.Listener) -> bool:
+    """Ask until saving goes on; False if nobody names a place, or the session is to stop."""
+
+    def go_on(place: Path | None) -> None:
+        saver.call(lambda: saver.resume(place))
+
+    return control.has_place and _ask(saver.failure, saver.path, go_on, control, tell, heed_stop=True)
+
+
+def close(writer: SessionWriter, control: Control, tell: events.Listener) -> Path:
+    """Make the session file, in another place where it has to be. Raises DataError: the journal is what there is."""
+    try:
+        return writer.close()
+    except DataError as error:
+        failure = error
+
+    def go_on(place: Path | None) -> None:
+        if place is not None:
+            writer.move(place)
+        writer.close()
+
+    if not control.has_place or not _ask(failure, writer.path, go_on, control, tell, heed_stop=False):
+        raise elsewhere(failure, writer.partial)
+    return writer.path
+
+
+def elsewhere(failure: DraglagError, partial: Path) -> DataError:
+    """The failure with what to do once the session has ended."""
+    return DataError(
+        failure.problem, f"Make room on the disk, then `draglag verify {partial}`, or save it elsewhere with --out"
+    )
+
+
+def _ask(
+    failure: DraglagError | None,
+    path: Path,
+    go_on: Callable[[Path | None], None],
+    control: Control,
+    tell: events.Listener,
+    heed_stop: bool,
+) -> bool:
+    """Wait for answers and try them, until one does."""
+    while failure is not None:
+        tell(events.PlaceWanted(path, failure.problem, failure.remedy))
+        answer = control.wait_for_place(heed_stop)
+        if answer is None:
+            return False
+        folder = answer.folder
+        try:
+            go_on(None if folder is None else folder / path.name)
+        except DraglagError as error:
+            failure = error
+        else:
+            return True
+    return True

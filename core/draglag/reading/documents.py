@@ -1,0 +1,69 @@
+"""JSON and TOML texts as values that are neither too deep nor hold whole numbers beyond any use."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from draglag.errors import DataError
+from draglag.reading.limits import DEPTH, KEY_PARTS, WHOLE_MOST
+
+# A part begins where no other character of a part stands before it, so that every stretch is looked at once.
+_LONG_KEY = re.compile(
+    r"(?<![\w\-\"'])(?:(?:\"[^\"\n]{0,99}\"|'[^'\n]{0,99}'|[\w-]{1,99})[ \t]*\.[ \t]*)" + f"{{{KEY_PARTS}}}"
+)
+
+
+def parse_json(text: str, where: Path | str, remedy: str = "Correct the file") -> Any:
+    """The value of a JSON text. Raises DataError naming file, line and column."""
+    try:
+        return checked(json.loads(text), where, remedy)
+    except json.JSONDecodeError as error:
+        problem = f"{where}, line {error.lineno}, column {error.colno}: is not JSON ({error.msg})"
+        raise DataError(problem, remedy) from error
+    except RecursionError as error:
+        raise _too_deep(where, remedy) from error
+    except ValueError as error:  # Python stops at 4300 digits
+        raise _too_long(where, remedy) from error
+
+
+def parse_toml(text: str, where: Path | str, remedy: str = "Correct the file at that line") -> dict[str, Any]:
+    """The table of a TOML text. Raises DataError naming file and line."""
+    if _LONG_KEY.search(text):
+        raise DataError(f"{where}: a dotted key has more than {KEY_PARTS} parts", remedy)
+    try:
+        table: dict[str, Any] = checked(tomllib.loads(text), where, remedy)
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{where} is not valid TOML: {error}", remedy) from error
+    except RecursionError as error:
+        raise _too_deep(where, remedy) from error
+    except ValueError as error:
+        raise _too_long(where, remedy) from error
+    return table
+
+
+def checked(value: Any, where: Path | str, remedy: str = "Correct the file") -> Any:
+    """The value itself. Raises DataError where it is nested too deep or holds a whole number that is too long."""
+    waiting: list[tuple[Any, int, str]] = [(value, 0, "")]
+    while waiting:
+        item, depth, key = waiting.pop()
+        if depth > DEPTH:
+            raise _too_deep(where, remedy)
+        if isinstance(item, dict):
+            waiting.extend((inner, depth + 1, str(name)) for name, inner in item.items())
+        elif isinstance(item, list):
+            waiting.extend((inner, depth + 1, key) for inner in item)
+        elif isinstance(item, int) and not -WHOLE_MOST <= item <= WHOLE_MOST:
+            raise DataError(f"{where}: {key[:40]}: holds a number that is too long", remedy)
+    return value
+
+
+def _too_deep(where: Path | str, remedy: str) -> DataError:
+    return DataError(f"{where}: is nested too deep (more than {DEPTH} levels)", remedy)
+
+
+def _too_long(where: Path | str, remedy: str) -> DataError:
+    return DataError(f"{where}: holds a number that is too long", remedy)

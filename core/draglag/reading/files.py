@@ -1,0 +1,107 @@
+"""The bytes of a regular file, up to a limit. What is no regular file (a pipe, a device) is not opened."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import stat
+import zlib
+from io import BufferedIOBase, BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.reading.limits import GZIP_FREE_BYTES, GZIP_RATIO, LINE_BYTES, TABLE_BYTES, TABLE_ROWS
+
+_PIECE_BYTES = 2**20
+_GZIP = b"\x1f\x8b"
+# Without waiting for the other end of a pipe, and without becoming a terminal's process.
+_FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
+
+
+def read_bytes(path: Path | str, most: int, remedy: str = "Check the name and the rights") -> bytes:
+    """The whole file, at most ``most`` bytes.
+
+    Raises DataError: not there, not readable, a folder, no regular file, or longer.
+    """
+    try:
+        _regular(path, os.stat(path).st_mode)  # before it is opened: opening alone moves some devices
+        descriptor = os.open(path, _FLAGS)
+        with os.fdopen(descriptor, "rb") as file:
+            _regular(path, os.fstat(descriptor).st_mode)
+            data = _up_to(file, most + 1)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})", remedy) from error
+    except ValueError as error:  # a name that holds a NUL
+        raise DataError(f"{str(path)!r}: cannot be the name of a file", remedy) from error
+    if len(data) > most:
+        raise DataError(f"{path}: is longer than {_size(most)}", remedy)
+    return data
+
+
+def read_text(path: Path | str, most: int, remedy: str = "Check the name and the rights") -> str:
+    """The whole file as UTF-8 text; a byte-order mark is left out. Raises DataError."""
+    return decoded(path, read_bytes(path, most, remedy))
+
+
+def decoded(path: Path | str, data: bytes) -> str:
+    """UTF-8 text. Raises DataError naming the first byte that is none."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        problem = f"{path}, line {line}: is not UTF-8 text (byte {error.start})"
+        raise DataError(problem, "Save it as UTF-8") from error
+
+
+def plain_lines(path: Path | str) -> bytes:
+    """A table of lines, unpacked where it is gzipped, each line ended by a newline character alone.
+
+    Raises DataError: as ``read_bytes``; not sound gzip; too many bytes or lines, or one line too long.
+    """
+    data = read_bytes(path, TABLE_BYTES, "Check the file and its rights")
+    if data[:2] == _GZIP or Path(path).suffix == ".gz":
+        data = _unpacked(path, data)
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
+    if len(ends) > TABLE_ROWS:
+        raise DataError(f"{path}: has more than {TABLE_ROWS} lines", "Split the run")
+    lengths = np.diff(np.concatenate([[-1], ends, [len(data)]]))
+    if lengths.max() > LINE_BYTES:
+        line = int(np.argmax(lengths > LINE_BYTES)) + 1
+        problem = f"{path}, line {line}: is longer than {LINE_BYTES} bytes"
+        raise DataError(problem, "Expected numbers separated by commas, one record a line")
+    return data
+
+
+def _unpacked(path: Path | str, packed: bytes) -> bytes:
+    most = min(TABLE_BYTES, GZIP_FREE_BYTES + GZIP_RATIO * len(packed))
+    try:
+        with gzip.GzipFile(fileobj=BytesIO(packed)) as file:
+            data = _up_to(file, most + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise DataError(f"{path}: is not sound gzip ({error})", "Copy or compress it again") from error
+    if len(data) > most:
+        raise DataError(f"{path}: unpacks to more than {_size(most)}, as no table of numbers does", "Split the run")
+    return data
+
+
+def _up_to(file: BufferedIOBase, most: int) -> bytes:
+    """Piece by piece: asked for a number of bytes, Python sets that many aside, however short the file is."""
+    pieces: list[bytes] = []
+    while most > 0 and (piece := file.read(min(most, _PIECE_BYTES))):
+        pieces.append(piece)
+        most -= len(piece)
+    return b"".join(pieces)
+
+
+def _regular(path: Path | str, mode: int) -> None:
+    if stat.S_ISDIR(mode):
+        raise DataError(f"{path}: is a folder", "Name a file in it")
+    if not stat.S_ISREG(mode):
+        raise DataError(f"{path}: is not a regular file", "Name a file on a disk, not a pipe or a device")
+
+
+def _size(count: int) -> str:
+    return f"{count / 2**20:.0f} MiB" if count >= 2**20 else f"{count} bytes"

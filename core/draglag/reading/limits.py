@@ -1,0 +1,51 @@
+"""Every limit on what is read from a file: its meaning, unit and origin.
+
+Each lies far above what a measurement holds and far below what fills the memory or the day.
+"""
+
+from __future__ import annotations
+
+DOCUMENT_BYTES = 4_000_000
+"""Bytes of a model, calibration, protocol, screen or settings file: a few kilobytes, a thousand times over."""
+
+HEADER_BYTES = 16 * 2**20
+"""Bytes of ``session.json`` and of the protocol kept with it: logs and notes of 10 000 runs."""
+
+TABLE_BYTES = 512 * 2**20
+"""Bytes of a CSV or evemu file, unpacked: an hour at 1 kHz is 130 MB as CSV and 330 MB as evemu lines."""
+
+TABLE_ROWS = 20_000_000
+"""Lines of a CSV or evemu file: an hour at 1 kHz with five evemu lines a frame."""
+
+LINE_BYTES = 10_000
+"""Bytes of one line of a CSV or evemu file: 400 columns of 24 digits."""
+
+GZIP_RATIO = 30
+"""Unpacked bytes to one packed byte. Columns of measured numbers shrink 2- to 10-fold, deflate ends at 1030."""
+
+GZIP_FREE_BYTES = 2**20
+"""Unpacked bytes below which the ratio is not looked at: a short file of equal lines may be packed tightly."""
+
+DEPTH = 32
+"""Tables or lists one in another in JSON and TOML: draglag's own files have 6."""
+
+KEY_PARTS = 32
+"""Parts of one dotted TOML key. Python's TOML reader takes a time that grows with their square."""
+
+WHOLE_MOST = 2**128 - 1
+"""Largest whole number of a document, and largest seed: the 128 bits that numpy draws where no seed is given."""
+
+RUNS = 10_000
+"""Runs of one session: one a second for three hours."""
+
+SIZE_MM = 100_000.0
+"""Largest panel, radius or offset, mm: a wall of 100 m."""
+
+SIZE_PX = 1_000_000
+"""Largest panel, pixels along one side."""
+
+TIME_S = 1e11
+"""Largest stamp, s: seconds since 1970 are 1.8e9, a stamp in ns is refused."""
+
+CONTACTS = 128
+"""Contacts of one touchscreen at a time: the largest touch tables follow 100. Frames are compared pair by pair."""

@@ -1,0 +1,224 @@
+"""A file of checksummed frames that only grows: what a recording is kept in until it is finished.
+
+Every frame begins on a page of its own: a power cut leaves each page as it was before or after, so that what was
+synchronised earlier is never touched by what comes later, and a damaged page costs one frame.
+
+Frame: magic 4, nonce 8, number u32, length u32, CRC-32 u32 (of nonce, number, length, payload), payload, zeros up to
+the next page. All little-endian. The nonce is the file's own: a frame of an older file that the disk kept is no frame.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+MAGIC = b"\xd7DLJ"
+_HEAD = struct.Struct("<4s8sIII")
+# What file systems and disks write as one piece (bytes).
+PAGE = 4096
+# A record holds 0.2 s of samples, some kB; more than this (bytes) is no record, whatever its length says.
+LIMIT = 1 << 26
+_COPY_BYTES = 1 << 20
+
+
+class Locked(Exception):
+    """Another process holds the file."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One whole frame; ``end``: where its payload ends, bytes."""
+
+    number: int
+    payload: bytes
+    end: int
+
+
+class FrameFile:
+    """A new file of frames, locked for this process. ``count``: how many frames it has. Raises OSError, Locked."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.count = 0
+        self._end = 0
+        self._nonce = os.urandom(8)
+        self.fd = _create(path)
+
+    @property
+    def size(self) -> int:
+        """Bytes that hold whole frames."""
+        return self._end
+
+    def append(self, payload: bytes) -> None:
+        """The frame is on the disk when this returns. Raises OSError; the file then holds what it held before."""
+        head = _HEAD.pack(MAGIC, self._nonce, self.count, len(payload), _crc(self._nonce, self.count, payload))
+        data = head + payload + bytes(-(_HEAD.size + len(payload)) % PAGE)
+        try:
+            _write(self.fd, data, self._end)
+            os.fdatasync(self.fd)
+        except OSError:
+            with suppress(OSError):  # what is left over is no whole frame, or is overwritten by the next
+                os.ftruncate(self.fd, self._end)
+            raise
+        self._end += len(data)
+        self.count += 1
+
+    def in_place(self) -> bool:
+        """Whether the name still leads to this file: somebody may have deleted or renamed it."""
+        return _named(self.path, self.fd)
+
+    def move(self, path: Path) -> None:
+        """Go on in a new file that begins with all frames so far; the old one is deleted. Raises OSError, Locked.
+
+        Works as well where the old name is gone, as long as this process has the file open.
+        """
+        fd = _create(path)
+        try:
+            at = 0
+            while at < self._end:
+                piece = os.pread(self.fd, min(_COPY_BYTES, self._end - at), at)
+                if not piece:
+                    raise OSError(errno.EIO, os.strerror(errno.EIO), str(self.path))
+                _write(fd, piece, at)
+                at += len(piece)
+            os.fdatasync(fd)
+        except OSError:
+            os.close(fd)
+            path.unlink(missing_ok=True)
+            raise
+        old, self.fd = self.fd, fd
+        if _named(self.path, old):
+            with suppress(OSError):  # a second copy of what is safe elsewhere
+                self.path.unlink()
+        os.close(old)
+        self.path = path
+
+    def close(self) -> None:
+        """Close; the frames stay. A child that was forked meanwhile does not keep the lock."""
+        with suppress(OSError):
+            fcntl.flock(self.fd, fcntl.LOCK_UN)
+        os.close(self.fd)
+
+
+def lock(fd: int) -> bool:
+    """Whether the file is locked for us now; False where the file system knows no locks. Raises Locked.
+
+    flock, as POSIX locks end when any descriptor of the file is closed. It is free again after SIGKILL.
+    """
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise Locked from None
+    except OSError:
+        return False
+    return True
+
+
+def sync_folder(folder: Path) -> None:
+    """Names made in the folder so far survive a power cut. Raises OSError."""
+    fd = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(fd)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # a file system that cannot
+            raise
+    finally:
+        os.close(fd)
+
+
+def frames(fd: int) -> Iterator[Frame]:
+    """Every whole frame in order of its number, each once, wherever in the file it is. Raises nothing."""
+    places, nonce = _places(fd)
+    size = os.fstat(fd).st_size
+    for number in sorted(places):
+        found = _frame(fd, places[number], size, nonce)
+        if found is not None and found[1].number == number:
+            yield found[1]
+
+
+def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
+    """Number of each whole frame → where it begins, in bytes; and the file's nonce."""
+    size = os.fstat(fd).st_size
+    places: dict[int, int] = {}
+    at, nonce = 0, None
+    while at + _HEAD.size <= size:
+        found = _frame(fd, at, size, nonce)
+        if found is None:
+            at += PAGE
+            continue
+        nonce, frame = found
+        places.setdefault(frame.number, at)
+        at = frame.end + -frame.end % PAGE
+    return places, nonce
+
+
+def bytes_after(fd: int, end: int) -> int:
+    """How many bytes follow the frame whose payload ends there: of a frame that is not whole."""
+    return max(0, os.fstat(fd).st_size - (end + -end % PAGE))
+
+
+def _frame(fd: int, at: int, size: int, nonce: bytes | None) -> tuple[bytes, Frame] | None:
+    head = _read(fd, _HEAD.size, at)
+    if len(head) < _HEAD.size:
+        return None
+    magic, its, number, length, crc = _HEAD.unpack(head)
+    if magic != MAGIC or nonce not in (None, its) or length > min(LIMIT, size - at - _HEAD.size):
+        return None
+    payload = _read(fd, length, at + _HEAD.size)
+    if len(payload) != length or _crc(its, number, payload) != crc:
+        return None
+    return its, Frame(number, payload, at + _HEAD.size + length)
+
+
+def _named(path: Path, fd: int) -> bool:
+    """Whether a name leads to an open file."""
+    try:
+        named, opened = os.stat(path), os.fstat(fd)
+    except OSError:
+        return False
+    return (named.st_dev, named.st_ino) == (opened.st_dev, opened.st_ino)
+
+
+def _create(path: Path) -> int:
+    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+    try:
+        lock(fd)
+        sync_folder(path.absolute().parent)
+    except BaseException:
+        os.close(fd)
+        path.unlink(missing_ok=True)
+        raise
+    return fd
+
+
+def _write(fd: int, data: bytes, at: int) -> None:
+    rest = memoryview(data)
+    while rest:
+        written = os.pwrite(fd, rest, at)
+        at, rest = at + written, rest[written:]
+
+
+def _read(fd: int, length: int, at: int) -> bytes:
+    """Up to ``length`` bytes; fewer at the end of the file and where the disk cannot read them."""
+    parts: list[bytes] = []
+    while length > 0:
+        try:
+            piece = os.pread(fd, length, at)
+        except OSError:
+            break
+        if not piece:
+            break
+        parts.append(piece)
+        at, length = at + len(piece), length - len(piece)
+    return b"".join(parts)
+
+
+def _crc(nonce: bytes, number: int, payload: bytes) -> int:
+    return zlib.crc32(payload, zlib.crc32(nonce + struct.pack("<II", number, len(payload))))

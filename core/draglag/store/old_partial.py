@@ -1,0 +1,265 @@
+"""Unfinished or damaged HDF5: everything that can be read, run by run and column by column.
+
+The first recordings were made into an HDF5 file that was changed in place; such ``.partial`` files, and finished
+session files that were damaged, are saved here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from draglag.errors import DataError
+from draglag.recording import Run, Session
+from draglag.store import schema
+from draglag.store.checksum import raw_checksum
+from draglag.store.codec import TABLES
+from draglag.store.read import header_v1, run_v1
+from draglag.store.safely import (
+    BROKEN,
+    TOO_LARGE,
+    check_schema,
+    dataset_problem,
+    open_hdf5,
+    short,
+    text_attr,
+    tree_problems,
+)
+from draglag.store.sense import first_problem
+
+_TABLES = {**TABLES, "notes": schema.LOG}
+# Groups below a run that are made empty where they are lost, so that the rest of the run is kept.
+_STREAMS = ("touch", "laser")
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """A column as far as it can be read: ``values`` with the fill where ``readable`` is False."""
+
+    values: NDArray[Any]
+    readable: NDArray[np.bool_]
+
+
+def recover(path: Path) -> tuple[Session, list[str]]:
+    """Everything readable of a damaged file, and what was lost. Raises DataError when that is nothing."""
+    losses: list[str] = []
+    with open_hdf5(path) as file, h5py.File("salvage", "w", driver="core", backing_store=False) as copy:
+        check_schema(file, path)
+        problems = _problems(file)
+        losses += [f"/{name} {problem}" for name, problem in problems]
+        if any(problem == TOO_LARGE for _, problem in problems):
+            raise DataError(f"{path}: unpacked it is far larger than a recording can be", "Use the file as recorded")
+        if not problems:  # a checksum looks at everything, also where it should not
+            _attempt(losses, "the checksum", lambda: _compare_checksum(file, losses))
+        left_out = frozenset(name for name, _ in problems)
+        _attempt(losses, "the root", lambda: _copy_attrs(file, copy))
+        for name in schema.RAW_GROUPS:
+            _attempt(losses, f"/{name}", partial(_copy, file, name, copy, losses, left_out))
+        _attempt(losses, "/protocol_toml", lambda: _copy(file, "protocol_toml", copy, losses, left_out))
+        runs: list[Run] = []
+        for name in list(copy["runs"]) if "runs" in copy else []:
+            _attempt(losses, f"run {name}", partial(_add_run, runs, copy["runs"], name, losses))
+        session = _with_header(copy, tuple(runs), losses, path)
+        return session, losses
+
+
+def _with_header(copy: Any, runs: tuple[Run, ...], losses: list[str], path: Path) -> Session:
+    """The session; parts besides the runs that cannot be read are left out one by one."""
+    for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "protocol_toml"):
+        if optional and optional in copy:
+            losses.append(f"/{optional} is lost")
+            del copy[optional]
+        try:
+            return header_v1(copy, runs)
+        except (*BROKEN, DataError) as error:
+            why = error
+    raise DataError(
+        f"{path}: {len(runs)} runs can be read, and what the session is cannot ({short(why)})",
+        "Keep the file; try another copy of it",
+    ) from why
+
+
+def _problems(file: Any) -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    try:
+        found.extend(tree_problems(file))
+    except BROKEN:
+        found.append(("", "cannot be looked through as a whole"))
+    return found
+
+
+def _compare_checksum(file: Any, losses: list[str]) -> None:
+    try:
+        known = text_attr(file, "raw_sha256", "")
+        same = not known or known == raw_checksum(file)
+    except BROKEN:
+        return  # what cannot be read is named item by item
+    if not same:
+        losses.append("some raw data were changed after recording: the checksum does not match")
+
+
+def _add_run(runs: list[Run], parent: Any, name: str, losses: list[str]) -> None:
+    """A run, whatever is left of it."""
+    group = parent[name]
+    for stream in _STREAMS:
+        if not isinstance(group.get(stream), h5py.Group):
+            losses.append(f"run {name}: {stream} is lost")
+            _make_empty(group, stream)
+    _guess_attrs(group, name, losses)
+    for optional in ("", "log", "sync", "display", "target", "touch/axes", "touch/gaps", "laser/gaps"):
+        if optional and optional in group:
+            losses.append(f"run {name}: {optional} is lost")
+            del group[optional]
+        try:
+            run = run_v1(group)
+            break
+        except (*BROKEN, DataError) as error:
+            why = error
+    else:
+        raise DataError(short(why))
+    runs.append(_in_order(run, losses))
+
+
+def _make_empty(group: Any, stream: str) -> None:
+    if stream in group:
+        del group[stream]
+    made = group.create_group(stream)
+    for column in TABLES[stream].every():
+        if not column.optional:
+            made.create_dataset(column.name, data=np.empty(0, column.dtype))
+
+
+def _guess_attrs(group: Any, name: str, losses: list[str]) -> None:
+    """Where a run's attributes are lost: its span from its samples, an open protocol."""
+    times = np.concatenate([group[stream]["time"][()] for stream in _STREAMS if "time" in group[stream]])
+    times = times[np.isfinite(times)]
+    start_s, end_s = (float(times.min()), float(times.max())) if len(times) else (0.0, 0.0)
+    for key, value in (("protocol", "free"), ("start_s", start_s), ("duration_s", end_s - start_s)):
+        if key not in group.attrs:
+            losses.append(f"run {name}: {key} is lost, it was estimated from the samples")
+            group.attrs[key] = value
+
+
+def _in_order(run: Run, losses: list[str]) -> Run:
+    """The run without samples whose times cannot be right."""
+    for stream in _STREAMS:
+        trace: Any = getattr(run, stream)
+        if not first_problem(stream, trace.t_s, run):
+            continue
+        near = np.isfinite(trace.t_s)
+        near[near] = [not first_problem(stream, trace.t_s[k : k + 1], run) for k in np.flatnonzero(near)]
+        latest = np.maximum.accumulate(np.where(near, trace.t_s, -np.inf))
+        kept = near & (trace.t_s >= latest)
+        losses.append(f"run {run.id}: {int((~kept).sum())} {stream} samples have times that cannot be")
+        columns = {
+            key: values[kept]
+            for key, values in vars(trace).items()
+            if isinstance(values, np.ndarray) and values.ndim == 1 and len(values) == len(kept)
+        }
+        run = replace(run, **{stream: replace(trace, **columns)})
+    return run
+
+
+def _attempt(losses: list[str], what: str, action: Callable[[], object]) -> None:
+    try:
+        action()
+    except (*BROKEN, DataError) as error:
+        losses.append(f"{what} is lost ({short(error)})")
+
+
+def _copy_attrs(source: Any, target: Any, losses: list[str] | None = None) -> None:
+    for key in source.attrs:
+        if key in ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"):
+            continue
+        try:
+            target.attrs[key] = source.attrs[key]
+        except BROKEN as error:
+            if losses is None:
+                raise
+            losses.append(f"{source.name}: {key} is lost ({short(error)})")
+
+
+def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: frozenset[str], depth: int = 0) -> None:
+    """Copy one item and what is below it, leaving out what cannot be read and what no session file has."""
+    where = f"{parent.name}/{name}".strip("/")
+    if where in left_out or depth > 6 or not isinstance(parent.get(name, getlink=True), h5py.HardLink):
+        return
+    item = parent[name]
+    if isinstance(item, h5py.Dataset):
+        if not dataset_problem(item):
+            target.create_dataset(name, data=item[()])
+        return
+    group = target.require_group(name)
+    _copy_attrs(item, group, losses)
+    table = schema.CLOCK if "stream" in item.attrs else _TABLES.get(name)
+    columns = _copy_table(item, table, group, losses, left_out) if table is not None else set()
+    for key in item:
+        if key not in columns:
+            where = f"{item.name}/{key}"
+            _attempt(losses, where, partial(_copy, item, key, group, losses, left_out, depth + 1))
+
+
+def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str], left_out: frozenset[str]) -> set[str]:
+    """Copy what can be read of every column. Rows that the scale does not count, or whose time is lost, are left out;
+    other columns have their fill where they are lost."""
+    present = [c for c in table.every() if f"{source.name}/{c.name}".strip("/") not in left_out]
+    columns = {c.name: _readable_rows(source, c) for c in present if c.name in source}
+    scale = columns.get(table.scale.name)
+    length = len(scale.values) if scale is not None else 0
+    longest = max((len(column.values) for column in columns.values()), default=0)
+    if longest > length:
+        losses.append(f"{source.name}: {longest - length} unfinished rows are lost")
+    kept = np.ones(length, bool) if scale is None or table.scale.kind == "i" else scale.readable.copy()
+    if scale is not None and table.scale.kind == "f":
+        kept &= np.isfinite(scale.values)  # room that HDF5 made and a writer that died did not fill
+    if not kept.all():
+        losses.append(f"{source.name}: {int((~kept).sum())} rows are lost with their times")
+    for column in table.every():
+        rows = columns.get(column.name)
+        if rows is None and column.optional:
+            continue
+        values = np.full(length, column.fill, column.dtype)
+        if rows is None or len(rows.values) < length or not rows.readable[:length].all():
+            lost = length - (0 if rows is None else int(rows.readable[:length].sum()))
+            if lost and column is not table.scale:
+                losses.append(f"{source.name}/{column.name}: {lost} of {length} values are lost")
+        if rows is not None:
+            values[: len(rows.values)] = rows.values[:length]
+        target.create_dataset(column.name, data=values[kept])
+    return {column.name for column in table.every()}
+
+
+def _readable_rows(source: Any, column: schema.Column) -> _Rows:
+    """The rows of a column, chunk by chunk where it cannot be read at once."""
+    nothing = _Rows(np.empty(0, column.dtype), np.empty(0, bool))
+    try:
+        dataset = source[column.name]
+        if not isinstance(dataset, h5py.Dataset) or dataset_problem(dataset) or dataset.ndim != 1:
+            return nothing
+        if (dataset.dtype.kind == "S") != column.kind.startswith("S"):
+            return nothing
+        length = int(dataset.shape[0])
+    except BROKEN:
+        return nothing
+    values = np.full(length, column.fill, column.dtype)
+    readable = np.zeros(length, bool)
+    step = max(length, 1)
+    try:
+        values[:] = dataset[()]
+        return _Rows(values, np.ones(length, bool))
+    except BROKEN:
+        step = (dataset.chunks or (1024,))[0]
+    for start in range(0, length, step):
+        try:
+            values[start : start + step] = dataset[start : start + step]
+            readable[start : start + step] = True
+        except BROKEN:
+            continue
+    return _Rows(values, readable)

@@ -1,0 +1,80 @@
+"""What is being made grows in a temporary folder next to its place; what a killed process left of it is swept away.
+
+The folder's name says whose it is: process, when that was started, a number of its own. Its maker holds a lock on it,
+which the system lets go of however the process ends.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import shutil
+import stat
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
+
+
+@contextmanager
+def temporary_for(path: Path) -> Iterator[Path]:
+    """A place of the same name in a new temporary folder on the same file system, to be renamed to ``path`` when whole.
+
+    The folder, and whatever is still in it, goes at the end of the block. Raises OSError.
+    """
+    number = os.getpid()
+    folder = path.absolute().parent / f".draglag-tmp-{number}-{_started(number)}-{uuid.uuid4().hex[:8]}"
+    folder.mkdir()
+    descriptor = -1
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+        with suppress(OSError):  # a file system without locks: the process's number alone says that it is in use
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield folder / path.name
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def sweep(folder: Path) -> list[Path]:
+    """Remove the temporary folders in ``folder`` whose maker has ended, and return them. Nothing else is touched.
+
+    A folder stays where its name is not exactly such a one, where it is another account's or a link, where its maker
+    lives, and where its lock is held or cannot be asked for (another computer or container may hold it).
+    """
+    try:
+        found = [name for name in os.listdir(folder) if _NAME.fullmatch(name)]
+    except OSError:
+        return []
+    return [folder / name for name in found if _removed(folder / name)]
+
+
+def _removed(path: Path) -> bool:
+    number, started = _NAME.fullmatch(path.name).groups()  # type: ignore[union-attr]
+    if _started(int(number)) == int(started) != 0:
+        return False
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            status = os.fstat(descriptor)
+            if status.st_uid != os.geteuid() or not stat.S_ISDIR(status.st_mode):
+                return False
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(path)
+            return True
+        finally:
+            os.close(descriptor)
+    return False
+
+
+def _started(number: int) -> int:
+    """When a process was started, in ticks since the computer was; 0 where there is no such process, or no /proc."""
+    try:
+        status = Path(f"/proc/{number}/stat").read_bytes()
+    except OSError:
+        return 0
+    return int(status.rpartition(b")")[2].split()[19])

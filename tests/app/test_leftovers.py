@@ -1,0 +1,47 @@
+"""A command that was killed leaves nothing behind after the next one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from draglag.exchange import read_exchange
+from draglag.store import write_session
+from draglag_app.leftovers import sweep_for
+
+SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
+# The command, ended by SIGKILL in the moment in which what it made would get its name.
+_KILLED = """
+import os, signal, sys
+from pathlib import Path
+def die(*arguments, **more): os.kill(os.getpid(), signal.SIGKILL)
+os.link = os.replace = os.rename = Path.rename = die
+from draglag_app.cli import main
+main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize("command", [
+    ("analyze", "{session}", "--save"),
+    ("export", "{session}", "--to", "netcdf", "--out", "{folder}/out/a.nc"),
+    ("export", "{session}", "--to", "exchange", "--out", "{folder}/out/again"),
+], ids=" ".join)  # fmt: skip
+def test_what_a_killed_command_left_is_gone_after_the_next_start(tmp_path: Path, command: tuple[str, ...]) -> None:
+    session, out = tmp_path / "s" / "a.h5", tmp_path / "out"
+    session.parent.mkdir()
+    out.mkdir()
+    write_session(read_exchange(SAMPLE), session)
+    content = session.read_bytes()
+    arguments = [word.format(session=session, folder=tmp_path) for word in command]
+    done = subprocess.run([sys.executable, "-c", _KILLED, *arguments], capture_output=True, check=False)
+    assert done.returncode == -9, done.stderr
+    left = [*session.parent.glob(".*"), *out.glob(".*")]
+    assert len(left) == 1
+    assert sweep_for(arguments) == left
+    assert os.listdir(session.parent) == ["a.h5"]
+    assert os.listdir(out) == []
+    assert session.read_bytes() == content

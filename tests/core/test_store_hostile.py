@@ -1,0 +1,330 @@
+"""Session files changed in any way their structure allows, and journals with right checksums and wrong contents.
+
+They give one clear sentence, or the session with what is wrong said; never a traceback, what is in another file, or
+memory without bound.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from core.store_sessions import assert_same, bare_session, full_run, full_session
+from draglag.errors import DataError
+from draglag.recording import Session
+from draglag.store import SessionWriter, codec, read_analyses, read_session, salvage, schema, verify, write_session
+from draglag.store.frames import FrameFile
+from draglag.store.read import CHANGED
+from draglag.store.schema import Node
+
+TRIES = settings(
+    max_examples=int(os.environ.get("DRAGLAG_FUZZ", "20")),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+SECRET = "/etc/passwd"
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Session, list[str]]:
+    """A session file, what it holds, and the names of all its items."""
+    path = tmp_path_factory.mktemp("sound") / "s.h5"
+    session = replace(bare_session(full_run("run-01", 10.0)), taps=full_session().taps, notes=full_session().notes)
+    write_session(session, path)
+    names: list[str] = [""]
+    with h5py.File(path) as file:
+        file.visit(names.append)
+    return path, session, names
+
+
+# --- what can be done to an item of an HDF5 file; each takes the file, the item's name and a number ---
+
+
+def _delete(file: Any, name: str, number: int) -> None:
+    del file[name]
+
+
+def _soft_link(file: Any, name: str, number: int) -> None:
+    del file[name]
+    file[name] = h5py.SoftLink(("/", "/runs", f"/{name}", "/none")[number % 4])
+
+
+def _external_link(file: Any, name: str, number: int) -> None:
+    del file[name]
+    file[name] = h5py.ExternalLink(SECRET, "/")
+
+
+def _hard_link(file: Any, name: str, number: int) -> None:
+    target = file[("/", "/runs", "/screen", "/runs/run-01/touch/time")[number % 4]]
+    del file[name]
+    file[name] = target
+
+
+def _virtual(file: Any, name: str, number: int) -> None:
+    del file[name]
+    layout = h5py.VirtualLayout((200,), "f8")
+    layout[:] = h5py.VirtualSource(SECRET if number % 2 else ".", "runs/run-01/touch/x_mm", (200,))
+    file.create_virtual_dataset(name, layout)
+
+
+def _outside(file: Any, name: str, number: int) -> None:
+    del file[name]
+    file.create_dataset(name, (200,), "f8", external=[(SECRET, 0, 1600)])
+
+
+def _bomb(file: Any, name: str, number: int) -> None:
+    """Zeros that pack a thousandfold, 64 MB in 64 kB; or room that was never filled."""
+    del file[name]
+    if number % 2:
+        file.create_dataset(name, (2**40,), "f8", chunks=(2**16,))
+        return
+    data = file.create_dataset(name, (2**23,), "f8", chunks=(2**20,), compression="gzip", compression_opts=1)
+    data[:] = np.zeros(2**23)
+
+
+def _other_kind(file: Any, name: str, number: int) -> None:
+    del file[name]
+    kinds = ("f4", "i1", "u8", "S3", "?", "c16", "f2", h5py.vlen_dtype("i4"), h5py.string_dtype(), [("a", "f8")])
+    file.create_dataset(name, (200,), kinds[number % len(kinds)])
+
+
+def _other_shape(file: Any, name: str, number: int) -> None:
+    del file[name]
+    shapes: tuple[Any, ...] = ((), (0,), (1,), (200, 1), (199,), (10, 10, 2), None)
+    shape = shapes[number % len(shapes)]
+    file.create_dataset(name, data=h5py.Empty("f8")) if shape is None else file.create_dataset(name, shape, "f8")
+
+
+def _group_instead(file: Any, name: str, number: int) -> None:
+    del file[name]
+    file.create_group(name)
+
+
+def _values(file: Any, name: str, number: int) -> None:
+    item = file[name]
+    if isinstance(item, h5py.Dataset) and item.dtype.kind in "fi" and item.shape:
+        values: tuple[Any, ...] = (np.nan, np.inf, -np.inf, 1e300, -1.0, 0.0, 2.0**62)
+        value = values[number % len(values)]
+        item[number % max(1, item.shape[0])] = value if item.dtype.kind == "f" or np.isfinite(value) else -(2**63)
+
+
+def _attribute(file: Any, name: str, number: int) -> None:
+    item = file[name] if name else file
+    keys = [key for key in item.attrs if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME")]
+    key = keys[number % len(keys)] if keys else "new"
+    values: tuple[Any, ...] = (
+        np.nan, np.inf, 1e308, -1, 2**62, 0, "", "x" * 60_000, b"\xff\xfe", np.zeros(100), np.array([], "f8"),
+        "\u202e", h5py.Empty("f8"), np.array([b"a", b"b"]), file.ref, True,
+    )  # fmt: skip
+    with suppress(KeyError):
+        del item.attrs[key]
+    if number % 17:
+        item.attrs[key] = values[number % len(values)]
+
+
+def _many(file: Any, name: str, number: int) -> None:
+    item = file[name] if name else file
+    if isinstance(item, h5py.Group):
+        for k in range(1200):
+            item.attrs[f"many {k}"] = k
+
+
+def _deep(file: Any, name: str, number: int) -> None:
+    file.create_group((name + "/" if isinstance(file.get(name or "/"), h5py.Group) else "") + "/".join("d" * 30))
+
+
+MOVES = (
+    _delete, _soft_link, _external_link, _hard_link, _virtual, _outside, _other_kind, _other_shape, _group_instead,
+    _values, _attribute, _attribute, _many, _deep, _bomb,
+)  # fmt: skip
+changes = st.lists(
+    st.tuples(st.sampled_from(MOVES), st.integers(0, 10_000), st.integers(0, 10_000)), min_size=1, max_size=3
+)
+
+
+@TRIES
+@given(changes=changes)
+def test_a_session_file_changed_in_its_structure_is_refused_or_says_so(
+    sound: tuple[Path, Session, list[str]], tmp_path: Path, changes: list[tuple[Callable[..., None], int, int]]
+) -> None:
+    path, session, names = sound
+    changed, saved = tmp_path / "changed.h5", tmp_path / "saved.h5"
+    for old in (changed, saved):
+        old.unlink(missing_ok=True)
+    shutil.copyfile(path, changed)
+    with h5py.File(changed, "r+") as file:
+        for move, which, number in changes:
+            name = names[which % len(names)] or ("" if move in (_attribute, _many, _deep) else "screen")
+            with suppress(LookupError, OSError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError):
+                move(file, name, number)
+    refused_or_noticed(changed, session)
+    for action in (lambda: read_analyses(changed), lambda: salvage(changed, saved)):
+        with suppress(DataError):
+            action()
+    assert "root:" not in "".join(str(finding) for finding in verify(changed))
+
+
+def outcome_of(action: Callable[[Path], Any], path: Path) -> tuple[Any, DataError | None]:
+    """What an action returned, or the one error that it may raise."""
+    try:
+        return action(path), None
+    except DataError as error:
+        return None, error
+
+
+def refused_or_noticed(path: Path, session: Session) -> None:
+    """Refused in one sentence, or read with a remark, or nothing that was measured is changed."""
+    findings = verify(path)
+    read, refused = outcome_of(read_session, path)
+    if refused is not None:
+        assert "\n" not in str(refused)
+        assert str(refused).startswith(f"{path}: ")
+        assert refused.remedy
+        assert any(finding.level == "error" for finding in findings)
+        return
+    if not any(note.text == CHANGED for note in read.notes):
+        assert_same(read.runs, session.runs)
+        assert_same(read.taps, session.taps)
+
+
+def test_many_columns_that_pack_well_do_not_add_up(sound: tuple[Path, Session, list[str]], tmp_path: Path) -> None:
+    """Each is within its bound, all together are not: 0.5 GB in a file of 0.7 MB."""
+    shutil.copyfile(sound[0], tmp_path / "s.h5")
+    with h5py.File(tmp_path / "s.h5", "r+") as file:
+        for k in range(32):
+            data = file.create_dataset(f"runs/run-01/more{k}", (2**21,), "f8", chunks=(2**20,), compression="gzip")
+            data[:] = np.zeros(2**21)
+    assert (tmp_path / "s.h5").stat().st_size < 2**21
+    with pytest.raises(DataError, match="too large when unpacked"):
+        read_session(tmp_path / "s.h5")
+
+
+# --- journals ---
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Path:
+    """A sound journal."""
+    writer = SessionWriter(tmp_path / "s.h5", bare_session(full_run("run-01", 10.0)))
+    writer.abandon()
+    return tmp_path / "s.h5.partial"
+
+
+def with_payloads(path: Path, payloads: list[bytes]) -> Path:
+    """A journal of these payloads, checksums and all."""
+    path.unlink(missing_ok=True)
+    file = FrameFile(path)
+    for payload in payloads:
+        file.append(payload)
+    file.close()
+    return path
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@TRIES
+@given(head=st.fixed_dictionaries(dict.fromkeys(("nodes", "heads", "rows", "runs"), json_values)), rest=st.binary())
+def test_records_that_no_recording_wrote_are_not_believed(head: dict[str, Any], rest: bytes) -> None:
+    text = json.dumps(head).encode()
+    with suppress(DataError):
+        record = codec.decode(struct.pack("<I", len(text)) + text + rest)
+        assert all(node.path == "" or node.path.split("/")[0] for node in record.nodes)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"[" * 100_000,
+        b'{"nodes":[],"heads":[],"rows":{},"runs":' + b"9" * 5000 + b"}",
+        b'{"nodes":[["/etc",{},{},{},"",[]]],"heads":[],"rows":{},"runs":0}',
+        b'{"nodes":[["runs/../x",{},{},{},"",[]]],"heads":[],"rows":{},"runs":0}',
+        b'{"nodes":[["runs/a/touch",{},{},{},"touch",[["time",1000000000000]]]],"heads":[],"rows":{},"runs":0}',
+        b'{"nodes":[["runs/a/touch",{},{},{},"touch",[["time",-1]]]],"heads":[],"rows":{},"runs":0}',
+        b'{"nodes":[["runs/a/touch",{},{"dropped":1e400},{},"",[]]],"heads":[],"rows":{},"runs":0}',
+        b"",
+    ],
+)
+def test_absurd_records_are_refused(text: bytes) -> None:
+    with pytest.raises(DataError, match="the record"):
+        codec.decode(struct.pack("<I", len(text)) + text)
+
+
+words = st.sampled_from(["touch", "laser", "clock", "log", "taps", "gaps", "axes", "calibration", "display", ""])
+paths = st.sampled_from(
+    ["", "runs", "runs/run-01", "runs/run-01/touch", "runs/run-01/touch/gaps", "runs/run-01/laser", "taps", "notes",
+     "clocks/x", "runs/new", "runs/new/touch", "screen", "runs/run-01/sync/x", "runs/run-01/log"]
+)  # fmt: skip
+numbers = st.sampled_from([0.0, 1.0, 10.5, 11.0, -1.0, float("nan"), float("inf"), 1e300])
+
+
+counters = st.dictionaries(st.sampled_from(["dropped", "missed", "late"]), st.integers(0, 9), max_size=2)
+keys = st.sampled_from(["outcome", "stream", "start_s", "width_mm", "name"])
+values = numbers | st.integers(-5, 2**60) | st.text(max_size=5)
+
+
+@st.composite
+def odd_nodes(draw: st.DrawFn) -> Node:
+    """A node of right types in a place where it need not belong."""
+    table = codec.TABLES.get(draw(words))
+    rows: dict[str, Any] = {}
+    count = draw(st.integers(0, 3))
+    for column in table.every() if table is not None and count else ():
+        if column.optional and draw(st.booleans()):
+            continue
+        if column.kind.startswith("S"):
+            rows[column.name] = np.full(count, b"a", column.dtype)
+        else:
+            drawn = np.array([draw(numbers) for _ in range(count)])
+            rows[column.name] = drawn if column.kind == "f" else np.nan_to_num(drawn, posinf=9.0).clip(0, 9).astype(int)
+    return Node(draw(paths), draw(st.dictionaries(keys, values, max_size=3)), draw(counters), {}, table, rows)
+
+
+row_counts = st.dictionaries(paths, st.integers(0, 500), max_size=2)
+
+
+@TRIES
+@given(nodes=st.lists(odd_nodes(), min_size=1, max_size=4), rows=row_counts)
+def test_a_journal_of_odd_records_is_read_or_refused_in_one_sentence(
+    tmp_path: Path, nodes: list[Node], rows: dict[str, int]
+) -> None:
+    sound = codec.encode(codec.Record((), tuple(_head()), {}, 0))
+    odd = codec.encode(codec.Record(tuple(nodes), tuple(_head()), rows, 1))
+    path = with_payloads(tmp_path / "odd.h5.partial", [sound, odd])
+    (tmp_path / "odd.h5").unlink(missing_ok=True)
+    for action in (read_session, salvage):
+        _, refused = outcome_of(action, path)
+        assert refused is None or "\n" not in str(refused)
+        assert refused is None or str(tmp_path) in str(refused)
+    verify(path)
+    assert {file.name for file in tmp_path.iterdir()} <= {"odd.h5.partial", "odd.h5"}
+
+
+def _head() -> Iterator[Node]:
+    session = bare_session()
+    yield from (node for node in schema.header_nodes(session) if node.table is None)
+    run = full_run("run-01", 10.0)
+    yield from (node for node in schema.run_nodes(run, "recording") if node.path == "runs/run-01")
+
+
+def test_a_journal_is_read_while_it_grows(journal: Path, tmp_path: Path) -> None:
+    """Reading needs no lock: what is read is what was on the disk."""
+    assert [run.id for run in read_session(journal).runs] == ["run-01"]
+    assert any("not closed" in note.text for note in read_session(journal).notes)
