@@ -11,7 +11,14 @@ from draglag.gap.constants import MOST_EFFECTS
 from draglag.gap.provisional import provisional_term
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.results import BY_TAPS, FLOOR_REACHES, GapReport, stated, unjudged
-from draglag.gap.wording import also_in_words, drift_in_analysis, headline, law_in_words, tolerated_in_words
+from draglag.gap.wording import (
+    also_in_words,
+    check_in_words,
+    drift_in_analysis,
+    headline,
+    law_in_words,
+    tolerated_in_words,
+)
 from draglag.gap.workflow import close_gap
 from draglag.model_file import save_model
 from draglag.recording import Session
@@ -141,7 +148,7 @@ def _say(result: GapReport, report: Path | None) -> None:
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
         f"noise floor {result.noise_floor_mm:.3f} mm ({FLOOR_REACHES})."
     )
-    for words in (also_in_words(result), law_in_words(result.law), tolerated_in_words(result)):
+    for words in (also_in_words(result), law_in_words(result.law), check_in_words(result), tolerated_in_words(result)):
         if words:
             click.echo(words)
     for step in result.steps:

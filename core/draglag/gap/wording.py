@@ -127,6 +127,16 @@ def tolerated_in_words(report: GapReport) -> str:
     return f"Tolerated, too small to matter: {'; '.join(items)}." if items else ""
 
 
+def check_in_words(report: GapReport) -> str:
+    """Where the session simulated again with the final model disagrees with the measured one; empty where it does not."""
+    items = [
+        f"{one.name} {one.measured:.3g} measured, {one.simulated:.3g} simulated ({one.unit})"
+        for one in report.check
+        if not one.agrees
+    ]
+    return f"Simulated again with the final model, what disagrees: {'; '.join(items)}." if items else ""
+
+
 def _followed(covariate: str) -> str:
     return title_of(covariate) if covariate in EFFECTS else followed(covariate)
 

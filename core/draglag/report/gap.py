@@ -16,6 +16,7 @@ from draglag.gap.replaying.replay import Replay, replays
 from draglag.gap.results import FLOOR_REACHES, GapReport, Step, stated, unjudged
 from draglag.gap.wording import (
     also_in_words,
+    check_in_words,
     drift_in_analysis,
     law_in_words,
     separating_run,
@@ -68,6 +69,7 @@ def write_gap_report(
     if words := tolerated_in_words(report):
         body.append(f"<p>{escape(words)}</p>")
     body.append(_explanations(report))
+    body.append(_check_table(report))
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
     with house_style():
         figures = _figures(again, report)
@@ -85,6 +87,20 @@ def write_gap_report(
             f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
         ) from None
     return path
+
+
+def _check_table(report: GapReport) -> str:
+    """The posterior predictive check: statistics of the measured and of the simulated session."""
+    if not report.check:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(one.name)}, {escape(one.unit)}</td><td>{one.measured:.3g}</td><td>{one.simulated:.3g}</td>"
+        f"<td>{'✓ agrees' if one.agrees else '▲ disagrees'}</td></tr>"
+        for one in report.check
+    )
+    words = f"<p>{escape(found)}</p>" if (found := check_in_words(report)) else ""
+    head = "<tr><th>statistic</th><th>measured</th><th>simulated</th><th></th></tr>"
+    return f"<h2>Simulated again with the final model</h2><table>{head}{rows}</table>{words}"
 
 
 def _said(session: Session, report: GapReport) -> list[str]:

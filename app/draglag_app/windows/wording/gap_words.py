@@ -236,9 +236,26 @@ _OTHER_LAW_ALONE = QT_TRANSLATE_NOOP(
     "Gap", "The curve is not Eq. 5 (probability {p}); see Results for the form that fits."
 )
 _TOLERATED = QT_TRANSLATE_NOOP("Gap", "Tolerated, too small to matter: {items}")
+_DISAGREES = QT_TRANSLATE_NOOP("Gap", "Simulated again with the final model, what disagrees: {items}")
+_STATISTICS = {
+    "latency by run": QT_TRANSLATE_NOOP("Gap", "latency by run"),
+    "stylus width": QT_TRANSLATE_NOOP("Gap", "stylus width"),
+    "scatter of edges": QT_TRANSLATE_NOOP("Gap", "scatter of edges"),
+    "repeated positions": QT_TRANSLATE_NOOP("Gap", "repeated positions"),
+}
 _ALSO = QT_TRANSLATE_NOOP("Gap", "Also possible: {sets}")
 _NAMELESS = QT_TRANSLATE_NOOP("Gap", "something without a name")
 _NO_EFFECT = QT_TRANSLATE_NOOP("Gap", "no effect")
+
+
+def check_words(report: dict[str, Any]) -> str:
+    """Statistics of the session simulated again that disagree with the measured ones; empty where none does."""
+    items = [
+        f"{_say(_STATISTICS[one['name']])} {one['measured']:.3g} / {one['simulated']:.3g}"
+        for one in report.get("check", ())
+        if not one["agrees"]
+    ]
+    return _say(_DISAGREES).format(items="; ".join(items)) if items else ""
 
 
 def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:

@@ -47,6 +47,10 @@ class Prediction(Effect):
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         return each_contact(events, lambda t_s, xy_mm: _extrapolated(t_s, xy_mm, self.value, self.window_s))
 
+    def stamped_late_s(self) -> float:
+        """Drags are shown early by the horizon: a fit has that in its law, and the simulation adds it again."""
+        return -self.value
+
     @classmethod
     def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Exact, sample by sample; noise shrinks by sqrt(1 + 2 r), with r the horizon over the window."""

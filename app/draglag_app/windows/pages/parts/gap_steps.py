@@ -17,7 +17,7 @@ from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words
-from draglag_app.windows.wording.gap_words import also_words, compared_words, names_words, tolerated_words
+from draglag_app.windows.wording.gap_words import also_words, check_words, compared_words, names_words, tolerated_words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.wording.words import flag_name
 
@@ -115,7 +115,7 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
     gone = [f"{run} ({', '.join(map(flag_name, why.split(', ')))})" for run, why in report.get("excluded", {}).items()]
     if gone:
         lines.append(say("Not judged by: {runs}").format(runs=", ".join(gone)))
-    lines.append(tolerated_words(report))
+    lines += [check_words(report), tolerated_words(report)]
     unseen = [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
     if unseen:
         lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
