@@ -128,7 +128,7 @@ def tolerated_in_words(report: GapReport) -> str:
 
 
 def check_in_words(report: GapReport) -> str:
-    """Where the session simulated again with the final model disagrees with the measured one; empty where it does not."""
+    """Where the session, simulated again with the final model, disagrees with the measured one; else empty."""
     items = [
         f"{one.name} {one.measured:.3g} measured, {one.simulated:.3g} simulated ({one.unit})"
         for one in report.check
