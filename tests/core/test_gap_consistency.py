@@ -81,7 +81,7 @@ def fitted(session: Session) -> Fit:
 
 
 @pytest.mark.parametrize(
-    "effect", ["laser_hysteresis", "beam_width", "scan_skew", "clock_drift", "direction_asymmetry"]
+    "effect", ["laser_hysteresis", "beam_width", "scan_skew", "clock_drift"]
 )
 def test_a_refit_with_one_more_effect_never_fits_worse(session: Session, fitted: Fit, effect: str) -> None:
     """So it never loses more evidence than its Occam factor, which is of the prior alone."""
