@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
 from draglag.recording import Session
-from draglag.store import clear_leftovers, partial_files, salvage
+from draglag.store import clear_leftovers, final_name, partial_files, salvage
 from draglag_app.windows.parts.ask_files import ask_folder, ask_new_folder, ask_open
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.tasks import Progress
@@ -128,17 +128,30 @@ def offer_salvage(window: OperatorWindow) -> None:
     if QMessageBox.question(window, "draglag", plain(question)) != QMessageBox.StandardButton.Yes:
         return
 
-    def work(progress: Progress) -> list[str]:
-        lines = []
+    _save_each(window, left, None)
+
+
+def _save_each(window: OperatorWindow, left: list[Path], folder: Path | None) -> None:
+    """Save recordings beside themselves, or in a folder; those that cannot be saved are offered another one."""
+
+    def work(progress: Progress) -> tuple[list[str], list[Path], str]:
+        saved, failed, why = [], [], ""
         for k, path in enumerate(left):
             progress(k / len(left), path.name)
             try:
-                lines.append(str(salvage(path).path.name))
+                saved.append(salvage(path, None if folder is None else folder / final_name(path).name).path.name)
             except DraglagError as error:
-                lines.append(str(error))
-        return lines
+                failed.append(path)
+                why = str(error)
+        return saved, failed, why
 
-    window.space.tasks.start(
-        tr("Salvaging"), work, lambda lines: window.tell("info", " · ".join(lines)),
-        lambda text: window.tell("error", text),
-    )  # fmt: skip
+    def done(result: tuple[list[str], list[Path], str]) -> None:
+        saved, failed, why = result
+        if not failed:
+            window.tell("info", " · ".join(saved))
+            return
+        window.tell("error", " · ".join([*saved, in_words(why)]))
+        title = tr("Another folder to save them in")
+        ask_folder(window, title, window.space.settings.folder, lambda path: _save_each(window, failed, path))
+
+    window.space.tasks.start(tr("Salvaging"), work, done, lambda text: window.tell("error", text))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -56,7 +57,10 @@ def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
         found = survey(fd, str(unfinished))
         lost = all_losses(found)
         note = LogEntry(found.last_s, "warning", "salvage", _words(unfinished, remarks(found)))
-        path = build(nodes(fd, found, [note]), target, unfinished.stat().st_size)
+        try:
+            path = build(nodes(fd, found, [note]), target, os.fstat(fd).st_size)
+        except DataError as error:
+            raise DataError(error.problem, "Make room there, or give another place with --out") from error
     return Salvaged(read_unchecked(path), path, lost)
 
 

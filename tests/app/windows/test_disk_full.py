@@ -72,7 +72,7 @@ def test_the_session_goes_on_in_another_folder_and_nothing_is_lost(
         dialog.other.click()
         chooser = dialog.findChild(QFileDialog)
         assert chooser is not None
-        chooser.selectFile(str(tmp_path / "stick"))
+        chooser.setDirectory(str(tmp_path / "stick"))
         chooser.accept()
         wait_until(qapp, lambda: not window.space.recording.active and not window.space.tasks.running)
     (path,) = (tmp_path / "stick").glob("*.h5")

@@ -157,6 +157,7 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "Choose another name. The recording is whole in {file}"),
     QT_TRANSLATE_NOOP("Device", "Make it first, or choose another. The recording is whole in {file}"),
     QT_TRANSLATE_NOOP("Device", "Choose another place"),
+    QT_TRANSLATE_NOOP("Device", "Make room there, or give another place with --out"),
     QT_TRANSLATE_NOOP("Device", "Choose a folder you may write, with room"),
     QT_TRANSLATE_NOOP("Device", "Choose another name"),
     QT_TRANSLATE_NOOP("Device", "calibrate"),
