@@ -93,7 +93,9 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a file begins as a journal."""
+    """Whether a file begins as a journal. A pipe is not asked: opening it would wait for its other end."""
+    if not path.is_file():
+        return False
     try:
         with path.open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC
