@@ -78,6 +78,8 @@ def is_journal(path: Path) -> bool:
 
     The first recordings had the same name and were HDF5. The first page of a journal may be damaged.
     """
+    if not path.is_file():  # opening a pipe would wait for its other end
+        return False
     try:
         with path.open("rb") as file:
             head = file.read(len(_HDF5))
