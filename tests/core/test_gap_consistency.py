@@ -80,9 +80,7 @@ def fitted(session: Session) -> Fit:
     return fit_session(session, gather(session))
 
 
-@pytest.mark.parametrize(
-    "effect", ["laser_hysteresis", "beam_width", "scan_skew", "clock_drift"]
-)
+@pytest.mark.parametrize("effect", ["laser_hysteresis", "beam_width", "scan_skew", "clock_drift"])
 def test_a_refit_with_one_more_effect_never_fits_worse(session: Session, fitted: Fit, effect: str) -> None:
     """So it never loses more evidence than its Occam factor, which is of the prior alone."""
     larger = refit(session, fitted, [Term(effect)])

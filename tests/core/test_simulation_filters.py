@@ -74,7 +74,7 @@ def test_columns_move_edges_as_the_effects_do() -> None:
     assert 0.015 * ahead.offset == pytest.approx(-(0.015 * 0.01 + 0.015**2 / 2) * 640)
     behind = EFFECTS["deadband"].columns_at((0.2, 1.0), view)  # type: ignore[attr-defined]
     assert 0.2 * behind.latency == pytest.approx(0.1 / 45)
-    bowed = EFFECTS["beam_bow"].columns_at((), view)  # type: ignore[attr-defined]
+    bowed = EFFECTS["beam_bow"].signatures(view)[0]  # type: ignore[arg-type]
     assert bowed.offset[:, 0] == pytest.approx([0, 0.75, 1, 0.75, 0])
     (fading,) = [s for s in EFFECTS["warm_up"].signatures(view) if s.theta == (500.0,)]  # type: ignore[arg-type]
     assert fading.latency == pytest.approx(np.exp(-0.5))

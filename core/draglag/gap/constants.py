@@ -58,9 +58,6 @@ NUGGET_MM2 = 1e-6
 MOST_EFFECTS = 4
 """Effects that are named at most, unless the user says otherwise. Derived: cost."""
 
-OPEN_FORM = 0.1
-"""Probability that the curve is not Eq. 5 from which on its asymptote is unknown. Judgement."""
-
 SHARED = 0.1
 """Share of the probability from which on an effect is reported as one that cannot be distinguished. Judgement."""
 

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import clock_offset, creep_of, shares_by_edges
-from draglag.gap.constants import OPEN_FORM, SHARED, STATED_AT_MOST
+from draglag.gap.constants import SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
@@ -239,9 +239,7 @@ def with_taps(
     parting = [e for name, e in EFFECTS.items() if e.parts_taps_from_drags and name in allowed]
     effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
     creep = sum(float(np.diff(e.tap_latency(np.zeros(2), np.array([0.0, 1.0])))[0]) for e in effects)
-    offset = clock_offset(
-        session, last, creep, waited_s(session, effects), judgement.pool.probability_of(LAW_FORM) < OPEN_FORM
-    )
+    offset = clock_offset(session, last, creep, waited_s(session, effects), law_of(judgement, last).adequate)
     if offset is None or offset.probability < 0.5:
         return [], last
     possible = [e for e in parting if e.parameters[0].lower < offset.value_s < e.parameters[0].upper]

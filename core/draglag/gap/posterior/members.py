@@ -94,11 +94,16 @@ def _jumps(fit: Fit) -> list[Member]:
 
 
 def _levels(fit: Fit) -> list[Member]:
-    """A latency of every run of its own; one by the kind of edge or the direction; a width; a latency or an offset by
+    """A latency of every run of its own, or of a single one; one by the kind of edge or the direction; a width; a latency or an offset by
     which way round the circles went."""
     prior = float(np.log(constants.P_SMOOTH))
     lever = fit.view.v_across * fit.view.stretch
-    runs = (fit.run_index[:, None] == np.unique(fit.run_index)).astype(float)
+    ids = np.unique(fit.run_index)
+    runs = (fit.run_index[:, None] == ids).astype(float)
+    single = float(np.log(constants.P_JUMP / ids.size))
+    alone = [
+        Member(f"{UNNAMED}run:latency", (float(k),), -(lever * (fit.run_index == k))[:, None], single) for k in ids
+    ]
     v, a = fit.placed.v_mm_s[fit.use], fit.placed.a_mm_s2[fit.use]
     bends = v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]
     turn = np.ones(lever.size)
@@ -106,6 +111,7 @@ def _levels(fit: Fit) -> list[Member]:
         own = fit.run_index == k
         turn[own] = 1.0 if np.median(bends[own]) >= 0 else -1.0
     return [
+        *alone,
         Member(f"{UNNAMED}run:latency", (), -lever[:, None] * runs, prior),
         Member(f"{UNNAMED}kind_of_edge:latency", (), -(lever * (fit.view.rising - 0.5))[:, None], prior),
         Member(f"{UNNAMED}kind_of_edge:width", (), 0.5 * fit.view.side[:, None], prior),

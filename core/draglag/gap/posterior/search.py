@@ -6,7 +6,7 @@ set: all members and all their scales are weighed at once.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 
 from draglag.gap import constants
 from draglag.gap.posterior.linear import Linear, Normal
+from draglag.gap.posterior.members import Member
 from draglag.recording import FloatArray, IntArray
 from draglag.simulation.effects import EFFECTS
 
@@ -110,8 +111,8 @@ def _extended(
     barred: np.ndarray,
 ) -> list[Explanation]:
     """The explanation with each further member, whose size is integrated over its scales."""
-    names = {linear.members[i].name for i in explanation.members}
-    usable = np.array([m.name not in names for m in linear.members]) & ~barred
+    inside = [linear.members[i] for i in explanation.members]
+    usable = np.array([_may_join(m, inside) for m in linear.members]) & ~barred
     gains = np.empty((len(normals), len(linear.members), SCALES_MM.size))
     bases = np.empty(len(normals))
     for n, one in enumerate(normals):
@@ -130,6 +131,16 @@ def _extended(
         mass = float(masses[i] + linear.members[i].log_prior)
         out.append(Explanation(tuple(int(k) for k in members), tuple(float(s) for s in scales), mass))
     return out
+
+
+def _may_join(member: Member, inside: Sequence[Member]) -> bool:
+    """Whether a member may be added: one of a name, but several without a name that are of different places."""
+    if member.named or not member.theta:
+        return all(member.name != one.name for one in inside)
+    return all(
+        (member.name, member.theta) != (one.name, one.theta) and (one.theta or member.name != one.name)
+        for one in inside
+    )
 
 
 def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, FloatArray]:
