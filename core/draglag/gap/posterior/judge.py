@@ -18,7 +18,7 @@ from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, compared, unsound_
 from draglag.gap.proposing.own_way import own_way
 from draglag.gap.proposing.proposals import refits_with, shown_by_edges, shown_by_traces
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects import EFFECTS, effect_class
 
 DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
 PROPOSED = 3  # effects that are then refitted
@@ -184,7 +184,9 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], bar
     gain = _gains(pool, set(allowed) - barred)
     order = sorted((n for n in gain if gain[n] > PROMISING), key=lambda n: -gain[n])[:PROPOSED]
     base = next(iter(fits.values()))
-    return order + [n for n in gain if n not in order and shown_by_edges(base, n)]
+    unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in pool.best if name.startswith(UNNAMED)}
+    like = (n for n in gain if unnamed & set(effect_class(n).looks_like) or shown_by_edges(base, n))
+    return list(dict.fromkeys((*order, *like)))
 
 
 def _proposed(

@@ -94,7 +94,7 @@ def _jumps(fit: Fit) -> list[Member]:
 
 
 def _levels(fit: Fit) -> list[Member]:
-    """A latency of every run of its own, or of a single one; one by the kind of edge or the direction; a width; a latency or an offset by
+    """A latency of every run, or of one; one by the kind of edge or the direction; a width; a latency or an offset by
     which way round the circles went."""
     prior = float(np.log(constants.P_SMOOTH))
     lever = fit.view.v_across * fit.view.stretch

@@ -103,6 +103,8 @@ class Effect(InFits):
     undone_in: ClassVar[str] = ""
     """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
     speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
+    looks_like: ClassVar[tuple[str, ...]] = ()
+    """Covariates of structure without a name for which its refit is worth trying: columns show it badly there."""
     uneven_ages: ClassVar[bool] = False
     """Whether it leaves positions of uneven age behind, so that edges scatter in time."""
     seen_by: ClassVar[str] = ""

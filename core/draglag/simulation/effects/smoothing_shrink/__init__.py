@@ -36,6 +36,7 @@ class SmoothingShrink(Effect):
     where: ClassVar[str] = "where the path bends"
     undone_in: ClassVar[str] = "touch"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.smoothing_shrink.refits"
+    looks_like: ClassVar[tuple[str, ...]] = ("direction_angle", "normal_acceleration")
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -16,11 +16,6 @@ SETTLED = 0.03  # of a time constant: what is left of it at its setting is known
 ROUNDS = 4
 
 
-def shown_by_edges(before: Fit) -> bool:
-    """Always: what a low-pass does to fast circles and tremor no column of edges shows, only the freed traces do."""
-    return True
-
-
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
     """Its mean effect, and for both kinds the traces freed of it at the time constant that the edges ask for."""
     own = SmoothingShrink.id
