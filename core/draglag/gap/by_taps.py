@@ -68,8 +68,6 @@ def clock_offset(
 def shares_by_edges(pool: Pool, fit: Fit, moved_mm: Mapping[str, FloatArray]) -> dict[str, float]:
     """Probability of each of several effects of known sizes that taps show alike, by what each moves the edges by, (m,)
     mm of the fit."""
-    if pool.unsure_ages:  # edges whose positions are of uneven age are no witnesses to what moves them by so little
-        return {name: 1 / len(moved_mm) for name in moved_mm}
     linear = linearised(fit, frozenset(), pool.unsure_ages)
     levels = likeliest_levels(linear)
     evidence = {}

@@ -246,7 +246,9 @@ def with_taps(
     if not possible:
         return [], last
     moved = {e.id: _moved_mm(e, offset.value_s, last) for e in possible}
-    shares = shares_by_edges(judgement.pool, last, moved)
+    # Edges whose positions were of uneven age, repaired or not, are no witnesses to what moves them by so little.
+    uneven = any(effect_class(step.effect).uneven_ages for step in steps)
+    shares = dict.fromkeys(moved, 1 / len(moved)) if uneven else shares_by_edges(judgement.pool, last, moved)
     best = max(shares, key=lambda name: shares[name])
     after = replace(last, residual_mm=last.residual_mm - moved[best])
     rivals = tuple(name for name in shares if name != best and shares[name] > SHARED)
