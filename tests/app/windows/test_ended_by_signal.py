@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication
 
 from app.windows.conftest import wait_until
@@ -21,6 +22,9 @@ def test_a_signal_closes_the_session_that_is_being_recorded(
     window.ask("start")
     wait_until(qapp, lambda: bool(finished))
     window.end()
+    # The request to leave stays with the application until a loop has ended: it must not end dialogs of other tests.
+    QTimer.singleShot(0, qapp.quit)
+    qapp.exec()
     (path,) = Path(window.space.settings.folder).glob("*.h5*")
     assert path.suffix == ".h5"
     assert read_session(path).runs[0].outcome == "complete"
