@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import shiboken6
-from PySide6.QtCore import QCoreApplication, QEvent, QObject, QThread, QTimer
+from PySide6.QtCore import QCoreApplication, QEvent, QEventLoop, QObject, QThread, QTimer
 from PySide6.QtWidgets import QApplication
 
 from draglag.protocols import Protocol, load_protocol
@@ -86,6 +86,9 @@ def nothing_left_behind(qapp: QApplication) -> Iterator[None]:
     for name, old, new in zip(names, before, now, strict=True):
         left = new - old
         assert not left, f"{name} left behind: {left}"
+    loop = QEventLoop()
+    QTimer.singleShot(0, loop.quit)
+    assert loop.exec() == 0, "a request to leave is left behind: it would end the dialogs of later tests"
 
 
 @pytest.fixture

@@ -21,10 +21,9 @@ def test_a_signal_closes_the_session_that_is_being_recorded(
     window.space.bridge.run_finished.connect(finished.append)
     window.ask("start")
     wait_until(qapp, lambda: bool(finished))
-    window.end()
-    # The request to leave stays with the application until a loop has ended: it must not end dialogs of other tests.
-    QTimer.singleShot(0, qapp.quit)
-    qapp.exec()
+    # In the application's own loop, which it has to end: outside it the request would end dialogs of later tests.
+    QTimer.singleShot(0, window.end)
+    assert qapp.exec() == 0
     (path,) = Path(window.space.settings.folder).glob("*.h5*")
     assert path.suffix == ".h5"
     assert read_session(path).runs[0].outcome == "complete"
