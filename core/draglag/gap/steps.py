@@ -207,6 +207,8 @@ def stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fit
             before if k == 0 else after,
             after,
             STATED_AT_MOST,
+            item.rivals,
+            effect_class(item.effect).shown_apart_by if item.rivals else "",
         )
         for k, item in enumerate(seen)
     ]

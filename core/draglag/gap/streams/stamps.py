@@ -23,6 +23,7 @@ class StreamEffect:
     """One effect seen in a stream: its size with a 95 % interval, where it shows, and the evidence in words.
 
     ``undone``: whether the repaired session is free of what it does to the edges. ``also``: its other numbers.
+    ``rivals``: effects of which the stream could be as well.
     """
 
     effect: str
@@ -34,6 +35,7 @@ class StreamEffect:
     share: float
     undone: bool = True
     also: tuple[tuple[str, float, tuple[float, float]], ...] = ()
+    rivals: tuple[str, ...] = ()
 
     @property
     def parameters(self) -> dict[str, tuple[float, tuple[float, float]]]:

@@ -58,4 +58,7 @@ class WarmUp(Effect):
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        return [Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(tau,)) for tau in TIMES_S]
+        # What takes longer than the session is a straight line in it: a drift, not a latency that settles.
+        longest_s = float(np.max(view.since_start_s, initial=0.0))
+        seen = [tau for tau in TIMES_S if tau <= longest_s]
+        return [Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(tau,)) for tau in seen]

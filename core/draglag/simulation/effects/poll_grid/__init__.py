@@ -21,6 +21,7 @@ class PollGrid(Effect):
     )
     follows: ClassVar[str] = "frame"
     where: ClassVar[str] = "every stamp"
+    shown_apart_by: ClassVar[str] = "a recording of the kernel's own stamps, without the loop of a program"
     undone_in: ClassVar[str] = "stream"
     seen_by: ClassVar[str] = "draglag.simulation.effects.poll_grid.stream"
     looked_for: ClassVar[int] = 1
@@ -33,6 +34,11 @@ class PollGrid(Effect):
             "timestamp_quantisation",
             "both put stamps on a grid, a coarse clock without any jitter",
             "none: the stamps themselves show the jitter",
+        ),
+        Confounder(
+            "sample_hold",
+            "a loop at an interval of the bus, slower than the frames, leaves the same stamps and ages",
+            "a recording of the kernel's own stamps, without the loop of a program",
         ),
         Confounder(
             "frame_drop",

@@ -11,12 +11,16 @@ from draglag.recording import Run, TouchTrace
 from draglag.simulation.effects.deadband.stream import deadband_in
 from draglag.simulation.effects.frame_batching.stream import batches_in
 from draglag.simulation.effects.pitch_ripple.lattice import lattice_of
+from draglag.simulation.effects.poll_grid import PollGrid
 from draglag.simulation.effects.poll_grid.stream import polls_in
 from draglag.simulation.effects.sample_hold import SampleHold
 from draglag.simulation.effects.sample_hold.ages import UNEVEN_AGE, still_uneven, uneven_age_s
 from draglag.simulation.effects.sample_hold.unheld import unheld
 from draglag.simulation.effects.timestamp_quantisation.stream import clock_in
 
+BUS_S = (0.002, 0.004, 0.008, 0.016, 0.032)  # intervals at which USB hosts poll: powers of two of its frames
+BUS_CLOCK = 5e-4  # by which the bus's clock may differ from the kernel's: its specification's tolerance
+FEW_REPEATS = 0.02  # of positions: more than accidents make
 STEPS = 3.0  # of its coordinates that a run advances by from event to event, where a repeat means something
 
 
@@ -30,7 +34,21 @@ def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, 
     if even is not None and still_uneven(first, even, 1 / held.value):
         even = None  # another beat was taken for theirs
     repaired = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
-    return replace(held, undone=even is not None), repaired
+    repeat = max(float(np.mean(repeats(touch))) for touch in streams.touches)
+    return of_the_bus(replace(held, undone=even is not None), repeat), repaired
+
+
+def of_the_bus(held: StreamEffect, repeat: float) -> StreamEffect:
+    """A loop as polls of the bus, where it reports each position once and at an interval that buses are polled at.
+
+    repeat: share of positions that repeat: a poll without a new report sends none.
+    """
+    period_s = 1 / held.value
+    if repeat > FEW_REPEATS or not any(abs(period_s / bus_s - 1) < BUS_CLOCK for bus_s in BUS_S):
+        return held
+    ci95_s = (1 / held.ci95[1], 1 / held.ci95[0])
+    named = replace(held, effect=PollGrid.id, parameter="period_s", value=period_s, ci95=ci95_s, where="every stamp")
+    return replace(named, rivals=(SampleHold.id,))
 
 
 def loop_in(streams: Streams) -> StreamEffect | None:
@@ -57,20 +75,20 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
     told = told or [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm == 0]
     share = float(np.mean(np.concatenate(told))) if told else 0.0
     age_s = uneven_age_s(touches, step_mm)
-    if share <= 0.02 and age_s > UNEVEN_AGE * period_s:
+    if share <= FEW_REPEATS and age_s > UNEVEN_AGE * period_s:
         # A ripple of the panel is uneven along the path as well, but by its place.
         ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
         if ripple is not None:
             even = [_at(t, ripple.undone_mm(np.column_stack([t.x_mm, t.y_mm]))) for t in touches]
             age_s = uneven_age_s(even, step_mm)
-    if float(np.mean(regular)) < 0.97 or not (share > 0.02 or age_s > UNEVEN_AGE * period_s):
+    if float(np.mean(regular)) < 0.97 or not (share > FEW_REPEATS or age_s > UNEVEN_AGE * period_s):
         return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
     spread = float(np.std(intervals[regular] / whole[regular])) / np.sqrt(intervals.size)
     rate = 1 / period_s
     reach = max(1.96 * spread * rate**2, 1e-4 * rate)
     what = f"{100 * share:.0f} % of positions repeat the one before"
-    if share <= 0.02:
+    if share <= FEW_REPEATS:
         what = f"the age of their positions varies by {1e3 * age_s:.1f} ms"
     return StreamEffect(
         SampleHold.id,
