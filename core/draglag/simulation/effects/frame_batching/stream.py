@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.streams.stamps import StreamEffect, Streams
-from draglag.recording import Run, TouchTrace
+from draglag.recording import FloatArray, IntArray, Run, TouchTrace
 from draglag.simulation.effects.frame_batching import FrameBatching
 from draglag.simulation.effects.poll_grid.stream import polls_in
+
+TOGETHER = 0.25  # of the mean interval: frames that lie closer came together
+WHOLE = 0.5  # of a frame, by which a batch that lacks none may come early or late
 
 
 def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
@@ -31,7 +34,7 @@ def batches(touches: list[TouchTrace]) -> StreamEffect | None:
     for touch in touches:
         dt = np.diff(touch.t_s)
         typical = (touch.t_s[-1] - touch.t_s[0]) / max(dt.size, 1)
-        together = dt < 0.25 * typical
+        together = dt < TOGETHER * typical
         if np.mean(together) < 0.3:
             return None
         ends = np.flatnonzero(np.append(~together, True))
@@ -62,13 +65,24 @@ def _exact_grid(touches: list[TouchTrace]) -> bool:
 
 
 def spread(touch: TouchTrace, size: int) -> TouchTrace:
-    """Give each frame of a batch its own time: the last one keeps the stamp, the others lie a frame apart before it."""
-    t = touch.t_s
-    if t.size < 3:
+    """Give each frame of a batch its own time: the last one keeps the stamp, the others lie a frame apart before it.
+
+    Where frames are missing in a batch nobody knows which: of such a batch the last frame alone is kept.
+    """
+    if touch.t_s.size < 3:
         return touch
-    frame_s = (t[-1] - t[0]) / (t.size - 1)
-    last = np.append(np.diff(t) >= 0.25 * frame_s, True)
-    ends = np.flatnonzero(last)
-    which = np.searchsorted(ends, np.arange(t.size))
-    spread = t[ends[which]] - (ends[which] - np.arange(t.size)) * frame_s
-    return replace(touch, t_s=spread)
+    ends = ends_of_batches(touch.t_s)
+    apart_s = np.diff(touch.t_s[ends], prepend=np.nan)
+    frame_s = float(np.nanmedian(apart_s)) / size
+    which = np.searchsorted(ends, np.arange(touch.t_s.size))
+    t_s = touch.t_s[ends[which]] - (ends[which] - np.arange(touch.t_s.size)) * frame_s
+    whole = ~(np.abs(apart_s - size * frame_s) > WHOLE * frame_s)  # the first one too
+    keep = whole[which] | (ends[which] == np.arange(touch.t_s.size))
+    ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
+    return TouchTrace(t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)
+
+
+def ends_of_batches(t_s: FloatArray) -> IntArray:
+    """Index of the last frame of each batch."""
+    frame_s = (t_s[-1] - t_s[0]) / (t_s.size - 1)
+    return np.flatnonzero(np.append(np.diff(t_s) >= TOGETHER * frame_s, True))

@@ -8,7 +8,7 @@ import numpy as np
 
 from draglag.gap.streams.stamps import StreamEffect, Streams, share_interval
 from draglag.recording import Run, TouchTrace
-from draglag.simulation.effects.frame_batching.stream import batches_in
+from draglag.simulation.effects.frame_batching.stream import batches_in, ends_of_batches
 from draglag.simulation.effects.frame_drop import FrameDrop
 from draglag.simulation.effects.poll_grid.stream import polls_in
 from draglag.simulation.effects.sample_hold.stream import loop_in
@@ -22,23 +22,28 @@ def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, 
     """Missing frames, where stamps are those of frames; nobody can repair them."""
     coarse = streams.of(clock_in)
     told = streams.of(loop_in) is None if coarse is None else not coarse.undone
-    if not told or streams.of(polls_in) is not None or streams.of(batches_in) is not None:
+    if not told or streams.of(polls_in) is not None:
         return None, runs
-    dropped = drops(streams.touches)
+    batched = streams.of(batches_in)
+    dropped = drops(streams.touches, 1 if batched is None else round(batched.value))
     if dropped is None or coarse is None:
         return dropped, runs
     low, high = (share * one for share, one in zip((1 - UNSURE, 1 + UNSURE), dropped.ci95, strict=True))
     return replace(dropped, ci95=(low, min(high, 1.0))), runs
 
 
-def drops(touches: list[TouchTrace]) -> StreamEffect | None:
-    """Missing frames: intervals of two or more whole frames, far too many for losses of contact."""
+def drops(touches: list[TouchTrace], together: int = 1) -> StreamEffect | None:
+    """Missing frames: intervals of two or more whole frames, far too many for losses of contact.
+
+    together: frames that are delivered at a time; each batch then stands for its last frame.
+    """
     whole, short = [], 0
     for touch in touches:
-        dt = np.diff(touch.t_s)
-        frame_s = float(np.median(dt))
+        dt = np.diff(touch.t_s if together == 1 else touch.t_s[ends_of_batches(touch.t_s)])
+        frame_s = float(np.median(dt)) / together
         if frame_s <= 0:
             continue
+        dt = dt - (together - 1) * frame_s
         apart = np.round(dt / frame_s)
         near = np.abs(dt - apart * frame_s) < 0.2 * frame_s
         # What comes at once after a pause was held back, not lost.
@@ -49,8 +54,8 @@ def drops(touches: list[TouchTrace]) -> StreamEffect | None:
     of_length = of_length[: max(int(np.argmin(of_length[1:] > 0)) + 1, LEAST_HOLE + 1)]
     frames = np.arange(of_length.size)
     lost = int(of_length[2:] @ (frames[2:] - 1)) - short
-    total = int(of_length @ frames)
-    together = float(of_length[2:] @ (frames[2:] - 1) ** 2)
+    total = int(of_length @ (frames + together - 1))
+    in_bursts = float(of_length[2:] @ (frames[2:] - 1) ** 2)
     share = lost / max(total, 1)
     mean_hole = lost / max(int(of_length[2:].sum()), 1)
     if share < 0.03:
@@ -59,7 +64,7 @@ def drops(touches: list[TouchTrace]) -> StreamEffect | None:
         FrameDrop.id,
         "share",
         share,
-        share_interval(lost, max(total, 1), together / lost),
+        share_interval(lost, max(total, 1), in_bursts / lost),
         f"{mean_hole:.2g} frames at a time, all through" if mean_hole > 1.2 else "single frames, all through",
         f"{100 * share:.1f} % of frames are missing",
         share,
