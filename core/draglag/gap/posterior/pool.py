@@ -16,7 +16,7 @@ from draglag.gap.posterior.left_out import left_open_nats
 from draglag.gap.posterior.levels import Levels
 from draglag.gap.posterior.linear import Linear, Normal, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import UNNAMED
-from draglag.gap.posterior.search import Explanation, Search, log_evidence, searched
+from draglag.gap.posterior.search import Explanation, Search, log_evidence, one_law, searched
 
 Names = tuple[str, ...]
 IN_SPEED = f"{UNNAMED}speed:latency"
@@ -179,7 +179,7 @@ def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
     best: dict[Names, Explanation] = {}
     for explanation in search.explanations:
         names = tuple(sorted((*search.names(explanation), *of_law)))
-        if not inside <= set(names):
+        if not inside <= set(names) or not one_law(names):
             continue
         for named, log_share in _by_shape(names, falls):
             mass = explanation.log_mass + log_share

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from draglag.gap import constants
+from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.posterior.linear import Linear, Normal
 from draglag.gap.posterior.members import Member
 from draglag.recording import FloatArray, IntArray
@@ -133,8 +134,15 @@ def _extended(
     return out
 
 
+def one_law(names: Collection[str]) -> bool:
+    """Whether names make one statement about the curve: a form of its own leaves nothing to an effect on the law."""
+    return LAW_FORM not in names or not any(n in EFFECTS and EFFECTS[n].of_the_law for n in names)
+
+
 def _may_join(member: Member, inside: Sequence[Member]) -> bool:
     """Whether a member may be added: one of a name, but several without a name that are of different places."""
+    if not one_law([member.name, *(one.name for one in inside)]):
+        return False
     if member.named or not member.theta:
         return all(member.name != one.name for one in inside)
     return all(
