@@ -13,6 +13,7 @@ from draglag.clocks import rate_words
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
+from draglag.packages import need
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag_app.cli.common import (
@@ -106,6 +107,8 @@ def analyze(
         raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
     if report is not None and (report / "report.html").exists():
         raise DataError(f"{report / 'report.html'}: exists already and is not overwritten", "Choose another folder")
+    if report is not None:
+        need("matplotlib")
     if window_ms and not window_ms[0] < window_ms[1]:
         raise click.UsageError("--window-ms runs from a smaller to a larger latency.")
     if save_model is not None:

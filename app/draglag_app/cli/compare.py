@@ -8,6 +8,7 @@ import click
 
 from draglag.curve import CurveFit
 from draglag.errors import DataError, EstimateError
+from draglag.packages import need
 from draglag.provenance import Source, source_of
 from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, table
 
@@ -29,6 +30,7 @@ def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> N
     if len(sessions) < 2:
         raise click.UsageError("Give at least two sessions.")
     if report is not None:
+        need("matplotlib")
         refuse_existing(report)
     curves: list[tuple[str, CurveFit, Source]] = []
     with progress("Comparing") as report_progress:

@@ -21,6 +21,7 @@ from draglag.gap.wording import (
 )
 from draglag.gap.workflow import close_gap
 from draglag.model_file import save_model
+from draglag.packages import need
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects
 from draglag_app.cli.common import (
@@ -88,6 +89,8 @@ def gap(
         draglag gap session.h5 --save-model extended.json
     """
     known_effects(without)
+    if report is not None:
+        need("matplotlib")
     for out in filter(None, (report, model_path)):
         refuse_existing(out)
     data = load_session(session)
