@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from draglag.curve.fit import CurveFit
 from draglag.recording import FloatArray
@@ -61,5 +61,5 @@ def curve_difference(
     halves = [0.5 * (band[1] - band[0]) for band in (first.band_s(speed), second.band_s(speed))]
     half = np.maximum(np.hypot(*halves), 1e-9)
     largest = float(np.max(np.abs(apart) / half)) * 1.96
-    p_value = min(1.0, 2 * float(norm.sf(largest)) * speed.size)
+    p_value = min(1.0, 2 * float(ndtr(-largest)) * speed.size)
     return CurveDifference(speed, apart, apart - half, apart + half, p_value)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from draglag.curve.forms import FORMS, Form
 from draglag.curve.points import CurvePoints, distinct_speeds
@@ -75,7 +75,7 @@ class CurveFit:
         form = FORMS[self.form]
         jacobian = jacobian_ms(form, self.values, speed)
         se = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, self.covariance, jacobian), 0))
-        reach = student.ppf(0.5 + level / 2, max(self.n_points - form.n_parameters, 1)) * se
+        reach = stdtrit(max(self.n_points - form.n_parameters, 1), 0.5 + level / 2) * se
         middle = evaluated_ms(form, self.values, speed)
         return 1e-3 * (middle - reach), 1e-3 * (middle + reach)
 
