@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
+from draglag.shown import table_html
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
 from draglag.verification import (
@@ -101,6 +103,49 @@ class Analysis:
             "problems": list(self.problems),
             "warnings": list(self.warnings),
         }
+
+    def __repr__(self) -> str:
+        known = sum(run.latency_s is not None for run in self.runs)
+        curve = "no curve" if self.curve is None else repr(self.curve)
+        return f"Analysis({self.session!r}: {known} of {len(self.runs)} runs with a latency, {curve})"
+
+    def _repr_html_(self) -> str:
+        """The runs as a notebook shows them, and the curve."""
+        from draglag.tables import run_rows
+
+        keys = ["run", "speed_mm_s", "latency_ms", "latency_low_ms", "latency_high_ms", "n_edges", "flags"]
+        rows = [[row[key] for key in keys] for row in run_rows(self)]
+        curve = "" if self.curve is None else self.curve._repr_html_()
+        return table_html(f"Analysis of {self.session}", keys, rows) + curve
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each run: the columns of ``draglag.tables.RUN_COLUMNS``.
+
+        Raises DraglagError where pandas is not installed.
+        """
+        from draglag.tables import RUN_COLUMNS, frame_of, run_rows
+
+        return frame_of(run_rows(self), list(RUN_COLUMNS))
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset: runs along ``run``, the curve and its band along ``speed_mm_s``, each with ``units``.
+
+        Raises DraglagError where xarray is not installed.
+        """
+        from draglag.tables import dataset_of
+
+        return dataset_of(self)
+
+    def plot(self, ax: Any = None) -> Any:
+        """The matplotlib axes that runs, curve and taps are drawn on (Fig. 5): those given, or new ones.
+
+        Raises DraglagError where matplotlib is not installed.
+        """
+        from draglag.report.drawn import draw_latency, own_axes
+
+        axes = own_axes(ax)
+        draw_latency(axes, self)
+        return axes
 
 
 def has_constant_speed(run: Run) -> bool:

@@ -1,7 +1,7 @@
 """Local polynomials over an even grid (Savitzky and Golay 1964).
 
-As ``scipy.signal.savgol_filter`` with mode "interp": half a window at either end is the polynomial of that end. To import
-scipy.signal takes longer than to analyse a session.
+As ``scipy.signal.savgol_filter`` with mode "interp": half a window at either end is the polynomial of that end. To
+import scipy.signal takes longer than to analyse a session.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import bdtr
 
 from draglag.recording import FloatArray, Taps
+from draglag.shown import brief
 
 LONGEST_S = 0.2  # the public tool's limit: later events belong to something else
 
@@ -42,6 +43,8 @@ class TapSummary:
             "iqr_ms": [1e3 * v for v in self.iqr_s],
             "clock_uncertainty_ms": 1e3 * self.clock_uncertainty_s,
         }
+
+    __repr__ = brief
 
 
 def summarise_taps(taps: Taps | None, clock_uncertainty_s: float = 0.0) -> dict[str, TapSummary]:

@@ -78,11 +78,11 @@ def test_what_an_extra_brings_is_one_sentence_with_the_line_to_type(
 
 
 SCRIPT = """
-from draglag.analysis import analyze
-from draglag.store import read_session
+import draglag as dl
 
-analysis = analyze(read_session("session.h5"))
+analysis = dl.analyze(dl.read("session.h5"))
 reveal_type(analysis.runs[0].latency_s)
+
 analysis.session + 1
 """
 

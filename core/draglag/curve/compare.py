@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -40,6 +41,22 @@ class CurveDifference:
                 for v, d, a, b in zip(self.speed_mm_s, self.difference_s, self.low_s, self.high_s, strict=True)
             ],
         }
+
+    def __repr__(self) -> str:
+        low, high = self.speed_mm_s[0], self.speed_mm_s[-1]
+        rms_ms = 1e3 * float(np.sqrt(np.mean(self.difference_s**2)))
+        return f"CurveDifference(RMS {rms_ms:.2f} ms from {low:.0f} to {high:.0f} mm/s, p = {self.p_value:.2g})"
+
+    def plot(self, ax: Any = None) -> Any:
+        """The matplotlib axes that the difference and its 95 % band are drawn on: those given, or new ones.
+
+        Raises DraglagError where matplotlib is not installed.
+        """
+        from draglag.report.drawn import draw_difference, own_axes
+
+        axes = own_axes(ax)
+        draw_difference(axes, self)
+        return axes
 
 
 def curve_difference(

@@ -11,6 +11,7 @@ from draglag.errors import EstimateError
 from draglag.events import hold_at_rate, last_of_batches, sample_interval_s, usable
 from draglag.latency.edges import Edges, clean_edges
 from draglag.recording import FloatArray, Run, TouchTrace
+from draglag.shown import brief
 
 WINDOW_S = (0.0, 0.4)  # latencies searched
 FEW_EDGES = 8  # below this an interval means little
@@ -51,6 +52,8 @@ class Alignment:
     @property
     def intercept_bottom_mm(self) -> float:
         return self.lines.intercept_bottom_mm
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -135,6 +138,8 @@ class RunEstimate:
             "travel_per_diameter": self.travel_per_diameter,
             "flags": list(self.flags),
         }
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
