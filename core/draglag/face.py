@@ -9,23 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
-from draglag.compensation import Compensated
-from draglag.compensation import compensate as compensate_events
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
-from draglag.curve.compare import CurveDifference, curve_difference
 from draglag.errors import DataError, EstimateError
-from draglag.gap.constants import MOST_EFFECTS
-from draglag.gap.results import GapReport
 from draglag.latency.estimate import WINDOW_S
-from draglag.model_file import LatencyModel
 from draglag.recording import Session
+
+if TYPE_CHECKING:
+    from draglag.compensation import Compensated
+    from draglag.curve.compare import CurveDifference
+    from draglag.gap.results import GapReport
+    from draglag.model_file import LatencyModel
 
 
 def read(path: str | Path) -> Session:
@@ -103,13 +103,14 @@ def analyze(
 def find_gap(
     session: Session,
     *,
-    max_effects: int = MOST_EFFECTS,
+    max_effects: int | None = None,
     without: Collection[str] = (),
     include: Collection[str] = (),
 ) -> GapReport:
     """Where a session disagrees with the model, by which effects, how probably so, and what remains.
 
     Args:
+        max_effects: effects to add at most; None for as many as ``draglag gap`` adds.
         without: ids of effects that may not be named. include: ids of runs to take in although they went wrong.
 
     A session without enough data has no verdict, and ``missing`` says why. Takes some seconds.
@@ -119,11 +120,13 @@ def find_gap(
     >>> report.verdict
     'no_gap'
     """
+    from draglag.gap.constants import MOST_EFFECTS
     from draglag.gap.workflow import close_gap
     from draglag.simulation.effects import EFFECTS, known_effects
 
     known_effects(without)
-    return close_gap(session, max_effects, [e for e in EFFECTS if e not in without], None, include)
+    most = MOST_EFFECTS if max_effects is None else max_effects
+    return close_gap(session, most, [e for e in EFFECTS if e not in without], None, include)
 
 
 def simulate(
@@ -219,6 +222,8 @@ def compare(first: Analysis | CurveFit, second: Analysis | CurveFit) -> CurveDif
     >>> dl.compare(analysis, analysis).p_value
     1.0
     """
+    from draglag.curve.compare import curve_difference
+
     apart = curve_difference(_curve(first), _curve(second))
     if apart is None:
         raise EstimateError("the curves share no speeds", "Measure both screens at the same speeds")
@@ -253,7 +258,8 @@ def compensate(
     >>> moved.x_stylus_mm.shape == touch.x_mm.shape
     True
     """
-    from draglag.model_file import model_of
+    from draglag.compensation import compensate as compensate_events
+    from draglag.model_file import LatencyModel, model_of
 
     model = law if isinstance(law, LatencyModel) else model_of(_curve(law))
     t, x, y = (np.asarray(values, float) for values in (t_s, x_mm, y_mm))

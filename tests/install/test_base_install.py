@@ -50,10 +50,12 @@ def test_a_base_install_analyses_a_folder_of_sessions(
     for name, source in (("a", "none-A"), ("b", "low_speed_plateau"), ("c", "none-A")):
         done = base.draglag("import", SAMPLES / source, "--out", tmp_path / f"{name}.h5")
         assert done.returncode == 0, done.stderr
-    for path in sorted(tmp_path.glob("*.h5")):
-        done = base.draglag("analyze", path, "--json")
-        assert done.returncode == 0, done.stderr
-        assert json.loads(done.stdout)["curve"]["form"]
+    done = base.draglag("analyze", tmp_path, "--jobs", "2", "--out", tmp_path / "table.csv", "--json")
+    assert done.returncode == 0, done.stderr
+    results = [one["result"] for one in json.loads(done.stdout)["sessions"]]
+    assert len(results) == 3
+    assert all(result["curve"]["form"] for result in results)
+    assert len((tmp_path / "table.csv").read_text().splitlines()) == 4
 
 
 @pytest.mark.parametrize(
