@@ -162,3 +162,17 @@ def test_a_sparkline_is_on_the_scale_of_all() -> None:
     y_low, y_high = (float(re.search(r'points="[\d.]+,([\d.]+)', one)[1]) for one in (low, high))  # type: ignore[index]
     assert y_high < y_low  # y grows downwards
     assert "<svg" in sparkline(Sparkline(), (1.0, 1.0))
+
+
+def test_many_screens_are_ranked_and_what_fails_is_listed(tiny: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.h5"
+    broken.write_text("no session")
+    out, report = tmp_path / "order.csv", tmp_path / "order.html"
+    done = run("compare", tiny, broken, "--jobs", 1, "--out", out, "--report", report)
+    assert done.exit_code == 1
+    assert f"failed: {broken}: " in done.stderr
+    assert "mean latency ms" in done.stdout
+    rows = list(csv.DictReader(out.open()))
+    assert [int(row["rank"]) for row in rows] == list(range(1, 13))
+    assert all(int(row["rank_low"]) <= int(row["rank"]) <= int(row["rank_high"]) for row in rows)
+    assert report.read_text("utf-8").count("<img ") == 2
