@@ -16,6 +16,7 @@ from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
 from draglag.latency.conduct import why_excluded, with_conduct
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
+from draglag.latency.estimators import estimator_of
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
@@ -42,7 +43,8 @@ class AnalysisOptions:
     """How to analyse.
 
     Attributes:
-        estimator: "efficient" or "paper". update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
+        estimator: "efficient", "paper", or a name that another package brings.
+        update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
         window_s: latencies searched. form: a name of ``draglag.curve.FORMS`` or "best".
         tie_asymptote: hold a7 at the median release tap (the paper's "corrected"). exclude: run id → reason.
         include: ids of runs that belong in the curve in spite of how they went ("all": every run).
@@ -160,8 +162,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     Raises EstimateError for an unknown estimator or curve form.
     """
     options = options or AnalysisOptions()
-    if options.estimator not in ("efficient", "paper"):
-        raise EstimateError(f"unknown estimator {options.estimator!r}", "Use efficient or paper")
+    estimator_of(options.estimator)
     tell = progress or (lambda fraction, text: None)
     steady = [run for run in session.runs if has_constant_speed(run)]
     estimates = []

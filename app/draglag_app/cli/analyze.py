@@ -13,6 +13,7 @@ from draglag.clocks import rate_words
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
+from draglag.latency.estimators import OWN, estimator_names
 from draglag.packages import need
 from draglag.provenance import is_simulated
 from draglag.recording import Session
@@ -44,14 +45,22 @@ from draglag_app.cli.many import (
 )
 
 
+def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """The name of an estimator; other packages are asked only where it is none of draglag's own."""
+    if value not in OWN and value not in estimator_names():
+        raise click.BadParameter(f"{value!r} is not one of {', '.join(map(repr, estimator_names()))}.", ctx, param)
+    return value
+
+
 @click.command("analyze")
 @click.argument("sessions", metavar="SESSION…", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--estimator",
-    type=click.Choice(["efficient", "paper"]),
+    callback=_known_estimator,
+    metavar="[efficient|paper|NAME]",
     default="efficient",
     show_default=True,
-    help="The efficient estimator, or Eq. 1–3 as published.",
+    help="The efficient estimator, Eq. 1–3 as published, or one of another package (docs/estimators.md).",
 )
 @click.option(
     "--update-rate",

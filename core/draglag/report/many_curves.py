@@ -28,7 +28,7 @@ def ranked_figure(ranking: Ranking) -> Any:
     axes.set_yticks(range(n), labels, fontsize=7.5)
     axes.set_ylim(n - 0.4, -0.6)
     first, last = ranking.speed_range_mm_s
-    axes.set(xlabel=f"mean latency from {first:.0f} to {last:.0f} mm/s, ms (95 %); at the left: name and rank (95 %)")
+    axes.set(xlabel=f"mean latency, ms, {first:.0f} to {last:.0f} mm/s (95 %)", title="name, rank (95 %), mean latency")
     return figure
 
 
