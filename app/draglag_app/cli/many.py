@@ -36,8 +36,8 @@ def many_options(command: Function) -> Function:
 def sessions_in(paths: Sequence[Path]) -> list[Path]:
     """Session files and exchange folders that paths, folders and globs name, each once, in order.
 
-    A folder stands for the session files and exchange folders in it and below it. Raises DataError for a glob or a
-    folder without any.
+    A folder stands for the session files and exchange folders in it, and for the session files in its folders.
+    Raises DataError for a glob or a folder without any.
     """
     found: dict[Path, None] = {}
     for path in paths:
@@ -81,8 +81,9 @@ def _in_one(path: Path) -> list[Path]:
         return [one for name in sorted(glob.glob(str(path), recursive=True)) for one in _in_one(Path(name))]
     if not path.is_dir() or (path / "session.json").is_file():
         return [path]
-    files = [one for one in path.rglob("*.h5") if one.is_file()]
-    return sorted([*files, *(one.parent for one in path.rglob("session.json"))])
+    # Two levels, not any depth: a slip such as / must not search a whole disk. Globs (**) go deeper where asked to.
+    files = [one for level in ("*.h5", "*/*.h5") for one in path.glob(level) if one.is_file()]
+    return sorted([*files, *(one.parent for one in path.glob("*/session.json"))])
 
 
 def run_many(
