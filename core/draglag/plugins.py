@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from importlib.metadata import entry_points
 
 
 def brought(group: str, noun: str, problem_of: Callable[[str, object], str]) -> Iterator[tuple[str, object]]:
@@ -14,6 +13,8 @@ def brought(group: str, noun: str, problem_of: Callable[[str, object], str]) -> 
         group: "draglag.effects", … noun: what such an object is called in the warning.
         problem_of: from name and object, what keeps it from being used; empty where nothing does.
     """
+    from importlib.metadata import entry_points  # takes longer to import than all of what it finds here
+
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         try:
             found: object = entry.load()
