@@ -50,7 +50,7 @@ rm -rf "$before"
 [ ! -e "$home" ] || mv "$home" "$before"
 echo "Installing draglag into $home (this takes a minute or two)"
 clean "$python" -I -S -m venv "$home"
-clean "$home/bin/python" -I -m pip install --quiet --disable-pip-version-check --no-cache-dir "$source" ||
+clean "$home/bin/python" -I -m pip install --quiet --disable-pip-version-check --no-cache-dir "${source}[all]" ||
     fail "Could not install draglag into $home: pip's last lines are above. Check the network, then try again."
 chmod -R go-w "$home" # a wheel may bring what its group may write
 clean "$home/bin/python" -I -c 'import draglag_app'

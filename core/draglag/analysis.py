@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
 from draglag.latency.conduct import why_excluded, with_conduct
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
+from draglag.latency.estimators import estimator_of
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
+from draglag.shown import table_html
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
 from draglag.verification import (
@@ -40,7 +43,8 @@ class AnalysisOptions:
     """How to analyse.
 
     Attributes:
-        estimator: "efficient" or "paper". update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
+        estimator: "efficient", "paper", or a name that another package brings.
+        update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
         window_s: latencies searched. form: a name of ``draglag.curve.FORMS`` or "best".
         tie_asymptote: hold a7 at the median release tap (the paper's "corrected"). exclude: run id → reason.
         include: ids of runs that belong in the curve in spite of how they went ("all": every run).
@@ -102,6 +106,49 @@ class Analysis:
             "warnings": list(self.warnings),
         }
 
+    def __repr__(self) -> str:
+        known = sum(run.latency_s is not None for run in self.runs)
+        curve = "no curve" if self.curve is None else repr(self.curve)
+        return f"Analysis({self.session!r}: {known} of {len(self.runs)} runs with a latency, {curve})"
+
+    def _repr_html_(self) -> str:
+        """The runs as a notebook shows them, and the curve."""
+        from draglag.tables import run_rows
+
+        keys = ["run", "speed_mm_s", "latency_ms", "latency_low_ms", "latency_high_ms", "n_edges", "flags"]
+        rows = [[row[key] for key in keys] for row in run_rows(self)]
+        curve = "" if self.curve is None else self.curve._repr_html_()
+        return table_html(f"Analysis of {self.session}", keys, rows) + curve
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each run: the columns of ``draglag.tables.RUN_COLUMNS``.
+
+        Raises DraglagError where pandas is not installed.
+        """
+        from draglag.tables import RUN_COLUMNS, frame_of, run_rows
+
+        return frame_of(run_rows(self), list(RUN_COLUMNS))
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset: runs along ``run``, the curve and its band along ``speed_mm_s``, each with ``units``.
+
+        Raises DraglagError where xarray is not installed.
+        """
+        from draglag.tables import dataset_of
+
+        return dataset_of(self)
+
+    def plot(self, ax: Any = None) -> Any:
+        """The matplotlib axes that runs, curve and taps are drawn on (Fig. 5): those given, or new ones.
+
+        Raises DraglagError where matplotlib is not installed.
+        """
+        from draglag.report.drawn import draw_latency, own_axes
+
+        axes = own_axes(ax)
+        draw_latency(axes, self)
+        return axes
+
 
 def has_constant_speed(run: Run) -> bool:
     """Whether one latency describes the run; chirp, multi-sine and step runs go to the validation instead."""
@@ -115,8 +162,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     Raises EstimateError for an unknown estimator or curve form.
     """
     options = options or AnalysisOptions()
-    if options.estimator not in ("efficient", "paper"):
-        raise EstimateError(f"unknown estimator {options.estimator!r}", "Use efficient or paper")
+    estimator_of(options.estimator)
     tell = progress or (lambda fraction, text: None)
     steady = [run for run in session.runs if has_constant_speed(run)]
     estimates = []

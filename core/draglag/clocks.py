@@ -12,7 +12,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import linprog
 
 from draglag.errors import DataError
 from draglag.recording import ClockBounds, FloatArray, IntArray, Run, concatenate
@@ -266,6 +265,8 @@ def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
 
 def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
     """The smallest widening with which a line fits (a linear programme), s."""
+    from scipy.optimize import linprog
+
     scale = 1e6  # microseconds and ppm keep the solver's tolerances meaningful
     rows = [[-1.0, -x, -1.0] for x, _ in floor] + [[1.0, x, -1.0] for x, _ in ceiling]
     sides = [-scale * y for _, y in floor] + [scale * y for _, y in ceiling]

@@ -11,6 +11,7 @@ from draglag.events import contact_losses, in_contact, sample_interval_s, usable
 from draglag.inversion import Law, stylus_path, stylus_speed, stylus_time_s
 from draglag.motion import local_fit
 from draglag.recording import FloatArray, TouchTrace
+from draglag.shown import brief
 
 FEWEST_EVENTS = 8  # for a movement
 STEEP_S = 0.03  # v · L′(v) from which simulated Screens 1 and 2 are better undone as a whole
@@ -67,6 +68,8 @@ class Compensated:
             "moved_mm_min_median_max": spread(moved),
             "moved_rms_mm": float(np.sqrt(np.mean(moved**2))) if moved.size else None,
         }
+
+    __repr__ = brief
 
 
 def compensate(

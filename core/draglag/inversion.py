@@ -15,12 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.signal import savgol_filter
 
 from draglag.events import sample_interval_s
 from draglag.motion import local_fit
 from draglag.recording import FloatArray, IntArray
+from draglag.savgol import smoothed
 
 Law = Callable[[FloatArray], FloatArray]
 
@@ -271,6 +270,8 @@ def _noise_mm(xy_mm: FloatArray) -> float:
 
 def _between(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, moment_s: float) -> FloatArray:
     """Monotone cubics through events (n, 2) at times that never fall, (g, 2); the ends hold."""
+    from scipy.interpolate import PchipInterpolator
+
     # Events of one moment are one event: their mean.
     _, group = np.unique(np.round((t_s - t_s[0]) / moment_s).astype(np.int64), return_inverse=True)
     count = np.bincount(group)
@@ -286,4 +287,4 @@ def _smoothed(values: FloatArray, half_s: float, step_s: float, order: int) -> F
     """Local cubics on an even grid, (g, 2), g ≥ 5, or a derivative of them."""
     reach = min(max(3, round(half_s / step_s)), (values.shape[0] - 1) // 2)
     degree = min(3, 2 * reach)
-    return np.asarray(savgol_filter(values, 2 * reach + 1, degree, deriv=order, delta=step_s, axis=0))
+    return smoothed(values, 2 * reach + 1, degree, order, step_s)

@@ -162,7 +162,13 @@ def model_of(
     provenance: Provenance | None = None,
     effects: Sequence[tuple[str, Mapping[str, float]] | ModelEffect] = (),
 ) -> LatencyModel:
-    """The model of a fitted curve."""
+    """The model of a fitted curve.
+
+    >>> import draglag as dl
+    >>> model = dl.model_of(dl.analyze(dl.read("session.h5")).curve)
+    >>> bool(0.13 < model.latency_s(50.0) < 0.15)
+    True
+    """
     return LatencyModel(
         form=curve.form,
         parameters=dict(curve.parameters),
@@ -181,7 +187,11 @@ def model_of(
 
 
 def save_model(model: LatencyModel, path: Path | str) -> None:
-    """Write a model as JSON. Raises DataError where the file exists or cannot be written."""
+    """Write a model as JSON. Raises DataError where the file exists or cannot be written.
+
+    >>> import draglag as dl
+    >>> dl.save_model(dl.model_of(dl.analyze(dl.read("session.h5")).curve), "saved.json")
+    """
     path = Path(path)
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -193,7 +203,12 @@ def save_model(model: LatencyModel, path: Path | str) -> None:
 
 
 def load_model(path: Path | str) -> LatencyModel:
-    """Read a model. Raises DataError, naming what is wrong with the file."""
+    """Read a model. Raises DataError, naming what is wrong with the file.
+
+    >>> import draglag as dl
+    >>> dl.load_model("model.json").form
+    'double_exponential'
+    """
     path = Path(path)
     raw: Any = parse_json(read_text(path, DOCUMENT_BYTES), path, MADE_BY)
     if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version", VERSION) != VERSION:

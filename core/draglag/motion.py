@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from draglag.events import sample_interval_s
 from draglag.recording import FloatArray, IntArray, TouchTrace
+from draglag.savgol import smoothed
 
 SAVGOL_ORDER = 4  # the paper, Section III.A
 SAVGOL_WINDOW = 61
@@ -33,8 +33,8 @@ def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArra
     if grid_s.size < SAVGOL_WINDOW:
         raise ValueError(f"{grid_s.size} samples, the filter needs {SAVGOL_WINDOW}")
     xy = [np.interp(grid_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
-    x_mm, y_mm = (savgol_filter(v, SAVGOL_WINDOW, SAVGOL_ORDER) for v in xy)
-    vx, vy = (savgol_filter(v, SAVGOL_WINDOW, SAVGOL_ORDER, deriv=1, delta=dt_s) for v in xy)
+    x_mm, y_mm = (smoothed(v, SAVGOL_WINDOW, SAVGOL_ORDER) for v in xy)
+    vx, vy = (smoothed(v, SAVGOL_WINDOW, SAVGOL_ORDER, 1, dt_s) for v in xy)
     return grid_s, x_mm, y_mm, np.hypot(vx, vy)
 
 

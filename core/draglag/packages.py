@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import platform
 import sys
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ class Package:
     @property
     def line(self) -> str:
         """What to type to install it."""
-        return f"pip install 'draglag[{self.extra}]'" if self.extra else f"pip install {self.name}"
+        # With double quotes, which every shell knows, also that of Windows.
+        return f'pip install "draglag[{self.extra}]"' if self.extra else f"pip install {self.name}"
 
 
 _EVDEV_WHEEL = sys.platform == "linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14)
@@ -33,14 +35,18 @@ PACKAGES = {
     "pydantic": Package("pydantic"),
     "click": Package("click"),
     "jinja2": Package("jinja2"),
-    "matplotlib": Package("matplotlib"),
+    "joblib": Package("joblib"),
     "platformdirs": Package("platformdirs"),
     "tomli_w": Package("tomli-w"),
-    "PySide6": Package("PySide6-Essentials"),
-    "pyqtgraph": Package("pyqtgraph"),
-    "evdev": Package("evdev-binary" if _EVDEV_WHEEL else "evdev"),
-    "pysoem": Package("pysoem"),
-    "serial": Package("pyserial"),
+    "PySide6": Package("PySide6-Essentials", "gui"),
+    "pyqtgraph": Package("pyqtgraph", "gui"),
+    "evdev": Package("evdev-binary" if _EVDEV_WHEEL else "evdev", "devices"),
+    "pysoem": Package("pysoem", "devices"),
+    "serial": Package("pyserial", "devices"),
+    "matplotlib": Package("matplotlib", "report"),
+    "pandas": Package("pandas", "frames"),
+    "pyarrow": Package("pyarrow", "frames"),
+    "xarray": Package("xarray", "frames"),
     "h5netcdf": Package("h5netcdf", "netcdf"),
     "distributed": Package("distributed", "cluster"),
 }
@@ -65,3 +71,17 @@ def missing_package(error: ModuleNotFoundError) -> DraglagError | None:
     if package_of(error.name or "") is None:
         return None
     return DraglagError(*advice(error.name or ""))
+
+
+def need(*modules: str) -> None:
+    """Raise DraglagError, with the line to type, where one of these modules is missing; nothing is imported."""
+    for module in modules:
+        if not _is_there(module):
+            raise DraglagError(*advice(module))
+
+
+def _is_there(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ValueError:  # sys.modules marks it as missing
+        return False

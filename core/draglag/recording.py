@@ -13,6 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from draglag.shown import brief, table_html
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -93,6 +95,8 @@ class TouchCalibration:
     device: str = ""
     made_utc: str = ""
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class TouchTrace:
@@ -118,6 +122,8 @@ class TouchTrace:
     dropped: int = 0
     axes: tuple[AxisInfo, ...] = ()
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class LaserTrace:
@@ -139,6 +145,8 @@ class LaserTrace:
     gaps_s: FloatArray = field(default_factory=_no_gaps)
     missed: int = 0
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class ClockBounds:
@@ -154,6 +162,8 @@ class ClockBounds:
     host_max_s: FloatArray
     epoch: IntArray = field(default_factory=_ints)
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class DisplayTrace:
@@ -163,6 +173,8 @@ class DisplayTrace:
     x_mm: FloatArray
     y_mm: FloatArray
     missed: int = 0
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -188,6 +200,8 @@ class Taps:
     down: IntArray
     rejected: Mapping[str, int] = field(default_factory=dict)
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Run:
@@ -210,6 +224,8 @@ class Run:
     log: tuple[LogEntry, ...] = ()
     outcome: str = "complete"
     seed: int | None = None
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -239,6 +255,17 @@ class Session:
             if run.id == run_id:
                 return run
         raise KeyError(run_id)
+
+    __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        """The session as a notebook shows it: its runs, a row each."""
+        head = ["run", "protocol", "speed mm/s", "duration s", "touch events", "edges", "outcome"]
+        rows = [
+            (r.id, r.protocol, r.nominal_speed_mm_s, r.duration_s, len(r.touch.t_s), len(r.laser.t_s), r.outcome)
+            for r in self.runs
+        ]
+        return table_html(f"Session {self.name} on {self.screen.name}", head, rows)
 
 
 _Trace = TypeVar("_Trace", TouchTrace, LaserTrace, ClockBounds, Taps, DisplayTrace)

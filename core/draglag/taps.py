@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binom
+from scipy.special import bdtr
 
 from draglag.recording import FloatArray, Taps
+from draglag.shown import brief
 
 LONGEST_S = 0.2  # the public tool's limit: later events belong to something else
 
@@ -43,6 +44,8 @@ class TapSummary:
             "clock_uncertainty_ms": 1e3 * self.clock_uncertainty_s,
         }
 
+    __repr__ = brief
+
 
 def summarise_taps(taps: Taps | None, clock_uncertainty_s: float = 0.0) -> dict[str, TapSummary]:
     """Summaries of "touch" and "release" events; kinds without a usable tap are left out.
@@ -58,7 +61,7 @@ def summarise_taps(taps: Taps | None, clock_uncertainty_s: float = 0.0) -> dict[
         if not good.size:
             continue
         # The k-th order statistics whose ranks enclose the median with 95 % probability.
-        k = int(binom.ppf(0.025, good.size, 0.5))
+        k = int(np.searchsorted(bdtr(np.arange(good.size + 1.0), good.size, 0.5), 0.025))
         interval = (float(good[max(k - 1, 0)]), float(good[min(good.size - k, good.size - 1)]))
         median = float(np.median(good))
         low, high = (float(np.hypot(end - median, clock_uncertainty_s)) for end in interval)

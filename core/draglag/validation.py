@@ -15,6 +15,7 @@ from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
 from draglag.motion import savitzky_golay
 from draglag.recording import FloatArray
+from draglag.shown import brief
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class Validation:
             "n_extrapolated": self.n_extrapolated,
             "flags": list(self.flags),
         }
+
+    __repr__ = brief
 
 
 def validate_run(

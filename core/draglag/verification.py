@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from draglag.curve import CurveFit
 from draglag.latency import RunEstimate
@@ -57,7 +57,7 @@ def asymptote_check(
     for kind, summary in taps.items():
         se = max(float(np.hypot(summary.median_se_s, asymptote_se)), 1e-9)
         difference = summary.median_s - asymptote_s
-        p_value = float(norm.sf((margin_s - abs(difference)) / se))
+        p_value = float(ndtr(-(margin_s - abs(difference)) / se))
         out.append(
             AsymptoteCheck(kind, difference, (difference - 1.96 * se, difference + 1.96 * se), margin_s, p_value)
         )

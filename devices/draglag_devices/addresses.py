@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, cast
 from urllib.parse import parse_qsl
 
 from draglag.packages import advice
+from draglag_devices.other_packages import Driver, drivers_of_others
 from draglag_devices.source import DeviceError, Source
 
 if TYPE_CHECKING:
@@ -82,8 +83,10 @@ def parse_address(text: str) -> Address:
     """Parse ``scheme:target?options``. Raises DeviceError that lists the known forms."""
     text = text.strip()
     scheme, colon, rest = text.partition(":")
-    if not colon or scheme not in _SERVES:
-        raise DeviceError(text or "(empty)", "this is not a device address", f"known forms: {' · '.join(KNOWN_FORMS)}")
+    if not colon or (scheme not in _SERVES and scheme not in other_drivers()):
+        raise DeviceError(
+            text or "(empty)", "this is not a device address", f"known forms: {' · '.join(known_forms())}"
+        )
     target, _, query = rest.partition("?")
     if scheme in _NEEDS_TARGET and not target:
         form = next(form for form in KNOWN_FORMS if form.startswith(scheme))
@@ -113,8 +116,8 @@ def open_source(address: str | Address, role: str, stage: Stage | None = None) -
     parsed = parse_address(address) if isinstance(address, str) else address
     if role not in ROLES:
         raise DeviceError(parsed.text, f"there is no role '{role}'", f"roles are {', '.join(ROLES)}")
-    if role not in _SERVES[parsed.scheme]:
-        fitting = " · ".join(form for form in KNOWN_FORMS if role in _SERVES[form.split(":", 1)[0]])
+    if role not in _roles(parsed.scheme):
+        fitting = " · ".join(form for form in known_forms() if role in _roles(form.split(":", 1)[0]))
         raise DeviceError(parsed.text, f"cannot serve as {role}", f"for {role} use one of: {fitting}")
     if parsed.scheme == "sim":
         from draglag_devices.sim.sources import simulated_source
@@ -124,7 +127,23 @@ def open_source(address: str | Address, role: str, stage: Stage | None = None) -
         from draglag_devices.replay import replay_source
 
         return replay_source(stage or _new_stage(), role, parsed)
+    if parsed.scheme not in DRIVERS:
+        return other_drivers()[parsed.scheme].open_source(parsed, role)
     return _driver_source(parsed, role)
+
+
+def other_drivers() -> dict[str, Driver]:
+    """Scheme → driver of other packages (docs/sources.md)."""
+    return drivers_of_others(_SERVES, ROLES)
+
+
+def known_forms() -> tuple[str, ...]:
+    """Every form of address that can be used here."""
+    return (*KNOWN_FORMS, *(driver.FORM for driver in other_drivers().values()))
+
+
+def _roles(scheme: str) -> tuple[str, ...]:
+    return _SERVES[scheme] if scheme in _SERVES else tuple(other_drivers()[scheme].ROLES)
 
 
 def _new_stage() -> Stage:

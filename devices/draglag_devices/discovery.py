@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from draglag.packages import advice
-from draglag_devices.addresses import DRIVERS
+from draglag_devices.addresses import DRIVERS, other_drivers
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,9 @@ class Found:
 
 
 def discover(probe: Collection[str] = ()) -> list[Found]:
-    """The simulator first, then what each driver's own ``discover()`` finds. Drivers that are not built find nothing.
+    """The simulator first, then what each driver's own ``discover()`` finds, also those of other packages.
+
+    Drivers that are not built find nothing.
 
     ``probe``: network interfaces to ask for EtherCAT devices although others use them.
     A driver's package may be missing on this machine: that is one entry, with the remedy.
@@ -39,4 +41,10 @@ def discover(probe: Collection[str] = ()) -> list[Found]:
         look = getattr(module, "discover", None)
         if look is not None:
             found.extend(look(probe) if scheme == "ethercat" else look())
+    for scheme, driver in other_drivers().items():
+        try:
+            found.extend(getattr(driver, "discover", list)())
+        except Exception as error:  # whatever a stranger's driver does must not hide the others
+            problem = f"its driver fails ({type(error).__name__}: {error})"
+            found.append(Found(f"{scheme}:", (), problem, False, "ask who made its package"))
     return found

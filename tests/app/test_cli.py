@@ -226,7 +226,8 @@ def test_without_matplotlib_drawings_are_one_sentence(
     result = run(name, session_file, *options, tmp_path / "drawn")
     assert result.exit_code == 1
     last = result.stderr.splitlines()[-1]
-    assert last == "draglag: the Python package matplotlib is not installed; run: pip install matplotlib."
+    package, line = "the Python package matplotlib (extra report)", 'pip install "draglag[report]"'
+    assert last == f"draglag: {package} is not installed; run: {line}."
     assert not (tmp_path / "drawn").exists()
 
 

@@ -6,15 +6,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from draglag.errors import DataError
+
 from . import workflow
 from .conditions import Task, quick_tasks, tasks
 from .figure import draw, draw_reliability
 from .judge import Outcome
-from .pool import Unavailable, package_on_path, run_all
+from .places import run_all
 from .realistic import quick_real_tasks, real_tasks
 from .score import WORLDS, score_worlds, table
 
-__all__ = ["Unavailable", "run_benchmark", "table"]
+__all__ = ["run_benchmark", "table"]
 
 
 def run_benchmark(
@@ -37,15 +39,14 @@ def run_benchmark(
     truth. engine: "module:function" that is handed a folder and returns a gap report, instead of this checkout's.
     Ctrl+C ends it with the sessions that are done: fewer ("sessions") than asked for ("asked").
 
-    Raises Unavailable when there is no cluster where one is asked for, no workflow to judge, or nothing to do.
+    Raises DraglagError when there is no cluster where one is asked for, no workflow to judge, or nothing to do.
     """
     chosen = choose(world, sessions, quick, seed, only)
     if not chosen:
-        raise Unavailable(f"Nothing is called {' or '.join(only)}", "Name a kind (none, single, pair) or an effect")
+        raise DataError(f"Nothing is called {' or '.join(only)}", "Name a kind (none, single, pair) or an effect")
     why = None if engine else workflow.missing()
     if why:
-        raise Unavailable(f"There is no workflow to judge: {why}", "Install the draglag of this checkout")
-    package_on_path()
+        raise DataError(f"There is no workflow to judge: {why}", "Install the draglag of this checkout")
     outcomes: list[Outcome] = []
     try:
         for outcome in run_all(chosen, jobs, scheduler, keep and keep.resolve(), engine):

@@ -12,9 +12,10 @@ from click.testing import CliRunner
 from blind import benchmark
 from blind.conditions import Task
 from blind.judge import Outcome
-from blind.pool import Unavailable, run_all
+from blind.places import run_all
 from draglag_app.cli import blind as command
 from draglag_app.cli import cli
+from draglag_app.parallel import Unavailable
 
 
 def test_says_that_it_needs_a_checkout(tmp_path, monkeypatch):

@@ -401,5 +401,5 @@ def test_netcdf_gets_the_same_numbers_on_a_time_axis(tmp_path: Path) -> None:
 
 def test_netcdf_without_its_package_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "h5netcdf", None)
-    with pytest.raises(DataError, match=r"h5netcdf.*pip install 'draglag\[netcdf\]'"):
+    with pytest.raises(DataError, match=r"h5netcdf.*pip install \"draglag\[netcdf\]\""):
         write_netcdf(full_session(), tmp_path / "s.nc")

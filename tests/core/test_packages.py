@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from draglag.packages import PACKAGES, Package, advice, missing_package
+from draglag.errors import DraglagError
+from draglag.packages import PACKAGES, Package, advice, missing_package, need
 
 ROOT = Path(__file__).parents[2]
 OURS = {"draglag", "draglag_devices", "draglag_app", "draglag_resources", "blind"}
@@ -52,10 +53,12 @@ def test_every_import_is_in_the_table() -> None:
 @pytest.mark.parametrize(
     ("module", "line"),
     [
-        ("serial.tools", "pip install pyserial"),
-        ("PySide6.QtWidgets", "pip install PySide6-Essentials"),
-        ("h5netcdf", "pip install 'draglag[netcdf]'"),
-        ("distributed", "pip install 'draglag[cluster]'"),
+        ("serial.tools", 'pip install "draglag[devices]"'),
+        ("PySide6.QtWidgets", 'pip install "draglag[gui]"'),
+        ("matplotlib.figure", 'pip install "draglag[report]"'),
+        ("pandas", 'pip install "draglag[frames]"'),
+        ("h5netcdf", 'pip install "draglag[netcdf]"'),
+        ("distributed", 'pip install "draglag[cluster]"'),
     ],
 )
 def test_the_line_to_type_is_that_of_the_package(module: str, line: str) -> None:
@@ -67,3 +70,17 @@ def test_a_module_that_nobody_knows_is_no_package_to_install() -> None:
     assert missing_package(ModuleNotFoundError(name="draglag.nothing")) is None
     assert "pip" not in advice("draglag.nothing")[1]
     assert Package("a").line == "pip install a"
+
+
+def test_what_is_needed_is_asked_for_before_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    need("numpy", "scipy.stats")
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(DraglagError, match=r'matplotlib.*run: pip install "draglag\[report\]"'):
+        need("numpy", "matplotlib")
+
+
+def test_the_library_alone_needs_neither_a_window_nor_devices_nor_drawings() -> None:
+    apart = {"PySide6-Essentials", "pyqtgraph", "evdev", "evdev-binary", "pysoem", "pyserial", "matplotlib"}
+    assert not apart & names(project()["dependencies"])
+    every = Requirement(project()["optional-dependencies"]["all"][0])
+    assert every.extras == {p.extra for p in PACKAGES.values() if p.extra}

@@ -85,7 +85,7 @@ def test_a_missing_library_is_named_as_its_package_is_called(monkeypatch):
     monkeypatch.setitem(sys.modules, "serial.tools", None)
     with pytest.raises(DeviceError) as caught:
         open_source("serial:/dev/ttyACM0", "walt")
-    words = "the Python package pyserial is not installed; run: pip install pyserial."
+    words = 'the Python package pyserial (extra devices) is not installed; run: pip install "draglag[devices]".'
     assert str(caught.value) == f"serial:/dev/ttyACM0: {words}"
     listed = next(found for found in discovery.discover() if found.address.startswith("serial:"))
     assert f"{listed.description}; {listed.remedy}." == words

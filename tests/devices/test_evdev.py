@@ -251,9 +251,9 @@ def test_without_its_library_a_touchscreen_is_not_ready_and_says_what_to_install
     monkeypatch.setitem(sys.modules, "evdev", None)
     (found,) = evdev_touch.discover()
     assert not found.usable
-    assert re.search(r"package evdev(-binary)? is not installed", found.description)
-    assert found.remedy.startswith("run: pip install evdev")
-    with pytest.raises(DeviceError, match=r"event4: the Python package evdev.*run: pip install evdev"):
+    assert re.search(r"package evdev(-binary)? \(extra devices\) is not installed", found.description)
+    assert found.remedy == 'run: pip install "draglag[devices]"'
+    with pytest.raises(DeviceError, match=r"event4: the Python package evdev.*run: pip install \"draglag\[devices\]\""):
         kernel.KernelTouch("/dev/input/event4")
 
 

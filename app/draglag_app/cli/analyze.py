@@ -13,8 +13,12 @@ from draglag.clocks import rate_words
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
+from draglag.latency.estimators import OWN, estimator_names
+from draglag.packages import need
 from draglag.provenance import is_simulated
 from draglag.recording import Session
+from draglag.tables import RUN_COLUMNS
+from draglag_app.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing
 from draglag_app.cli.common import (
     FiniteRange,
     checksum,
@@ -25,20 +29,38 @@ from draglag_app.cli.common import (
     print_json,
     progress,
     refuse_existing,
-    session_argument,
     table,
     warn,
 )
+from draglag_app.cli.many import (
+    conclude,
+    is_one,
+    many_options,
+    only_many,
+    only_one,
+    refuse_outputs,
+    run_many,
+    sessions_in,
+    write_table,
+)
+
+
+def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """The name of an estimator; other packages are asked only where it is none of draglag's own."""
+    if value not in OWN and value not in estimator_names():
+        raise click.BadParameter(f"{value!r} is not one of {', '.join(map(repr, estimator_names()))}.", ctx, param)
+    return value
 
 
 @click.command("analyze")
-@session_argument
+@click.argument("sessions", metavar="SESSION…", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--estimator",
-    type=click.Choice(["efficient", "paper"]),
+    callback=_known_estimator,
+    metavar="[efficient|paper|NAME]",
     default="efficient",
     show_default=True,
-    help="The efficient estimator, or Eq. 1–3 as published.",
+    help="The efficient estimator, Eq. 1–3 as published, or one of another package (docs/estimators.md).",
 )
 @click.option(
     "--update-rate",
@@ -76,9 +98,12 @@ from draglag_app.cli.common import (
 )
 @click.option("--save", is_flag=True, help="Store the result in the session file, beside the raw data.")
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Also write report.html and figures.")
+@click.option("--runs", "runs_out", type=click.Path(path_type=Path), metavar="TABLE.csv|.parquet",
+              help="Of many sessions: write the table of their runs, a row each.")  # fmt: skip
+@many_options
 @json_option
 def analyze(
-    session: Path,
+    sessions: tuple[Path, ...],
     estimator: str,
     update_rate_hz: float | None,
     form: str,
@@ -90,10 +115,16 @@ def analyze(
     model_path: Path | None,
     save: bool,
     report: Path | None,
+    runs_out: Path | None,
+    jobs: int | None,
+    scheduler: str | None,
+    out: Path | None,
+    summary_path: Path | None,
     as_json: bool,
 ) -> None:
     """Estimate the latency of every run of SESSION (a session file or an exchange folder), the curve of latency
-    against speed, tap latencies, and what the curve removes in the validation runs.
+    against speed, tap latencies, and what the curve removes in the validation runs. Of several sessions, folders of
+    sessions or globs: a row each, on all cores or on a cluster; one that fails does not end the others.
 
     \b
     Examples:
@@ -101,13 +132,25 @@ def analyze(
         draglag analyze session.h5 --estimator paper --update-rate 100 --json
         draglag analyze session.h5 --save --report report
         draglag analyze session.h5 --window-ms 0 600 --save-model model.json
+        draglag analyze measurements --out screens.csv --runs runs.csv --summary screens.html
+        draglag analyze 'measurements/*.h5' --scheduler tcp://cluster:8786 --out screens.parquet
     """
+    if window_ms and not window_ms[0] < window_ms[1]:
+        raise click.UsageError("--window-ms runs from a smaller to a larger latency.")
+    if not is_one(sessions):
+        asked_for_one = {"--exclude": exclude, "--save-model": save_model, "--model": model_path, "--report": report}
+        only_one(asked_for_one)
+        options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, {}, include)
+        _many(sessions, options, save, runs_out, jobs, scheduler, out, summary_path, as_json)
+        return
+    only_many({"--runs": runs_out, "--out": out, "--summary": summary_path, "--scheduler": scheduler})
+    session = sessions[0]
     if save and not session.is_file():
         raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
     if report is not None and (report / "report.html").exists():
         raise DataError(f"{report / 'report.html'}: exists already and is not overwritten", "Choose another folder")
-    if window_ms and not window_ms[0] < window_ms[1]:
-        raise click.UsageError("--window-ms runs from a smaller to a larger latency.")
+    if report is not None:
+        need("matplotlib")
     if save_model is not None:
         refuse_existing(save_model)
     data = load_session(session)
@@ -123,15 +166,7 @@ def analyze(
     unknown = sorted({*left_out, *include} - {run.id for run in data.runs} - {"all"})
     if unknown:
         raise DataError(f"{session}: there is no run {unknown[0]!r}", "See draglag analyze for the ids")
-    options = AnalysisOptions(
-        estimator=estimator,
-        update_rate_hz=update_rate_hz,
-        window_s=(1e-3 * window_ms[0], 1e-3 * window_ms[1]) if window_ms else WINDOW_S,
-        form=form,
-        tie_asymptote=tie_asymptote,
-        exclude=left_out,
-        include=frozenset(include),
-    )
+    options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, left_out, include)
     with progress("Analysing") as tell:
         analysis = analyze_session(data, options, tell)
     result = analysis.to_dict()
@@ -169,6 +204,49 @@ def analyze(
             f"{session}: none of {len(analysis.runs)} runs gave a latency ({why})",
             "Check that the laser sees the stylus cross the beam, and record again",
         )
+
+
+def _options(
+    estimator: str,
+    update_rate_hz: float | None,
+    form: str,
+    tie_asymptote: bool,
+    window_ms: tuple[float, float] | None,
+    left_out: dict[str, str],
+    include: tuple[str, ...],
+) -> AnalysisOptions:
+    return AnalysisOptions(
+        estimator=estimator,
+        update_rate_hz=update_rate_hz,
+        window_s=(1e-3 * window_ms[0], 1e-3 * window_ms[1]) if window_ms else WINDOW_S,
+        form=form,
+        tie_asymptote=tie_asymptote,
+        exclude=left_out,
+        include=frozenset(include),
+    )
+
+
+_SHOWN = (
+    ("file", "file", -1), ("screen", "screen", -1), ("n_latencies", "runs", 0),
+    *((f"latency_{v:.0f}_mm_s_ms", f"ms at {v:.0f} mm/s", 1) for v in AT_MM_S),
+    ("tap_touch_ms", "tap ms", 1), ("rms_ms", "RMS ms", 2), ("form", "curve", -1),
+)  # fmt: skip
+
+
+def _many(
+    paths: tuple[Path, ...], options: AnalysisOptions, save: bool, runs_out: Path | None, jobs: int | None,
+    scheduler: str | None, out: Path | None, summary: Path | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Analyse every session that the paths name."""
+    refuse_outputs(out, summary)
+    refuse_outputs(runs_out)
+    outcomes = run_many(Analysing(options, save), sessions_in(paths), "Analysing", jobs, scheduler)
+    if runs_out is not None:
+        rows = [row for outcome in outcomes for row in outcome.runs]
+        write_table(rows, ["file", "session", *RUN_COLUMNS], runs_out)
+    legend = "Latency, from 0 ms, against drag speed, from 0 mm/s: runs and the fitted curve, all on one scale."
+    conclude(outcomes, ANALYSIS_COLUMNS, _SHOWN, legend=legend, title="Latency of many sessions", out=out,
+             summary=summary, as_json=as_json)  # fmt: skip
 
 
 def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> None:

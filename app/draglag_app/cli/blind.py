@@ -70,13 +70,10 @@ def blind(
             if tell:
                 tell(done / of, f"{done} of {of}")
 
-        try:
-            summary: dict[str, Any] = benchmark.run_benchmark(
-                sessions=sessions, jobs=jobs or 1, scheduler=scheduler, quick=quick, seed=seed, only=only, out=out,
-                progress=count, world=world, keep=keep, engine=engine,
-            )  # fmt: skip
-        except benchmark.Unavailable as error:
-            raise DataError(str(error), error.remedy) from error
+        summary: dict[str, Any] = benchmark.run_benchmark(
+            sessions=sessions, jobs=jobs or 1, scheduler=scheduler, quick=quick, seed=seed, only=only, out=out,
+            progress=count, world=world, keep=keep, engine=engine,
+        )  # fmt: skip
     if as_json:
         print_json(summary)
     else:

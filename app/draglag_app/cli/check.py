@@ -65,7 +65,8 @@ def check(
         click.echo("Ready." if ready(done) else f"Not ready: {faults} of {len(done)} checks failed.")
     if not ready(done):
         first = next(row for row in done if row.state == "fault")
-        click.echo(f"draglag: not ready: {first.name}: {first.measured}; {first.remedy or 'see the checks'}", err=True)
+        measured = first.measured.rstrip(".")
+        click.echo(f"draglag: not ready: {first.name}: {measured}; {first.remedy or 'see the checks'}", err=True)
         ctx.exit(1)
 
 

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.packages import need
 from draglag.reading.limits import TIME_S
 from draglag.recording import FloatArray
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
@@ -46,6 +47,8 @@ def compensate(
 
     if (source is None) != (out is None) or not (source or lookup or tracking or figure):
         raise click.UsageError("Give IN.csv and OUT.csv, or --lookup, --tracking or --figure.")
+    if figure is not None:
+        need("matplotlib")
     model = load_model(model_path)
     warn(left_unexplained(model))
     result: dict[str, Any] = {"model": str(model_path), "form": model.form}

@@ -10,6 +10,7 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.errors import DataError, DraglagError
+from draglag.packages import need
 from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
@@ -34,6 +35,7 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
     """
     from draglag.report import write_report
 
+    need("matplotlib")
     path = out / "session.h5"
     if path.exists():
         raise DataError(f"{path}: exists already and is not overwritten", "Choose another folder with --out")

@@ -8,7 +8,7 @@ import socket
 import click
 
 from draglag.errors import DataError
-from draglag_devices.addresses import KNOWN_FORMS
+from draglag_devices.addresses import known_forms
 from draglag_devices.discovery import Found, discover
 
 
@@ -36,7 +36,7 @@ def devices(as_json: bool, probe: tuple[str, ...]) -> None:
     width = max(len(f.address) for f in found)
     for device in found:
         click.echo(_line(device, width))
-    click.echo(f"\nAddresses: {' · '.join(KNOWN_FORMS)}")
+    click.echo(f"\nAddresses: {' · '.join(known_forms())}")
 
 
 def _check(interfaces: tuple[str, ...]) -> None:

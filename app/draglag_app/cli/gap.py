@@ -21,8 +21,10 @@ from draglag.gap.wording import (
 )
 from draglag.gap.workflow import close_gap
 from draglag.model_file import save_model
+from draglag.packages import need
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects
+from draglag_app.batch import GAP_COLUMNS, FindingGap
 from draglag_app.cli.common import (
     checksum,
     json_option,
@@ -31,13 +33,22 @@ from draglag_app.cli.common import (
     print_json,
     progress,
     refuse_existing,
-    session_argument,
     table,
+)
+from draglag_app.cli.many import (
+    conclude,
+    is_one,
+    many_options,
+    only_many,
+    only_one,
+    refuse_outputs,
+    run_many,
+    sessions_in,
 )
 
 
 @click.command("gap")
-@session_argument
+@click.argument("sessions", metavar="SESSION…", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--max-effects",
     type=click.IntRange(min=0, max=20),
@@ -66,19 +77,25 @@ from draglag_app.cli.common import (
     metavar="FILE.json",
     help="Write the extended model: law, effects with intervals, provenance.",
 )
+@many_options
 @json_option
 def gap(
-    session: Path,
+    sessions: tuple[Path, ...],
     max_effects: int,
     without: tuple[str, ...],
     include: tuple[str, ...],
     report: Path | None,
     model_path: Path | None,
     provisional: bool,
+    jobs: int | None,
+    scheduler: str | None,
+    out: Path | None,
+    summary_path: Path | None,
     as_json: bool,
 ) -> None:
     """Find where SESSION (a session file or an exchange folder) disagrees with the model, name the effects that
-    explain it, each with its probability, and show the gap shrink with them; or say what has no name.
+    explain it, each with its probability, and show the gap shrink with them; or say what has no name. Of several
+    sessions, folders of sessions or globs: a row each, on all cores or on a cluster.
 
     \b
     Examples:
@@ -86,10 +103,19 @@ def gap(
         draglag gap exchange-folder --json
         draglag gap session.h5 --report gap.html
         draglag gap session.h5 --save-model extended.json
+        draglag gap measurements --jobs 8 --out gaps.csv --summary gaps.html
     """
     known_effects(without)
-    for out in filter(None, (report, model_path)):
-        refuse_existing(out)
+    if not is_one(sessions):
+        only_one({"--report": report, "--save-model": model_path, "--provisional": provisional})
+        _many(sessions, FindingGap(max_effects, without, include), jobs, scheduler, out, summary_path, as_json)
+        return
+    only_many({"--out": out, "--summary": summary_path, "--scheduler": scheduler})
+    session = sessions[0]
+    if report is not None:
+        need("matplotlib")
+    for path in filter(None, (report, model_path)):
+        refuse_existing(path)
     data = load_session(session)
     strange = sorted(set(include) - {run.id for run in data.runs} - {"all"})
     if strange:
@@ -122,6 +148,25 @@ def gap(
                 "" if unnamed is None else ", without the provisional term: what has no name is no part of a model"
             )
             click.echo(f"Model: {model_path}{without_it}")
+
+
+_SHOWN = (
+    ("file", "file", -1), ("screen", "screen", -1), ("verdict", "verdict", -1), ("probability", "probability", 2),
+    ("gap_first_mm", "gap first, mm", 3), ("gap_last_mm", "last, mm", 3), ("noise_floor_mm", "floor, mm", 3),
+    ("effects", "effects", -1),
+)  # fmt: skip
+
+
+def _many(
+    paths: tuple[Path, ...], work: FindingGap, jobs: int | None, scheduler: str | None, out: Path | None,
+    summary: Path | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Explain the gap of every session that the paths name."""
+    refuse_outputs(out, summary)
+    outcomes = run_many(work, sessions_in(paths), "Explaining gaps", jobs, scheduler)
+    legend = "The gap, from 0 mm, before and after each effect, on one scale; dashed: the noise floor."
+    conclude(outcomes, GAP_COLUMNS, _SHOWN, legend=legend, title="Gaps of many sessions", out=out, summary=summary,
+             as_json=as_json)  # fmt: skip
 
 
 def _say_more(data: Session, result: GapReport, without: tuple[str, ...]) -> None:

@@ -16,13 +16,13 @@ from typing import Any, cast
 import click
 
 from draglag.errors import DataError, DraglagError
-from draglag.packages import advice
+from draglag.packages import advice, need
 from draglag.presets import load_screen_file
 from draglag.protocols import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
 from draglag.store import clear_leftovers
 from draglag_app.cli.common import FiniteRange, Seed
-from draglag_app.cli.window import need_display
+from draglag_app.cli.window import WINDOW_MODULES, need_display
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_devices.addresses import parse_address
 from draglag_devices.calibration import as_mapping, load_calibration, load_touches
@@ -170,6 +170,7 @@ def record_with(
 
 
 def _on_screen(number: int) -> _OnScreen:
+    need(*WINDOW_MODULES)
     need_display()
     try:
         module = importlib.import_module(_ON_SCREEN)

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError
+from draglag.packages import need
 from draglag_app.cli.common import Seed, json_option, print_json, progress, table
 
 
@@ -36,6 +37,7 @@ def reproduce(out: Path | None, seed: int, n_further: int, as_json: bool) -> Non
     if out is not None and (out / "reproduction.html").exists():
         raise DataError(f"{out / 'reproduction.html'}: exists already and is not overwritten", "Choose another folder")
     if out is not None:
+        need("matplotlib")
         try:  # before minutes of work rather than after them
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:

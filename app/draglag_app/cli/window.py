@@ -12,7 +12,10 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError, DraglagError
+from draglag.packages import need
 from draglag_app.cli.main import OPERATOR_WINDOW, load
+
+WINDOW_MODULES = ("PySide6", "pyqtgraph")
 
 _REMEDY = "Start it from a desktop, or use a command that needs none"
 _NEED_NONE = ("offscreen", "minimal")  # platforms of Qt that draw into memory
@@ -48,8 +51,9 @@ def _qt_starts() -> bool:
 def open_window(session: Path | None = None) -> int:
     """The exit code of the operator window, once it is closed; it opens on the results of a session file.
 
-    Raises DraglagError where there is no display, or where a library that Qt needs is missing.
+    Raises DraglagError where there is no Qt, no display, or where a library that Qt needs is missing.
     """
+    need(*WINDOW_MODULES)
     need_display()
     try:
         opener = load(OPERATOR_WINDOW)

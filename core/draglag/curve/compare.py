@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from draglag.curve.fit import CurveFit
 from draglag.recording import FloatArray
@@ -41,6 +42,22 @@ class CurveDifference:
             ],
         }
 
+    def __repr__(self) -> str:
+        low, high = self.speed_mm_s[0], self.speed_mm_s[-1]
+        rms_ms = 1e3 * float(np.sqrt(np.mean(self.difference_s**2)))
+        return f"CurveDifference(RMS {rms_ms:.2f} ms from {low:.0f} to {high:.0f} mm/s, p = {self.p_value:.2g})"
+
+    def plot(self, ax: Any = None) -> Any:
+        """The matplotlib axes that the difference and its 95 % band are drawn on: those given, or new ones.
+
+        Raises DraglagError where matplotlib is not installed.
+        """
+        from draglag.report.drawn import draw_difference, own_axes
+
+        axes = own_axes(ax)
+        draw_difference(axes, self)
+        return axes
+
 
 def curve_difference(
     first: CurveFit, second: CurveFit, speeds_mm_s: FloatArray | None = None
@@ -61,5 +78,5 @@ def curve_difference(
     halves = [0.5 * (band[1] - band[0]) for band in (first.band_s(speed), second.band_s(speed))]
     half = np.maximum(np.hypot(*halves), 1e-9)
     largest = float(np.max(np.abs(apart) / half)) * 1.96
-    p_value = min(1.0, 2 * float(norm.sf(largest)) * speed.size)
+    p_value = min(1.0, 2 * float(ndtr(-largest)) * speed.size)
     return CurveDifference(speed, apart, apart - half, apart + half, p_value)

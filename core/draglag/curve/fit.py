@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from draglag.curve.forms import FORMS, Form
 from draglag.curve.points import CurvePoints, distinct_speeds
 from draglag.curve.separable import evaluated_ms, jacobian_ms, shown_s, slope_s_per_mm_s, solved
 from draglag.errors import EstimateError
 from draglag.recording import FloatArray
+from draglag.shown import table_html
 
 FEWEST_SPEEDS = 5  # as many as Eq. 5 has coefficients: fewer cannot tell a decay from anything else
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
@@ -75,7 +77,7 @@ class CurveFit:
         form = FORMS[self.form]
         jacobian = jacobian_ms(form, self.values, speed)
         se = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, self.covariance, jacobian), 0))
-        reach = student.ppf(0.5 + level / 2, max(self.n_points - form.n_parameters, 1)) * se
+        reach = stdtrit(max(self.n_points - form.n_parameters, 1), 0.5 + level / 2) * se
         middle = evaluated_ms(form, self.values, speed)
         return 1e-3 * (middle - reach), 1e-3 * (middle + reach)
 
@@ -94,6 +96,31 @@ class CurveFit:
                 {"form": r.form, "aicc": r.aicc, "held_out_rms_ms": 1e3 * r.held_out_rms_s} for r in self.rivals
             ],
         }
+
+    def __repr__(self) -> str:
+        parameters = ", ".join(f"{name}={value:.4g}" for name, value in self.parameters.items())
+        low, high = self.speed_range_mm_s
+        return (
+            f"CurveFit({self.form}: {parameters}; RMS {1e3 * self.rms_s:.2f} ms over {self.n_points} runs, "
+            f"{low:.0f} to {high:.0f} mm/s)"
+        )
+
+    def _repr_html_(self) -> str:
+        """The coefficients as a notebook shows them."""
+        errors = self.standard_errors
+        rows = [(name, value, errors[name]) for name, value in self.parameters.items()]
+        return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "standard error"], rows)
+
+    def plot(self, ax: Any = None) -> Any:
+        """The matplotlib axes that the curve and its 95 % band are drawn on: those given, or new ones.
+
+        Raises DraglagError where matplotlib is not installed.
+        """
+        from draglag.report.drawn import draw_curve, own_axes
+
+        axes = own_axes(ax)
+        draw_curve(axes, self)
+        return axes
 
 
 def fit_form(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from draglag.recording import FloatArray
+from draglag.shown import brief
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class CurvePoints:
             return (self.speed_mm_s,)
         reach = np.minimum(self.speed_sd_mm_s, 0.5 * self.speed_mm_s)
         return self.speed_mm_s - reach, self.speed_mm_s + reach
+
+    __repr__ = brief
 
 
 SAME_SPEED = 1.1  # runs whose speeds are closer than a tenth repeat one speed: hands repeat a target to a few percent

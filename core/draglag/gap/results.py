@@ -8,6 +8,7 @@ from draglag.gap.constants import STATED_AT_MOST
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.judge import Judgement
 from draglag.recording import Session
+from draglag.shown import table_html
 
 FLOOR_REACHES = "in a single session noise leaves 0.7 to 1.6 times that"
 """The gap of a sound session over the floor: 95 % of 237 generated ones."""
@@ -195,6 +196,17 @@ class GapReport:
             "not_seen": dict(self.not_seen),
             "excluded": dict(self.excluded),
         }
+
+    def __repr__(self) -> str:
+        names = ", ".join(step.effect for step in self.steps)
+        sure = "" if self.probability is None else f", probability {stated(self.probability)}"
+        return f"GapReport({self.session!r}: {self.verdict or 'no verdict'}{sure}{': ' + names if names else ''})"
+
+    def _repr_html_(self) -> str:
+        """The verdict and its steps as a notebook shows them."""
+        head = ["effect", "probability", "where", "gap before, mm", "gap after, mm"]
+        rows = [(s.effect, stated(s.probability), s.where, s.gap_before_mm, s.gap_after_mm) for s in self.steps]
+        return table_html(f"Gap of {self.session}: {self.verdict or 'no verdict'}", head, rows)
 
 
 def unjudged(session: Session, report: GapReport) -> str:

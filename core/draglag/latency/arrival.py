@@ -17,8 +17,8 @@ import numpy as np
 
 from draglag.events import BATCHED, median
 from draglag.latency.estimate import Prepared
-from draglag.latency.path import LONGEST_FILL, events_of
-from draglag.latency.track import path_of
+from draglag.latency.path import LONGEST_FILL, Path, events_of
+from draglag.latency.track import Smoothed, smoothed_of
 from draglag.recording import FloatArray, IntArray, TouchTrace
 
 FEWEST = 200  # events in a stretch: fewer do not show a rhythm
@@ -84,33 +84,35 @@ def _behind_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
     return np.concatenate([_behind_s(t_s[part], slot[part], slip_s) for part in parts])
 
 
-def set_back(ready: Prepared) -> tuple[Prepared, Arrival]:
-    """The run with each stamp set back by its lateness, as far as the positions confirm it, and that lateness."""
+def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
+    """The run with each stamp set back by its lateness, as far as the positions confirm it, and that lateness; its
+    smooth path, where that was needed to see that no stamp is set back."""
     touch = ready.touch
     came_s = _came_s(ready)
     every_s = lateness_s(came_s)
     none = Arrival(came_s, np.zeros(came_s.size), 0.0)
     if every_s.std() < LEAST_S:
-        return ready, none
+        return ready, none, None
     late_s = every_s[np.searchsorted(came_s, touch.t_s, side="right") - 1]
-    share, again = 0.0, ready
+    share, again, first = 0.0, ready, smoothed_of(ready)
+    smoothed = first
     for _ in range(REFINED):
-        more = _confirmed(again, late_s)
+        more = _confirmed(again, late_s, smoothed.path)
         share, before = min(max(share + more, 0.0), 1.0), share
         t_s = touch.t_s - share * late_s
         if share == 0.0 or (np.diff(t_s) <= 0).any():
-            return ready, none
+            return ready, none, first
         again = replace(ready, touch=TouchTrace(t_s, touch.x_mm, touch.y_mm, touch.contact_id, gaps_s=touch.gaps_s))
         if abs(share - before) < SETTLED:
             break
+        smoothed = smoothed_of(again)
     # Where stamps scatter by what is lateness and by what is not, lateness is known by this much.
     unseen_s = float(every_s.std() * np.sqrt(share * (1 - share)))
-    return again, Arrival(came_s - share * every_s, share * every_s, unseen_s)
+    return again, Arrival(came_s - share * every_s, share * every_s, unseen_s), None
 
 
-def _confirmed(ready: Prepared, late_s: FloatArray) -> float:
+def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
     """The share of the lateness (n,) by which the positions lag behind the path."""
-    path = path_of(ready)
     place_mm, v_mm_s = path.with_velocity(ready.touch.t_s)
     shown_mm = v_mm_s * late_s[:, None]
     shown_mm = shown_mm - path.like(shown_mm).at(ready.touch.t_s)  # the path follows what is slow

@@ -71,8 +71,8 @@ class Solution:
 
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
     """The latency of a run by joint maximum likelihood, with its interval and verdict."""
-    ready, arrival = set_back(ready)
-    track = track_of(ready)
+    ready, arrival, smoothed = set_back(ready)
+    track = track_of(ready, smoothed)
     coarse = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, track.path, track.losses_s)
     minima = coarse.minima()
     if not minima:

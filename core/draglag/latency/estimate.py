@@ -11,6 +11,7 @@ from draglag.errors import EstimateError
 from draglag.events import hold_at_rate, last_of_batches, sample_interval_s, usable
 from draglag.latency.edges import Edges, clean_edges
 from draglag.recording import FloatArray, Run, TouchTrace
+from draglag.shown import brief
 
 WINDOW_S = (0.0, 0.4)  # latencies searched
 FEW_EDGES = 8  # below this an interval means little
@@ -51,6 +52,8 @@ class Alignment:
     @property
     def intercept_bottom_mm(self) -> float:
         return self.lines.intercept_bottom_mm
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,8 @@ class RunEstimate:
             "flags": list(self.flags),
         }
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -184,14 +189,16 @@ def estimate_run(
 ) -> RunEstimate:
     """Latency of a run whose speed is constant (Eq. 1). Never raises for bad data: the flags say what is wrong.
 
+    Raises EstimateError for an estimator that nobody brings, or one of another package that fails.
+
     Args:
-        estimator: "efficient" (joint maximum likelihood) or "paper" (Eq. 2 on the raw events).
+        estimator: "efficient" (joint maximum likelihood), "paper" (Eq. 2 on the raw events), or one of another package.
         update_rate_hz: emulate a loop that takes the last event at this rate; None uses the kernel's stamps.
         window_s: latencies searched.
     """
-    from draglag.latency.efficient import estimate_efficient
-    from draglag.latency.paper import estimate_paper
+    from draglag.latency.estimators import estimator_of
 
+    one = estimator_of(estimator)
     blank = RunEstimate(run.id, run.protocol, run.nominal_speed_mm_s, "kernel")
     try:
         ready = prepare(run, stylus_diameter_mm, update_rate_hz)
@@ -200,5 +207,4 @@ def estimate_run(
     blank = replace(blank, stamps=ready.stamps, n_edges=ready.edges.t_s.size, n_rejected=ready.edges.n_rejected)
     if ready.edges.t_s.size < FEWEST_EDGES:
         return replace(blank, flags=("few_edges", "unidentifiable"))
-    one = estimate_paper if estimator == "paper" else estimate_efficient
     return one(ready, blank, window_s)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from draglag.beam import sides
 from draglag.events import contact_losses, in_contact, sample_interval_s
 from draglag.latency.edges import Edges
 from draglag.latency.path import Path
 from draglag.recording import FloatArray, TouchTrace
+from draglag.savgol import smoothed
 
 MANY_EDGES = 50
 
@@ -74,8 +74,8 @@ def _moved(touch: TouchTrace, at_s: FloatArray, half_width_s: float) -> tuple[Fl
     reach = max(2, round(0.7 * half_width_s / dt_s))
     x_mm, y_mm = (np.interp(grid_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
     if grid_s.size > 2 * reach + 1:
-        vy = savgol_filter(y_mm, 2 * reach + 1, 3, deriv=1, delta=dt_s)
-        y_mm = savgol_filter(y_mm, 2 * reach + 1, 3)
+        vy = smoothed(y_mm, 2 * reach + 1, 3, 1, dt_s)
+        y_mm = smoothed(y_mm, 2 * reach + 1, 3)
     else:
         vy = np.gradient(y_mm, dt_s)
     position = np.clip((at_s - grid_s[0]) / dt_s, 0, grid_s.size - 1.001)

@@ -8,7 +8,17 @@ import numpy as np
 
 from draglag.events import contact_losses
 from draglag.latency.estimate import Prepared
-from draglag.latency.path import APART_S, Events, Path, corner_for_mean, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import (
+    APART_S,
+    Events,
+    Path,
+    Spectrum,
+    corner_for_mean,
+    corner_of,
+    events_of,
+    smooth_path,
+    spectrum_of,
+)
 from draglag.latency.tremor import Tremor, tremor_of
 from draglag.recording import FloatArray
 
@@ -62,17 +72,29 @@ def independent_places(path: Path, t_s: FloatArray) -> float:
     return max(m**2 * variance / max(shared, variance), 1.0)
 
 
-def path_of(ready: Prepared) -> Path:
-    """The smooth path of a run's touch events."""
-    return _path(events_of(ready.touch.t_s, ready.xy_mm))
+@dataclass(frozen=True)
+class Smoothed:
+    """A run's touch events, their spectrum, and the smooth path that follows from both."""
+
+    events: Events
+    spectrum: Spectrum
+    path: Path
+    noise: float
 
 
-def track_of(ready: Prepared) -> Track:
-    """The track of a run's touch events."""
+def smoothed_of(ready: Prepared) -> Smoothed:
+    """The smooth path of a run's touch events, with what it was made from."""
     events = events_of(ready.touch.t_s, ready.xy_mm)
     spectrum = spectrum_of(events)
     rhythm_hz, corner_hz, noise = corner_of(spectrum)
-    path = smooth_path(events, rhythm_hz, corner_hz, noise)
+    return Smoothed(events, spectrum, smooth_path(events, rhythm_hz, corner_hz, noise), noise)
+
+
+def track_of(ready: Prepared, smoothed: Smoothed | None = None) -> Track:
+    """The track of a run's touch events. ``smoothed``: of the same run, where it is known already."""
+    smoothed = smoothed or smoothed_of(ready)
+    events, spectrum, path, noise = smoothed.events, smoothed.spectrum, smoothed.path, smoothed.noise
+    rhythm_hz, corner_hz = path.rhythm_hz, path.corner_hz
     n = independent_places(path, ready.edges.t_s)
     mean_path = smooth_path(events, rhythm_hz, corner_for_mean(spectrum, rhythm_hz, corner_hz, noise, n), noise)
     t_s = events.t_s
@@ -83,7 +105,3 @@ def track_of(ready: Prepared) -> Track:
     uneven = mean_path.like(v_mm_s * relative[:, None])
     tremor = tremor_of(events, path, v_mm_s, mean_path)
     return Track(path, mean_path, tremor, True, uneven, usual, contact_losses(t_s), (float(t_s[0]), float(t_s[-1])))
-
-
-def _path(events: Events) -> Path:
-    return smooth_path(events, *corner_of(spectrum_of(events)))

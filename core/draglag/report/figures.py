@@ -8,67 +8,20 @@ from typing import Any
 import numpy as np
 
 from draglag.analysis import Analysis
-from draglag.latency import RunEstimate
 from draglag.latency.estimate import Alignment
 from draglag.recording import Run, Session
 from draglag.report import style
+from draglag.report.drawn import TAP_LOOK, draw_latency
 
 _TITLE_LETTERS = 60  # that go on a line above a small figure
-_TAP_LOOK = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
 
 
 def latency_figure(analysis: Analysis) -> Any:
     """Latency against speed with 95 % intervals, the fitted curve with its band, and tap medians (Fig. 5)."""
     figure = style.new_figure()
     axes = figure.add_subplot()
-    runs = [run for run in analysis.runs if run.latency_s is not None and run.speed_mm_s is not None]
-    sound = [run for run in runs if not run.flags]
-    flagged = [run for run in runs if run.flags]
-    if analysis.curve is not None:
-        low, high = analysis.curve.speed_range_mm_s
-        speed = np.geomspace(max(low, 1.0), max(high, 1.0), 300)
-        band = [1e3 * edge for edge in analysis.curve.band_s(speed)]
-        axes.fill_between(speed, *band, color=style.SKY, alpha=0.35, linewidth=0, label="95 % band of the curve")
-        title = analysis.curve.form.replace("_", " ")
-        axes.plot(speed, 1e3 * analysis.curve.predict_s(speed), color=style.BLUE, label=f"fit: {title}")
-    for some, marker, colour, label in (
-        (sound, "s", style.BLACK, "run, 95 % interval"),
-        (flagged, "X", style.ORANGE, "run with a warning"),
-    ):
-        if some:
-            axes.errorbar(
-                [run.speed_mm_s for run in some],
-                [run.latency_ms for run in some],
-                yerr=_bars(some),
-                fmt=marker,
-                color=colour,
-                capsize=2.5,
-                elinewidth=1.1,
-                label=label,
-                zorder=3,
-            )
-    for name, taps in analysis.taps.items():
-        colour, marker, dashes = _TAP_LOOK[name]
-        axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)
-        label = f"tap, {name}: median {1e3 * taps.median_s:.1f} ms"
-        # Beyond the fastest run: a tap stands for an infinitely fast drag, and must not cover a run.
-        right = 1.05 * max((run.speed_mm_s or 0.0 for run in runs), default=1000.0)
-        axes.plot([right], [1e3 * taps.median_s], marker, color=colour, linestyle=dashes, label=label, zorder=4)
-    axes.set(xlabel="drag speed, mm/s", ylabel="latency, ms")
-    axes.set_ylim(bottom=0)
-    axes.set_xlim(left=0)
-    if runs or analysis.taps:
-        axes.legend(loc="upper right")
+    draw_latency(axes, analysis)
     return figure
-
-
-def _bars(runs: list[RunEstimate]) -> Any:
-    """Lower and upper lengths of the error bars, (2, n) ms."""
-    bars = np.zeros((2, len(runs)))
-    for k, run in enumerate(runs):
-        if run.latency_ci95_ms is not None and run.latency_ms is not None:
-            bars[:, k] = run.latency_ms - run.latency_ci95_ms[0], run.latency_ci95_ms[1] - run.latency_ms
-    return np.maximum(bars, 0)
 
 
 def alignment_figure(run: Run, alignment: Alignment, title: str, session: Session) -> Any:
@@ -138,7 +91,7 @@ def taps_figure(analysis: Analysis) -> Any:
     rng = np.random.default_rng(0)  # spreads the points, so that equal ones stay visible
     for place, name in enumerate(names):
         latency_ms = 1e3 * analysis.taps[name].latency_s
-        colour, marker, _ = _TAP_LOOK[name]
+        colour, marker, _ = TAP_LOOK[name]
         axes.boxplot(
             [latency_ms],
             positions=[place],

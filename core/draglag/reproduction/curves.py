@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.curve import CurveFit
@@ -99,7 +99,7 @@ def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient
     values, errors = curve.parameters, curve.standard_errors
     names = {name: name for name in values}
     free = 5 - (curve.tied_asymptote_s is not None)
-    reach = float(student.ppf(0.975, max(curve.n_points - free, 1)))
+    reach = float(stdtrit(max(curve.n_points - free, 1), 0.975))
     sure = {name: values[name] > reach * errors[name] for name in ("a1_ms", "a4_ms")}
     # An amplitude that may be nothing is not the larger one, whatever its value.
     if (sure["a1_ms"], values["a1_ms"]) > (sure["a4_ms"], values["a4_ms"]):

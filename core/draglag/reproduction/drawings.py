@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from draglag.curve import CurveFit
+from draglag.curve.ranking import Ranked, Ranking
 from draglag.errors import DataError
 from draglag.provenance import Source, joint_source
 from draglag.report import style
+from draglag.report.many_curves import MOST_IN_COLOURS, each_figure, ranked_figure
 from draglag.reproduction.measure import Reproduction
 from draglag.reproduction.published import RELEASE_TAP_MS
 from draglag.tracking import TrackingResponse
@@ -112,29 +114,59 @@ def embed(figure: Any) -> str:
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]]) -> str:
-    """A page with all curves, where each is from, and their differences from the first."""
+def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]], order: Ranking | None = None) -> str:
+    """A page with all curves, where each is from, and their differences from the first.
+
+    order: of the curves; where it is known and colours would not tell so many apart, they are drawn in that order.
+    """
+    many = order is not None and len(curves) > MOST_IN_COLOURS
+    sources = joint_source([source for _, _, source in curves])
+    with style.house_style():
+        if order is not None and many:
+            figures = [ranked_figure(order), each_figure({name: curve for name, curve, _ in curves}, order)]
+        else:
+            figures = [_in_colours(curves)]
+        for figure in figures:
+            style.sign(figure, sources)
+        pictures = [embed(figure) for figure in figures]
+    lines = [html.escape(f"{name}: {source.line()}") for name, _, source in curves]
+    body = "".join(f'<figure><img src="{picture}" alt="Curves and their differences"></figure>' for picture in pictures)
+    if order is not None and len(curves) > 2:
+        low, high = order.speed_range_mm_s
+        head = ["session", "rank", "95 %", f"mean latency, {low:.0f} to {high:.0f} mm/s, ms", "95 %"]
+        body += table_html(head, [_place_cells(place) for place in order.places])
+    if not many:
+        body += table_html(["session", "mm/s", "difference, ms", "95 % band, ms"], _difference_cells(curves))
+    body += "<ul>" + "".join(f"<li>{line}</li>" for line in lines) + "</ul>"
+    return page("Comparison of latency curves", body)
+
+
+def _in_colours(curves: Sequence[tuple[str, CurveFit, Source]]) -> Any:
+    """All curves in one picture, and below it their differences from the first."""
     from draglag.curve.compare import curve_difference
 
-    with style.house_style():
-        both = style.new_figure(7.2, 6.4)
-        upper, lower = both.subplots(2, 1, sharex=True)
-        for (name, curve, source), (colour, _) in zip(curves, LOOKS * 4, strict=False):
-            speed = np.geomspace(*curve.speed_range_mm_s, 300)
-            upper.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=name + mark(source))
-            upper.fill_between(speed, *(1e3 * v for v in curve.band_s(speed)), color=colour, alpha=0.2, linewidth=0)
-        for (name, curve, _), (colour, _) in zip(curves[1:], (LOOKS * 4)[1:], strict=False):
-            apart = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
-            if apart is not None:
-                band = (1e3 * apart.low_s, 1e3 * apart.high_s)
-                lower.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=colour, label=name)
-                lower.fill_between(apart.speed_mm_s, *band, color=colour, alpha=0.2, linewidth=0)
-        lower.axhline(0, color=style.BLACK, linewidth=0.8)
-        upper.set(ylabel="latency, ms")
-        lower.set(xlabel="drag speed, mm/s", ylabel=f"minus {curves[0][0]}, ms")
-        upper.legend()
-        style.sign(both, joint_source([source for _, _, source in curves]))
-        picture = embed(both)
+    both = style.new_figure(7.2, 6.4)
+    upper, lower = both.subplots(2, 1, sharex=True)
+    for (name, curve, source), (colour, _) in zip(curves, LOOKS * 4, strict=False):
+        speed = np.geomspace(*curve.speed_range_mm_s, 300)
+        upper.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=name + mark(source))
+        upper.fill_between(speed, *(1e3 * v for v in curve.band_s(speed)), color=colour, alpha=0.2, linewidth=0)
+    for (name, curve, _), (colour, _) in zip(curves[1:], (LOOKS * 4)[1:], strict=False):
+        apart = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
+        if apart is not None:
+            band = (1e3 * apart.low_s, 1e3 * apart.high_s)
+            lower.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=colour, label=name)
+            lower.fill_between(apart.speed_mm_s, *band, color=colour, alpha=0.2, linewidth=0)
+    lower.axhline(0, color=style.BLACK, linewidth=0.8)
+    upper.set(ylabel="latency, ms")
+    lower.set(xlabel="drag speed, mm/s", ylabel=f"minus {curves[0][0]}, ms")
+    upper.legend()
+    return both
+
+
+def _difference_cells(curves: Sequence[tuple[str, CurveFit, Source]]) -> list[list[str]]:
+    from draglag.curve.compare import curve_difference
+
     rows = []
     for name, curve, _ in curves[1:]:
         apart = curve_difference(curves[0][1], curve)
@@ -142,11 +174,13 @@ def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]]) -> str:
             assert apart is not None
             values = (apart.speed_mm_s[k], *(1e3 * v[k] for v in (apart.difference_s, apart.low_s, apart.high_s)))
             rows.append([name, "{:.0f}".format(*values), f"{values[1]:.2f}", f"{values[2]:.2f} to {values[3]:.2f}"])
-    lines = [html.escape(f"{name}: {source.line()}") for name, _, source in curves]
-    body = "<ul>" + "".join(f"<li>{line}</li>" for line in lines) + "</ul>"
-    body += f'<figure><img src="{picture}" alt="Curves and their differences"></figure>'
-    body += table_html(["session", "mm/s", "difference, ms", "95 % band, ms"], rows)
-    return page("Comparison of latency curves", body)
+    return rows
+
+
+def _place_cells(place: Ranked) -> list[str]:
+    interval = f"{1e3 * place.low_s:.2f} to {1e3 * place.high_s:.2f}"
+    ranks = f"{place.rank_low} to {place.rank_high}"
+    return [place.name, str(place.rank), ranks, f"{1e3 * place.mean_s:.2f}", interval]
 
 
 def mark(source: Source) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Collection, Iterator
-from importlib.metadata import entry_points
+from typing import cast
 
+from draglag.plugins import brought
 from draglag.simulation.effects.base import Effect
 
 GROUP = "draglag.effects"
@@ -19,15 +19,8 @@ def effects_of_other_packages(known: Collection[str]) -> Iterator[type[Effect]]:
         known: ids that are taken.
     """
     taken = set(known)
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        try:
-            effect = entry.load()
-            problem = _problem(effect, taken)
-        except Exception as error:  # whatever a stranger's module does on import
-            problem = f"{type(error).__name__}: {error}"
-        if problem:
-            warnings.warn(f"effect {entry.name} ({entry.value}) is left out: {problem}", stacklevel=2)
-            continue
+    for _, found in brought(GROUP, "effect", lambda name, effect: _problem(effect, taken)):
+        effect = cast(type[Effect], found)
         taken.add(effect.id)
         yield effect
 

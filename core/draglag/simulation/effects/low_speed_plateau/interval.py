@@ -7,7 +7,7 @@ rates, and the curvature at the best point alone states an error that is too sma
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.rates import pairs_at, without_law
@@ -27,7 +27,7 @@ def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
     best = fit.law.plateau_mm_s
     n_runs = np.unique(fit.run_index).size
     over = max(n_runs - N_LAW, 3)
-    wide = float(student.ppf(0.975, over) * np.sqrt(n_runs / over))
+    wide = float(stdtrit(over, 0.975) * np.sqrt(n_runs / over))
     reach = wide * float(np.sqrt(max(fit.covariance[5, 5], 0.0)))
     speeds = best * REACH
     gain = _profile(fit, speeds)

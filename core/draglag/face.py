@@ -1,0 +1,306 @@
+"""What ``import draglag as dl`` offers: a session read, analysed, drawn, compared and written, a line each.
+
+Everything here leads to the rooms of the library, which have more. Times are s, positions mm, speeds mm/s; latencies
+are s in Python (``latency_s``) and ms where people read (columns, figures). What goes wrong with data is a
+``DataError`` or an ``EstimateError`` in one sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from draglag.analysis import Analysis, AnalysisOptions
+from draglag.analysis import analyze as analyze_session
+from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
+from draglag.errors import DataError, EstimateError
+from draglag.latency.estimate import WINDOW_S
+from draglag.recording import Session
+
+if TYPE_CHECKING:
+    from draglag.compensation import Compensated
+    from draglag.curve.compare import CurveDifference
+    from draglag.gap.results import GapReport
+    from draglag.model_file import LatencyModel
+
+
+def read(path: str | Path) -> Session:
+    """The session in a file (``.h5``) or in an exchange folder (or its ``session.json``).
+
+    Raises DataError where it cannot be read.
+
+    >>> import draglag as dl
+    >>> session = dl.read("session.h5")
+    >>> len(session.runs), session.screen.name
+    (15, 'A 23in')
+    """
+    path = Path(path)
+    if path.is_dir() or path.name == "session.json":
+        from draglag.exchange import read_exchange
+
+        return read_exchange(path if path.is_dir() else path.parent)
+    from draglag.store import read_session
+
+    return read_session(path)
+
+
+def write(session: Session, path: str | Path) -> Path:
+    """The session file that the session was written to. Raises DataError; nothing is overwritten.
+
+    >>> import draglag as dl
+    >>> dl.write(dl.read("session.h5"), "copy.h5").name
+    'copy.h5'
+    """
+    from draglag.store import write_session
+
+    return write_session(session, path)
+
+
+def analyze(
+    session: Session,
+    *,
+    estimator: str = "efficient",
+    update_rate_hz: float | None = None,
+    window_s: tuple[float, float] = WINDOW_S,
+    form: str = "best",
+    tie_asymptote: bool = False,
+    exclude: Mapping[str, str] | None = None,
+    include: Collection[str] = (),
+) -> Analysis:
+    """Latency of every run with its interval, the curve of latency against speed, taps and validation.
+
+    Args:
+        estimator: "efficient", "paper" (Eq. 1-3 as published), or the name of one that another package brings.
+        update_rate_hz: emulate a loop that holds the last event; None takes the kernel's own stamps.
+        window_s: latencies searched.
+        form: "best" or a name of ``draglag.curve.FORMS``. tie_asymptote: hold a7 at the median release tap.
+        exclude: run id → reason. include: ids of runs to take in although they went wrong, or "all".
+
+    Runs that give no latency carry flags; nothing is raised for them. Raises EstimateError for an unknown name.
+
+    >>> import draglag as dl
+    >>> analysis = dl.analyze(dl.read("session.h5"))
+    >>> analysis.curve.form
+    'double_exponential'
+    >>> analysis.to_dataframe()[["run", "latency_ms"]].shape
+    (13, 2)
+    >>> list(analysis.to_xarray().sizes)
+    ['run', 'speed_mm_s']
+    >>> axes = analysis.plot()
+    >>> axes.get_xlabel()
+    'drag speed, mm/s'
+    """
+    options = AnalysisOptions(
+        estimator, update_rate_hz, window_s, form, tie_asymptote, dict(exclude or {}), frozenset(include)
+    )
+    return analyze_session(session, options)
+
+
+def find_gap(
+    session: Session,
+    *,
+    max_effects: int | None = None,
+    without: Collection[str] = (),
+    include: Collection[str] = (),
+) -> GapReport:
+    """Where a session disagrees with the model, by which effects, how probably so, and what remains.
+
+    Args:
+        max_effects: effects to add at most; None for as many as ``draglag gap`` adds.
+        without: ids of effects that may not be named. include: ids of runs to take in although they went wrong.
+
+    A session without enough data has no verdict, and ``missing`` says why. Takes some seconds.
+
+    >>> import draglag as dl
+    >>> report = dl.find_gap(dl.read("session.h5"))
+    >>> report.verdict
+    'no_gap'
+    """
+    from draglag.gap.constants import MOST_EFFECTS
+    from draglag.gap.workflow import close_gap
+    from draglag.simulation.effects import EFFECTS, known_effects
+
+    known_effects(without)
+    most = MOST_EFFECTS if max_effects is None else max_effects
+    return close_gap(session, most, [e for e in EFFECTS if e not in without], None, include)
+
+
+def simulate(
+    screen: str | Path = "screen-1",
+    protocol: str | Path = "demo",
+    *,
+    effects: Mapping[str, float] | None = None,
+    seed: int = 0,
+) -> Session:
+    """A session of a simulated screen; the same arguments give the same data.
+
+    Args:
+        screen, protocol: presets (``screen_names``, ``protocol_names``) or TOML files.
+        effects: id → size, as ``draglag simulate --help`` lists them. seed: of hand and noise.
+
+    Raises DataError for what is not known.
+
+    >>> import draglag as dl
+    >>> dl.simulate("screen-1", effects={"clock_drift": 60.0}, seed=3).runs[0].protocol
+    'circle'
+    """
+    from draglag.simulation.chain import simulate_session
+    from draglag.simulation.effects import parse_effects
+
+    chosen = parse_effects(f"{name}={float(value)!r}" for name, value in (effects or {}).items())
+    return simulate_session(screen, protocol, effects=chosen, seed=seed)
+
+
+def screen_names() -> list[str]:
+    """Names of the screens that come with draglag.
+
+    >>> import draglag as dl
+    >>> "screen-1" in dl.screen_names()
+    True
+    """
+    from draglag_resources import presets
+
+    return presets("screens")
+
+
+def protocol_names() -> list[str]:
+    """Names of the protocols that come with draglag.
+
+    >>> import draglag as dl
+    >>> "latency-sweep" in dl.protocol_names()
+    True
+    """
+    from draglag_resources import presets
+
+    return presets("protocols")
+
+
+def fit_curve(
+    speed_mm_s: ArrayLike,
+    latency_s: ArrayLike,
+    se_s: ArrayLike | float = 1e-3,
+    *,
+    form: str = "best",
+) -> CurveFit:
+    """The curve of latency against speed through points of one's own.
+
+    Args:
+        speed_mm_s, latency_s: (n,) each. se_s: standard error of the latencies, (n,) or one for all.
+        form: "best" or a name of ``draglag.curve.FORMS``.
+
+    Raises DataError for arrays of different length, EstimateError with too few speeds or an unknown form.
+
+    >>> import draglag as dl
+    >>> speed = [40, 80, 150, 250, 400, 600, 800, 1000]
+    >>> latency = [0.101, 0.096, 0.089, 0.081, 0.073, 0.067, 0.064, 0.062]
+    >>> curve = dl.fit_curve(speed, latency)
+    >>> round(float(curve.predict_s(300.0)), 3)
+    0.078
+    """
+    from draglag.curve import FORMS
+
+    speed, latency = (np.atleast_1d(np.asarray(values, float)) for values in (speed_mm_s, latency_s))
+    if speed.shape != latency.shape or speed.ndim != 1:
+        raise DataError("speeds and latencies differ in number", "Give one latency for each speed")
+    if form != "best" and form not in FORMS:
+        raise EstimateError(f"unknown curve form {form!r}", f"Use best or one of {', '.join(FORMS)}")
+    points = CurvePoints(speed, latency, np.broadcast_to(np.asarray(se_s, float), speed.shape).copy())
+    return fit_best(points) if form == "best" else fit_form(points, form)
+
+
+def compare(first: Analysis | CurveFit, second: Analysis | CurveFit) -> CurveDifference:
+    """By how much the second curve lies above the first, at the speeds both were measured at.
+
+    Raises EstimateError where an analysis has no curve or they share no speeds.
+
+    >>> import draglag as dl
+    >>> analysis = dl.analyze(dl.read("session.h5"))
+    >>> dl.compare(analysis, analysis).p_value
+    1.0
+    """
+    from draglag.curve.compare import curve_difference
+
+    apart = curve_difference(_curve(first), _curve(second))
+    if apart is None:
+        raise EstimateError("the curves share no speeds", "Measure both screens at the same speeds")
+    return apart
+
+
+def _curve(of: Analysis | CurveFit) -> CurveFit:
+    if isinstance(of, CurveFit):
+        return of
+    if of.curve is None:
+        raise EstimateError(f"{of.session}: there is no curve", "; ".join(of.problems))
+    return of.curve
+
+
+def compensate(
+    t_s: ArrayLike,
+    x_mm: ArrayLike,
+    y_mm: ArrayLike,
+    law: Analysis | CurveFit | LatencyModel,
+) -> Compensated:
+    """Where the stylus really was behind recorded touch events.
+
+    Args:
+        t_s, x_mm, y_mm: (n,) events. law: an analysis, a curve, or a model file; beyond its speeds its ends are held.
+
+    Raises DataError with fewer than eight usable events.
+
+    >>> import draglag as dl
+    >>> session = dl.read("session.h5")
+    >>> touch = session.runs[0].touch
+    >>> moved = dl.compensate(touch.t_s, touch.x_mm, touch.y_mm, dl.analyze(session))
+    >>> moved.x_stylus_mm.shape == touch.x_mm.shape
+    True
+    """
+    from draglag.compensation import compensate as compensate_events
+    from draglag.model_file import LatencyModel, model_of
+
+    model = law if isinstance(law, LatencyModel) else model_of(_curve(law))
+    t, x, y = (np.asarray(values, float) for values in (t_s, x_mm, y_mm))
+    return compensate_events(t, x, y, model.latency_s, model.speed_range_mm_s)
+
+
+def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "netcdf", "mat"] = "csv") -> Path:
+    """The folder or file that the session was written to for other programs. Nothing is overwritten.
+
+    Raises DataError; for netCDF also where h5netcdf is not installed.
+
+    >>> import draglag as dl
+    >>> dl.export(dl.read("session.h5"), "session.mat", to="mat").name
+    'session.mat'
+    """
+    from draglag import exchange
+
+    writers = {
+        "exchange": exchange.write_exchange,
+        "csv": exchange.write_csv,
+        "netcdf": exchange.write_netcdf,
+        "mat": exchange.write_mat,
+    }
+    if to not in writers:
+        raise DataError(f"unknown format {to!r}", f"Use one of {', '.join(writers)}")
+    writers[to](session, Path(path))
+    return Path(path)
+
+
+def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Path:
+    """The page ``report.html`` that was written into a folder, with its figures.
+
+    Raises DataError; DraglagError where matplotlib is not installed.
+
+    >>> import draglag as dl
+    >>> session = dl.read("session.h5")
+    >>> dl.write_report(session, dl.analyze(session), "report").name
+    'report.html'
+    """
+    from draglag.packages import need
+    from draglag.report import write_report as write
+
+    need("matplotlib")
+    return write(session, analysis, folder)

@@ -1,0 +1,71 @@
+"""The estimators of one run's latency by name: two of draglag's own, and those of other packages."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+from typing import cast
+
+from draglag.errors import DraglagError, EstimateError
+from draglag.latency.estimate import Prepared, RunEstimate
+from draglag.plugins import brought
+
+GROUP = "draglag.estimators"
+OWN = ("efficient", "paper")
+
+Estimator = Callable[[Prepared, RunEstimate, tuple[float, float]], RunEstimate]
+"""From a prepared run, the estimate without figures, and the latencies to search (s), to the estimate with figures."""
+
+
+def estimator_names() -> list[str]:
+    """Names of all estimators."""
+    return [*OWN, *_of_other_packages()]
+
+
+def estimator_of(name: str) -> Estimator:
+    """The estimator of that name. Raises EstimateError for one that nobody brings."""
+    if name == "efficient":
+        from draglag.latency.efficient import estimate_efficient
+
+        return estimate_efficient
+    if name == "paper":
+        from draglag.latency.paper import estimate_paper
+
+        return estimate_paper
+    others = _of_other_packages()
+    if name not in others:
+        raise EstimateError(f"unknown estimator {name!r}", f"Use one of {', '.join([*OWN, *others])}")
+    return _guarded(name, others[name])
+
+
+@cache
+def _of_other_packages() -> dict[str, Estimator]:
+    return {name: cast(Estimator, one) for name, one in brought(GROUP, "estimator", _problem)}
+
+
+def _problem(name: str, one: object) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_-]*", name):
+        return "its name is not of lower-case letters, digits, underscores and dashes"
+    if name in OWN:
+        return "its name is taken"
+    return "" if callable(one) else "it is no function"
+
+
+def _guarded(name: str, one: Estimator) -> Estimator:
+    """An estimator whose failure names it: a figure of another package must not be missed silently."""
+
+    def estimate(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
+        try:
+            found: object = one(ready, blank, window_s)
+        except DraglagError:
+            raise
+        except Exception as error:  # whatever a stranger's code does
+            problem = f"{type(error).__name__}: {error}"
+        else:
+            if isinstance(found, RunEstimate) and found.id == blank.id:
+                return found
+            problem = f"it returned a {type(found).__name__}, not the RunEstimate of this run"
+        raise EstimateError(f"{blank.id}: the estimator {name} failed ({problem})", "Ask who made its package")
+
+    return estimate

@@ -1,0 +1,93 @@
+"""Results drawn on axes that somebody else made: of a report's figure, or of a reader's own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from draglag.curve import CurveFit
+from draglag.curve.compare import CurveDifference
+from draglag.latency import RunEstimate
+from draglag.packages import need
+from draglag.report import style
+
+if TYPE_CHECKING:
+    from draglag.analysis import Analysis
+
+TAP_LOOK = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
+
+
+def own_axes(axes: Any | None) -> Any:
+    """The axes given, else those of a new figure of pyplot. Raises DraglagError where matplotlib is not installed."""
+    need("matplotlib")
+    if axes is not None:
+        return axes
+    from matplotlib import pyplot
+
+    return pyplot.subplots()[1]
+
+
+def draw_curve(axes: Any, curve: CurveFit, label: str = "", colour: str = style.BLUE, band: str = style.SKY) -> None:
+    """A curve of latency, ms, against speed, mm/s, over its measured range, with its 95 % band."""
+    low, high = curve.speed_range_mm_s
+    speed = np.geomspace(max(low, 1.0), max(high, 1.0), 300)
+    edges = [1e3 * edge for edge in curve.band_s(speed)]
+    axes.fill_between(speed, *edges, color=band, alpha=0.35, linewidth=0, label="95 % band of the curve")
+    axes.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=label or f"fit: {curve.form.replace('_', ' ')}")
+    axes.set(xlabel="drag speed, mm/s", ylabel="latency, ms")
+
+
+def draw_latency(axes: Any, analysis: Analysis) -> None:
+    """Latency against speed with 95 % intervals, the fitted curve with its band, and tap medians (Fig. 5)."""
+    runs = [run for run in analysis.runs if run.latency_s is not None and run.speed_mm_s is not None]
+    sound = [run for run in runs if not run.flags]
+    flagged = [run for run in runs if run.flags]
+    if analysis.curve is not None:
+        draw_curve(axes, analysis.curve)
+    for some, marker, colour, label in (
+        (sound, "s", style.BLACK, "run, 95 % interval"),
+        (flagged, "X", style.ORANGE, "run with a warning"),
+    ):
+        if some:
+            axes.errorbar(
+                [run.speed_mm_s for run in some],
+                [run.latency_ms for run in some],
+                yerr=_bars(some),
+                fmt=marker,
+                color=colour,
+                capsize=2.5,
+                elinewidth=1.1,
+                label=label,
+                zorder=3,
+            )
+    for name, taps in analysis.taps.items():
+        colour, marker, dashes = TAP_LOOK[name]
+        axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)
+        label = f"tap, {name}: median {1e3 * taps.median_s:.1f} ms"
+        # Beyond the fastest run: a tap stands for an infinitely fast drag, and must not cover a run.
+        right = 1.05 * max((run.speed_mm_s or 0.0 for run in runs), default=1000.0)
+        axes.plot([right], [1e3 * taps.median_s], marker, color=colour, linestyle=dashes, label=label, zorder=4)
+    axes.set(xlabel="drag speed, mm/s", ylabel="latency, ms")
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(left=0)
+    if runs or analysis.taps:
+        axes.legend(loc="upper right")
+
+
+def draw_difference(axes: Any, apart: CurveDifference) -> None:
+    """By how much one curve is above another, ms, against speed, with its 95 % band."""
+    band = (1e3 * apart.low_s, 1e3 * apart.high_s)
+    axes.fill_between(apart.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
+    axes.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=style.BLUE)
+    axes.axhline(0, color=style.BLACK, linewidth=0.8)
+    axes.set(xlabel="drag speed, mm/s", ylabel="difference of latencies, ms")
+
+
+def _bars(runs: list[RunEstimate]) -> Any:
+    """Lower and upper lengths of the error bars, (2, n) ms."""
+    bars = np.zeros((2, len(runs)))
+    for k, run in enumerate(runs):
+        if run.latency_ci95_ms is not None and run.latency_ms is not None:
+            bars[:, k] = run.latency_ms - run.latency_ci95_ms[0], run.latency_ci95_ms[1] - run.latency_ms
+    return np.maximum(bars, 0)

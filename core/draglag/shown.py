@@ -1,0 +1,60 @@
+"""Results as a notebook or a prompt shows them: a line for people, a small table in HTML, no thousands of numbers."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping, Sequence, Sized
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+LONGEST = 60  # letters of one value
+
+
+def brief(record: Any) -> str:
+    """``repr`` of a dataclass: its numbers and words, of arrays and lists only how many there are; empty ones are left
+    out."""
+    parts = [
+        f"{spec.name}={words}"
+        for spec in fields(record)
+        if spec.repr and (words := _word(getattr(record, spec.name))) is not None
+    ]
+    return f"{type(record).__name__}({', '.join(parts)})"
+
+
+def _word(value: object) -> str | None:
+    if value is None or (isinstance(value, Sized) and not len(value)):
+        return None
+    if isinstance(value, np.ndarray):
+        return f"<{'×'.join(map(str, value.shape))}>"
+    if isinstance(value, float | np.floating):
+        return f"{float(value):.6g}"
+    if isinstance(value, str):
+        return repr(value if len(value) <= LONGEST else value[:LONGEST] + "…")
+    if isinstance(value, Mapping) or (isinstance(value, Sequence | set | frozenset) and _is_large(value)):
+        return f"<{len(value)}>"
+    if isinstance(value, tuple):
+        return f"({', '.join(filter(None, map(_word, value)))})"
+    if is_dataclass(value):
+        return f"<{type(value).__name__}>"
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"<{type(value).__name__}>"
+
+
+def _is_large(values: Iterable[object]) -> bool:
+    items = list(values)
+    return len(items) > 4 or any(not isinstance(item, str | int | float) for item in items)
+
+
+def table_html(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A titled table; every cell is escaped, numbers are rounded to four digits, None is a dash."""
+    cells = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
+    lines = "".join("<tr>" + "".join(f"<td>{html.escape(_cell(cell))}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<p><b>{html.escape(title)}</b></p><table><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>"
+
+
+def _cell(value: object) -> str:
+    if value is None or value != value:
+        return "–"
+    return f"{float(value):.4g}" if isinstance(value, float | np.floating) else str(value)
