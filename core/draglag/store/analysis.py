@@ -18,6 +18,7 @@ from draglag.errors import DataError
 from draglag.store.build import safe_hdf5
 from draglag.store.checksum import raw_checksum
 from draglag.store.lowlevel import append_rows, make_table, put_attrs, put_text
+from draglag.store.nexus import CURVE, mark
 from draglag.store.safely import open_session, short, text_attr
 from draglag.store.schema import Column, Table, encode
 from draglag.temporary import temporary_for
@@ -75,6 +76,9 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
                     for key, rows in result.items():
                         if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
                             _put_records(group, key, rows)
+                    if drawn := _curve(result):
+                        _put_records(group, CURVE, drawn)
+                    mark(file)
             finally:
                 os.close(descriptor)
             os.replace(copy, path)
@@ -145,6 +149,18 @@ def _put_records(parent: Any, name: str, records: Sequence[Mapping[str, Any]]) -
     append_rows(group, table, rows)
 
 
+def _curve(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What is drawn of a result: runs that have speed and latency, by speed; the error is half the 95 % interval."""
+    drawn = []
+    for row in result.get("runs", ()):
+        known = _plain(row)
+        speed, latency, interval = (known.get(key) for key in ("speed_mm_s", "latency_ms", "latency_ci95_ms"))
+        if speed is not None and latency is not None:
+            half = (interval[1] - interval[0]) / 2 if interval and None not in interval else None
+            drawn.append({"run": known["id"], "speed_mm_s": speed, "latency_ms": latency, "latency_ms_errors": half})
+    return sorted(drawn, key=lambda row: float(row["speed_mm_s"]))
+
+
 def _flat(record: Mapping[str, Any]) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in _plain(record).items():
@@ -158,5 +174,5 @@ def _flat(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _unit(key: str) -> str:
-    name = key.replace("_ci95_low", "").replace("_ci95_high", "")
+    name = key.replace("_ci95_low", "").replace("_ci95_high", "").removesuffix("_errors")
     return next((unit for end, unit in (*_UNITS, *_MORE_UNITS) if name.endswith(end)), "1")

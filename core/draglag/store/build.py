@@ -26,6 +26,7 @@ from draglag.store.checksum import raw_checksum
 from draglag.store.codec import row_count
 from draglag.store.frames import lock, sync_folder
 from draglag.store.lowlevel import put_attrs, put_node
+from draglag.store.nexus import mark
 from draglag.store.nodes import apart, merged
 from draglag.store.safely import BROKEN
 from draglag.store.schema import Node
@@ -90,6 +91,9 @@ def fill(file: Any, nodes: Iterable[Node]) -> None:
         for node in merged(batch):
             started.look(node)
             put_node(file, node, started.zero_utc())
+    # A journal may be older than the layout that is written.
+    put_attrs(file, {"schema_version": schema.VERSION})
+    mark(file)
     put_attrs(file, {"raw_sha256": raw_checksum(file)})
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import h5py
 
+from draglag.store.nexus import ATTRIBUTES
 from draglag.store.schema import RAW_GROUPS
 
 _NOT_MEASURED = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "raw_sha256"}
@@ -33,7 +34,8 @@ def _add(digest: Any, item: Any) -> None:
 
 
 def _add_attrs(digest: Any, item: Any) -> None:
-    for key in sorted(set(item.attrs) - _NOT_MEASURED):
+    plot = ATTRIBUTES if "NX_class" in item.attrs else ()
+    for key in sorted(set(item.attrs) - _NOT_MEASURED - set(plot)):
         value = item.attrs[key]
         text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
         digest.update(f"{key}={text!s}\0".encode())

@@ -80,12 +80,12 @@ def open_recorded(path: Path) -> Iterator[Any]:
         yield file
 
 
-def read_v1(file: Any) -> Session:
-    """A session of schema version 1 from an open, checked file."""
-    return header_v1(file, tuple(run_v1(group) for group in _children(file, "runs")))
+def read_layout(file: Any) -> Session:
+    """A session of schema version 1 or 2 from an open, checked file: they differ in what else stands there."""
+    return session_of(file, tuple(run_of(group) for group in _children(file, "runs")))
 
 
-def header_v1(file: Any, runs: tuple[Run, ...]) -> Session:
+def session_of(file: Any, runs: tuple[Run, ...]) -> Session:
     """Everything but the runs, which are handed in, put in order of their start."""
     screen, stylus = _group(file, "screen"), _group(file, "stylus")
     beam = file.get("beam")
@@ -115,8 +115,8 @@ def header_v1(file: Any, runs: tuple[Run, ...]) -> Session:
     )
 
 
-def run_v1(group: Any) -> Run:
-    """One run of schema version 1. A run that was cut off while recording reads as "aborted"."""
+def run_of(group: Any) -> Run:
+    """One run from its group. A run that was cut off while recording reads as "aborted"."""
     outcome = text_attr(group, "outcome", "aborted")
     target = group.get("target")
     return Run(
@@ -137,7 +137,7 @@ def run_v1(group: Any) -> Run:
     )
 
 
-READERS: dict[int, Callable[[Any], Session]] = {1: read_v1}
+READERS: dict[int, Callable[[Any], Session]] = {1: read_layout, 2: read_layout}
 
 
 def _group(parent: Any, name: str) -> Any:
