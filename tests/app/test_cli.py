@@ -271,13 +271,13 @@ def test_a_session_without_any_latency_is_one_sentence_and_exit_1(tmp_path: Path
     assert "none of 13 runs gave a latency (few edges" in sentence
 
 
-def test_results_are_kept_only_when_asked(tmp_path: Path, session_file: Path) -> None:
+def test_results_are_kept_as_printed_unless_asked_not_to(tmp_path: Path, session_file: Path) -> None:
     path = tmp_path / "s.h5"
     shutil.copy(session_file, path)
     before = path.read_bytes()
-    assert run("analyze", path).exit_code == 0
+    assert run("analyze", path, "--no-save").exit_code == 0
     assert path.read_bytes() == before
-    result = run("analyze", path, "--estimator", "paper", "--update-rate", 100, "--save", "--json")
+    result = run("analyze", path, "--estimator", "paper", "--update-rate", 100, "--json")
     (stored,) = read_analyses(path)
     assert stored.result == json.loads(result.stdout)
     assert (stored.options["estimator"], stored.options["update_rate_hz"]) == ("paper", 100.0)

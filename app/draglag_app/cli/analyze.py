@@ -19,6 +19,7 @@ from draglag_app.cli.common import (
     FiniteRange,
     checksum,
     json_option,
+    keep_result,
     load_session,
     now_utc,
     number,
@@ -74,7 +75,9 @@ from draglag_app.cli.common import (
     metavar="FILE.json",
     help="Take the effects of an extended model (gap --model) out of the session first.",
 )
-@click.option("--save", is_flag=True, help="Store the result in the session file, beside the raw data.")
+@click.option(
+    "--save/--no-save", default=None, help="Store the result in the session file, beside the raw data [default: save]."
+)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Also write report.html and figures.")
 @json_option
 def analyze(
@@ -88,7 +91,7 @@ def analyze(
     exclude: tuple[str, ...],
     save_model: Path | None,
     model_path: Path | None,
-    save: bool,
+    save: bool | None,
     report: Path | None,
     as_json: bool,
 ) -> None:
@@ -99,7 +102,7 @@ def analyze(
     Examples:
         draglag analyze session.h5
         draglag analyze session.h5 --estimator paper --update-rate 100 --json
-        draglag analyze session.h5 --save --report report
+        draglag analyze session.h5 --no-save --report report
         draglag analyze session.h5 --window-ms 0 600 --save-model model.json
     """
     if save and not session.is_file():
@@ -137,9 +140,7 @@ def analyze(
     result = analysis.to_dict()
     if correction is not None:
         result |= {"model": str(model_path), **correction.to_dict()}
-    if save:
-        from draglag.store import add_analysis
-
+    if save is not False:
         asked = {
             "estimator": estimator,
             "update_rate_hz": update_rate_hz,
@@ -150,7 +151,7 @@ def analyze(
             "include": sorted(include),
             "model": str(model_path or ""),
         }
-        add_analysis(session, result, asked, now_utc())
+        keep_result(session, result, asked, must=bool(save))
     if save_model is not None:
         _save_model(save_model, session, data, analysis)
     if report is not None:
