@@ -9,6 +9,7 @@ import click
 from draglag.curve import CurveFit
 from draglag.errors import DataError, EstimateError
 from draglag.provenance import Source, source_of
+from draglag.temporary import new_file
 from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, table
 
 
@@ -49,7 +50,8 @@ def compare(sessions: tuple[Path, ...], report: Path | None, as_json: bool) -> N
         from draglag.reproduction.drawings import comparison_page
 
         try:
-            report.write_text(comparison_page(curves), "utf-8")
+            with new_file(report) as growing:
+                growing.write_text(comparison_page(curves), "utf-8")
         except OSError as error:
             raise DataError(f"{report}: cannot be written ({error.strerror})", "Check the folder") from error
     if as_json:

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from draglag_app.cli.common import load_session, progress, refuse_existing, say_warnings, session_argument
+
+if TYPE_CHECKING:
+    from draglag.recording import Session
+    from draglag.store import StoredAnalysis
 
 
 @click.command("import")
@@ -52,14 +59,29 @@ def export(session: Path, kind: str, out: Path) -> None:
     """
     from draglag import exchange
 
-    writers = {
+    writers: dict[str, Callable[..., Path]] = {
         "exchange": exchange.write_exchange,
         "csv": exchange.write_csv,
         "netcdf": exchange.write_netcdf,
         "mat": exchange.write_mat,
     }
-    data = load_session(session)
-    with progress("Writing"):
-        writers[kind](data, out)
-    click.echo(f"{out}: {len(data.runs)} runs")
-    click.echo(f"Left out, and only in {session}: {', '.join(exchange.left_out(data, kind))}.")
+    with _source(session) as (data, results), progress("Writing"):
+        writers[kind](data, out, results=results)
+        runs, left = len(data.runs), exchange.left_out(data, kind)
+    more = f", results of {len(results)} analyses" if results else ""
+    click.echo(f"{out}: {runs} runs{more}")
+    if left:
+        click.echo(f"Left out, and only in {session}: {', '.join(left)}.")
+
+
+@contextmanager
+def _source(path: Path) -> Iterator[tuple[Session, list[StoredAnalysis]]]:
+    """A session to export, and its stored results. That of a file stays there until it is written piece by piece."""
+    from draglag.store import open_columns, read_analyses
+
+    if path.is_dir() or path.name == "session.json":
+        yield load_session(path), []
+        return
+    results = read_analyses(path)
+    with open_columns(path) as data:
+        yield data, results

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import gzip
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import IO, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError
 from draglag.reading.files import decoded, plain_lines
+from draglag.store.stored import blocks
 
 
 def find_table(folder: Path, stem: str) -> Path | None:
@@ -99,12 +101,46 @@ def line_of_row(path: Path, row: int) -> int:
     return filled[row]
 
 
-def write_table(path: Path, columns: Mapping[str, NDArray[Any] | list[str]]) -> None:
+Cells = NDArray[Any] | list[str] | str
+"""A column to write: numbers, texts, or one text for every row."""
+
+
+def write_table(path: Path, columns: Mapping[str, Cells]) -> None:
     """Columns as CSV, floats with as many digits as they need to come back the same. A name on .gz is gzipped."""
-    cells = [values if isinstance(values, list) else list(map(repr, values.tolist())) for values in columns.values()]
-    rows = map(",".join, zip(*cells, strict=True))
-    data = ("\n".join([",".join(columns), *rows]) + "\n").encode()
-    path.write_bytes(gzip.compress(data, 6, mtime=0) if path.suffix == ".gz" else data)
+    write_parts(path, tuple(columns), [columns])
+
+
+def write_parts(path: Path, names: Sequence[str], parts: Iterable[Mapping[str, Cells]], unknown: str = "nan") -> None:
+    """A CSV file of the parts' rows one after the other; only a block of them is in memory at a time.
+
+    Args:
+        parts: each with columns of one length; a column that a part lacks is empty there.
+        unknown: what stands for NaN.
+    """
+    with ExitStack() as stack:
+        file: IO[bytes] | gzip.GzipFile = stack.enter_context(path.open("wb"))
+        if path.suffix == ".gz":
+            file = stack.enter_context(gzip.GzipFile("", "wb", 6, file, mtime=0))
+        file.write((",".join(names) + "\n").encode())
+        for part in parts:
+            length = max((len(values) for values in part.values() if not isinstance(values, str)), default=0)
+            for rows in blocks(length):
+                count = rows.stop - rows.start
+                cells = [_cells(part.get(name, ""), rows, count, unknown) for name in names]
+                file.write("".join(",".join(row) + "\n" for row in zip(*cells, strict=True)).encode())
+
+
+def _cells(values: Cells, rows: slice, count: int, unknown: str) -> list[str]:
+    if isinstance(values, str):
+        return [values] * count
+    if isinstance(values, list):
+        return values[rows]
+    block = values[rows]
+    cells = list(map(repr, block.tolist()))
+    if block.dtype.kind == "f":
+        for k in np.flatnonzero(np.isnan(block)):
+            cells[k] = unknown
+    return cells
 
 
 def _text(path: Path) -> str:

@@ -12,6 +12,8 @@ from draglag.store.schema import RAW_GROUPS
 
 _NOT_MEASURED = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "raw_sha256"}
 
+_ROWS = 1 << 16  # read at once
+
 
 def raw_checksum(file: Any) -> str:
     """SHA-256 over names, attributes and values of the raw groups of an open file (hex)."""
@@ -27,7 +29,9 @@ def _add(digest: Any, item: Any) -> None:
     digest.update(item.name.encode() + b"\0")
     _add_attrs(digest, item)
     if isinstance(item, h5py.Dataset):
-        digest.update(item.dtype.str.encode() + repr(item.shape).encode() + item[()].tobytes())
+        digest.update(item.dtype.str.encode() + repr(item.shape).encode())
+        for rows in [slice(k, k + _ROWS) for k in range(0, len(item), _ROWS)] if item.ndim == 1 else [()]:
+            digest.update(item[rows].tobytes())
     else:
         for name in sorted(item):
             _add(digest, item[name])

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from draglag.store.schema import Column, Node, Table, Value, as_text
+from draglag.store.schema import TEXTS, Column, Node, Table, Value, as_text
 
 # How netCDF and xarray learn that the bytes of a text are UTF-8. The HDF5 type of texts is its ASCII one, which says
 # nothing of bytes above 127: Octave, and older readers, cannot load its UTF-8 type at all.
@@ -39,7 +39,7 @@ def add_counts(group: Any, counts: Mapping[str, int]) -> None:
             group.attrs[key] = np.int64(value)
 
 
-def put_text(group: Any, name: str, text: str, meaning: str) -> None:
+def _put_text(group: Any, name: str, text: str, meaning: str) -> None:
     """One long text as a scalar dataset (attributes end at 64 KiB)."""
     data = as_text(text).encode()
     dataset = group.create_dataset(name, data=np.array(data, f"S{max(len(data), 1)}"))
@@ -114,7 +114,7 @@ def put_node(file: Any, node: Node, start: str = "") -> None:
     put_attrs(group, node.attrs)
     add_counts(group, node.counts)
     for name, text in node.texts.items():
-        put_text(group, name, text, name)
+        _put_text(group, name, text, TEXTS[name])
     if node.table is not None:
         if node.table.scale.name not in group:
             make_table(group, node.table, node.rows, start)

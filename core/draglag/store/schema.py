@@ -47,6 +47,13 @@ VERSION = 2
 TEXT_BYTES = 256
 RAW_GROUPS = ("screen", "stylus", "beam", "devices", "calibration", "clocks", "taps", "notes", "runs")
 
+TEXTS = {
+    "protocol_toml": "the protocol of the session, TOML",
+    "options_json": "what the analysis was asked to do",
+    "result_json": "the result as `draglag analyze --json` prints it",
+}
+"""Long texts of a group, which are scalar datasets, and what they hold."""
+
 Value = float | int | str
 _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
 
