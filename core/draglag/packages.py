@@ -42,6 +42,7 @@ PACKAGES = {
     "pysoem": Package("pysoem"),
     "serial": Package("pyserial"),
     "h5netcdf": Package("h5netcdf", "netcdf"),
+    "pyxdf": Package("pyxdf", "xdf"),
     "distributed": Package("distributed", "cluster"),
 }
 

@@ -14,7 +14,7 @@ from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM
 from draglag.recording import TouchCalibration
 from draglag.temporary import new_file
-from draglag_devices.touch.frames import Mapping2D
+from draglag.touch_events.frames import Mapping2D
 
 _FORMAT = "draglag-touch-calibration"
 _TOUCHES = ("x_raw", "y_raw", "x_mm", "y_mm")

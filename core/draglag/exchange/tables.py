@@ -62,43 +62,47 @@ def column_names(path: Path) -> tuple[str, ...]:
 
 def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     """The named columns of somebody else's CSV file, (n, len(columns)): further columns may hold anything, lines that
-    begin with # are notes, and a cell that is no number is NaN.
+    begin with # are notes, and a cell that is no number is NaN. Cells may be separated by semicolons, with decimal
+    commas, or by tabs.
 
     Raises DataError: a missing column, or a line with more or fewer cells than the header, since its cells
     cannot be told apart.
     """
-    head, _, body = _text(path).partition("\n")
-    names = [name.strip().strip('"') for name in head.split(",")]
+    lines = _text(path).split("\n")
+    first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
+    between = next((mark for mark in (";", "\t", ",") if mark in lines[first]), ",")
+    names = [name.strip().strip('"') for name in lines[first].split(between)]
     missing = [name for name in columns if name not in names]
     if missing:
         raise DataError(f"{path}: no column {missing[0]} in its first line", f"Head the columns {','.join(columns)}")
     wanted = [names.index(name) for name in columns]
     rows = []
-    for number, line in enumerate(body.split("\n"), 2):
+    for number, line in enumerate(lines[first + 1 :], first + 2):
         if not line.strip() or line.startswith("#"):
             continue
-        cells = line.split(",")
+        cells = line.split(between)
         if len(cells) != len(names):
             raise DataError(
                 f"{path}, line {number}: expected {len(names)} cells ({','.join(names)}), found {len(cells)}",
                 "Correct or remove that line",
             )
-        rows.append([_number(cells[place]) for place in wanted])
+        rows.append([_number(cells[place], comma=between == ";") for place in wanted])
     return np.array(rows, float).reshape(-1, len(columns))
 
 
-def _number(cell: str) -> float:
+def _number(cell: str, comma: bool) -> float:
+    text = cell.strip().strip('"')
     try:
-        return float(cell.strip().strip('"'))
+        return float(text.replace(",", ".") if comma else text)
     except ValueError:
         return float("nan")
 
 
-def line_of_row(path: Path, row: int) -> int:
-    """The line in the file of a row of ``read_table``, counting from 1."""
-    lines = _text(path).split("\n")
-    filled = [number for number, line in enumerate(lines, 1) if line.strip() and number > 1]
-    return filled[row]
+def line_of_row(path: Path, row: int, notes: bool = False) -> int:
+    """The line in the file of a row of ``read_table``, counting from 1; with ``notes`` one of ``read_events``."""
+    lines = enumerate(_text(path).split("\n"), 1)
+    filled = [number for number, line in lines if line.strip() and not (notes and line.startswith("#"))]
+    return filled[row + 1]
 
 
 Cells = NDArray[Any] | list[str] | str
