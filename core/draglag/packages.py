@@ -43,6 +43,7 @@ PACKAGES = {
     "serial": Package("pyserial"),
     "h5netcdf": Package("h5netcdf", "netcdf"),
     "pyxdf": Package("pyxdf", "xdf"),
+    "pylsl": Package("pylsl", "lsl"),
     "distributed": Package("distributed", "cluster"),
 }
 
