@@ -9,6 +9,8 @@ import sys
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
+from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
 _FENCE = re.compile(r"^```(?P<language>\w+)[^\n]*\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -53,9 +55,11 @@ def run_page(blocks: list[Snippet], folder: Path) -> list[str]:
 
     Returns the names of Python modules that are not installed; a block that needs one is left at that line.
     """
-    names: dict[str, object] = {"__name__": "page"}
+    module = ModuleType("page_of_the_documentation")
+    names = module.__dict__
     missing = []
-    with chdir(folder):
+    # Dataclasses look for the module that they are written in.
+    with chdir(folder), patch.dict(sys.modules, {module.__name__: module}):
         for block in blocks:
             if block.language == "bash":
                 _bash(block)
