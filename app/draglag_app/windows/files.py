@@ -79,9 +79,7 @@ def export_session(window: OperatorWindow) -> None:
         return made
 
     def begin(path: Path) -> None:
-        left = ", ".join(in_words(what) for what in exchange.left_out(session, "exchange"))
-        more = tr("Left out, and only in the session's own file: {what}").format(what=left) if left else ""
-        _work(window, tr("Exporting"), lambda progress: write(path), path, more)
+        _work(window, tr("Exporting"), lambda progress: write(path), path)
 
     ask_new_folder(window, title, _proposed(window, "exchange"), begin)
 
@@ -110,8 +108,8 @@ def _proposed(window: OperatorWindow, what: str) -> Path:
     return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
 
 
-def _work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
-    saved = " · ".join(filter(None, (tr("Saved: {path}").format(path=where), more)))
+def _work(window: OperatorWindow, what: str, work: Any, where: Path) -> None:
+    saved = tr("Saved: {path}").format(path=where)
     window.space.tasks.start(
         what, work, lambda result: window.tell("info", saved), lambda text: window.tell("error", text)
     )
