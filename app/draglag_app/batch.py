@@ -51,12 +51,26 @@ class Outcome:
     problem: str = ""
 
 
+def options_kept(options: AnalysisOptions, model: str = "") -> dict[str, Any]:
+    """Options of an analysis as a session file keeps them with the result. model: the file of the correction."""
+    return {
+        "estimator": options.estimator,
+        "update_rate_hz": options.update_rate_hz,
+        "form": options.form,
+        "tie_asymptote": options.tie_asymptote,
+        "window_s": list(options.window_s),
+        "exclude": dict(options.exclude),
+        "include": sorted(options.include),
+        "model": model,
+    }
+
+
 @dataclass(frozen=True)
 class Analysing:
     """``draglag analyze`` on one of many: called with a path."""
 
     options: AnalysisOptions
-    save: bool = False
+    save: bool | None = None
 
     def __call__(self, path: Path) -> Outcome:
         return _or_problem(path, self._done)
@@ -67,12 +81,10 @@ class Analysing:
         session = _load(path)
         analysis = analyze(session, self.options)
         result = analysis.to_dict()
-        if self.save and path.is_file():
-            from draglag.store import add_analysis
-            from draglag_app.cli.common import now_utc
+        if self.save is not False:
+            from draglag_app.cli.common import keep_result
 
-            asked = {"estimator": self.options.estimator, "form": self.options.form}
-            add_analysis(path, result, asked, now_utc())
+            keep_result(path, result, options_kept(self.options), must=bool(self.save))
         row = _about(path, session) | _analysis_row(analysis)
         if not row["n_latencies"]:
             row["problem"] = "no run gave a latency"

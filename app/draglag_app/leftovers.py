@@ -8,11 +8,39 @@ from pathlib import Path
 
 from draglag.temporary import sweep
 
+# As draglag.store names them.
+_UNFINISHED, _BUILDING = ".partial", ".tmp"
+
 
 def sweep_for(arguments: Sequence[str]) -> list[Path]:
-    """Sweep the present folder and those that the arguments of a command lie in; returns what was removed."""
+    """Sweep the present folder and those that the arguments of a command name or lie in; returns what was removed.
+
+    What a killed recording left goes too, unless the command is about an unfinished recording.
+    """
+    names = [os.path.abspath(text.rpartition("=")[2]) for text in arguments if "\0" not in text]
     try:
-        folders = {os.getcwd()} | {os.path.dirname(os.path.abspath(text.rpartition("=")[2])) for text in arguments}
+        folders = {os.getcwd(), *map(os.path.dirname, names), *filter(os.path.isdir, names)}
     except OSError:  # the present folder was removed
         return []
-    return [path for folder in sorted(folders) if "\0" not in folder for path in sweep(Path(folder))]
+    gone = [path for folder in sorted(folders) for path in sweep(Path(folder))]
+    if not any(name.endswith(_UNFINISHED) for name in names):
+        gone += [path for folder in sorted(folders) if _has_leftovers(folder) for path in _clear(folder)]
+    return gone
+
+
+def _has_leftovers(folder: str) -> bool:
+    """Whether a folder may hold leftovers of recordings, by the names in it: to look costs the import of HDF5."""
+    try:
+        names = set(os.listdir(folder))
+    except OSError:
+        return False
+    return any(
+        (name.startswith(".") and name.endswith(_BUILDING)) or name.removesuffix(_UNFINISHED) in names - {name}
+        for name in names
+    )
+
+
+def _clear(folder: str) -> list[Path]:
+    from draglag.store import clear_leftovers
+
+    return clear_leftovers(folder)

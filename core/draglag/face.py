@@ -7,7 +7,7 @@ are s in Python (``latency_s``) and ms where people read (columns, figures). Wha
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -277,7 +277,7 @@ def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "n
     """
     from draglag import exchange
 
-    writers = {
+    writers: dict[str, Callable[[Session, Path], object]] = {
         "exchange": exchange.write_exchange,
         "csv": exchange.write_csv,
         "netcdf": exchange.write_netcdf,

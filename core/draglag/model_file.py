@@ -18,6 +18,7 @@ from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
+from draglag.temporary import new_file
 
 VERSION = 1
 MADE_BY = "Give a file made by analyze --save-model or gap --save-model"
@@ -194,10 +195,9 @@ def save_model(model: LatencyModel, path: Path | str) -> None:
     """
     path = Path(path)
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False) + "\n")
-    except FileExistsError:
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name") from None
+        with new_file(path) as growing:
+            text = json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False) + "\n"
+            growing.write_text(text, "utf-8")
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
 
@@ -280,18 +280,17 @@ def save_lookup(model: LatencyModel, path: Path | str) -> None:
     path = Path(path)
     if path.suffix not in (".csv", ".mat"):
         raise DataError(f"{path}: the ending says neither CSV nor MATLAB", "Name it .csv or .mat")
-    if path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
     columns = lookup_table(model)
     try:
         if path.suffix == ".csv":
             rows = np.column_stack(list(columns.values()))
-            np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+            with new_file(path) as growing:
+                np.savetxt(growing, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
         else:
             from scipy.io import savemat
 
             content = {**columns, "form": model.form, "parameters": dict(model.parameters)}
-            with path.open("xb") as file:
+            with new_file(path) as growing, growing.open("wb") as file:
                 savemat(file, content, oned_as="column")
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error

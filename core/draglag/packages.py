@@ -48,6 +48,8 @@ PACKAGES = {
     "pyarrow": Package("pyarrow", "frames"),
     "xarray": Package("xarray", "frames"),
     "h5netcdf": Package("h5netcdf", "netcdf"),
+    "pyxdf": Package("pyxdf", "xdf"),
+    "pylsl": Package("pylsl", "lsl"),
     "distributed": Package("distributed", "cluster"),
 }
 

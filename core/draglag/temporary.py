@@ -16,6 +16,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from draglag.errors import DataError
+
 _NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
 
 
@@ -38,6 +40,48 @@ def temporary_for(path: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
         if descriptor >= 0:
             os.close(descriptor)
+
+
+@contextmanager
+def new_file(path: Path | str, replace: bool = False) -> Iterator[Path]:
+    """A place to write a file at that gets its name when the block ends, whole or not at all.
+
+    Args:
+        replace: whether a file of that name gives way; its link, if it is one, stays.
+
+    Raises DataError where the name is taken or there is no such folder, OSError.
+    """
+    path = Path(path).resolve() if replace else Path(path)
+    if not replace:
+        refuse(path)
+    with temporary_for(path) as growing:
+        yield growing
+        if replace:
+            os.replace(growing, path)
+        else:
+            publish(growing, path)
+
+
+def publish(source: Path, target: Path) -> None:
+    """Give a finished file its name, atomically, unless that name is taken. Raises DataError, OSError."""
+    try:
+        os.link(source, target)
+    except FileExistsError as error:
+        raise DataError(f"{target}: exists already and is not overwritten", "Choose another name") from error
+    except OSError:  # a file system without hard links
+        refuse(target)
+        source.rename(target)
+    else:
+        source.unlink()
+
+
+def refuse(path: Path) -> None:
+    """Raise DataError where the name is taken, or its folder is not there."""
+    if path.is_symlink() or path.exists():
+        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise DataError(f"{folder}: there is no such folder", "Make it first, or choose another")
 
 
 def sweep(folder: Path) -> list[Path]:

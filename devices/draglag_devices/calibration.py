@@ -13,7 +13,8 @@ from draglag.errors import DataError
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM
 from draglag.recording import TouchCalibration
-from draglag_devices.touch.frames import Mapping2D
+from draglag.temporary import new_file
+from draglag.touch_events.frames import Mapping2D
 
 _FORMAT = "draglag-touch-calibration"
 _TOUCHES = ("x_raw", "y_raw", "x_mm", "y_mm")
@@ -44,7 +45,8 @@ def save_calibration(fit: AffineFit, path: Path, device: str = "", made: TouchCa
         content["made_utc"] = made.made_utc
         content["touches"] = {name: getattr(made, name).tolist() for name in _TOUCHES}
     try:
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        with new_file(path, replace=True) as growing:
+            growing.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "choose another place") from None
 

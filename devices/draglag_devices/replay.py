@@ -10,6 +10,8 @@ from typing import cast
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.exchange.importers.evemu import read_evemu
+from draglag.exchange.importers.input_log import mapping_of
 from draglag.exchange.tables import line_of_row, read_table
 from draglag.protocols import PlannedRun
 from draglag.reading.limits import TIME_S
@@ -29,9 +31,6 @@ from draglag_devices.addresses import Address
 from draglag_devices.source import ContactChanges, DeviceError, SourceInfo
 from draglag_devices.stage import Stage, contact_changes
 from draglag_devices.timeline import Timeline, TimelineSource
-from draglag_devices.touch.evemu import read_evemu
-from draglag_devices.touch.frames import EV_ABS, EV_KEY, Mapping2D, panel_mapping, touch_trace
-from draglag_devices.touch.names import event_names
 
 OPTIONS = ("speed", "width_mm", "height_mm", "units_per_mm", "run")
 _EVEMU = (".events", ".evemu", ".events.gz", ".evemu.gz", ".event", ".event.gz")
@@ -174,28 +173,14 @@ def _one_run(touch: TouchTrace, laser: LaserTrace) -> Run:
 
 def _evemu_tape(path: Path, address: Address) -> Tape:
     recording = read_evemu(path)
-    axes = recording.position_axes()
-    units = address.number("units_per_mm")
-    if units is not None:
-        if units <= 0:
-            raise DeviceError(address.text, "units_per_mm must be above 0", "give the digitiser's units per mm")
-        mapping = Mapping2D(1 / units, 0.0, 0.0, 0.0, 1 / units, 0.0)
-    elif axes is None:
-        raise DeviceError(address.text, "the recording does not describe its axes (no A: lines)", "add ?units_per_mm=…")
-    else:
-        try:
-            mapping = panel_mapping(*axes, address.number("width_mm"), address.number("height_mm"))
-        except ValueError as error:
-            raise DeviceError(address.text, str(error), "add ?width_mm=…&height_mm=… of the panel") from None
-    frames = recording.frames()
-    if not any(frame.contacts for frame in frames):
-        kinds = ((event.type, event.code) for event in recording.events if event.type in (EV_KEY, EV_ABS))
-        raise DeviceError(
-            address.text,
-            f"the recording holds no touch: it has {event_names(kinds)}",
-            "record a touchscreen, from before it is touched",
+    try:
+        mapping = mapping_of(
+            recording, address.number("width_mm"), address.number("height_mm"), address.number("units_per_mm")
         )
-    touch = touch_trace(frames, mapping, axes or ())
+    except DataError as error:
+        more = "add ?units_per_mm=…, or ?width_mm=…&height_mm=… of the panel"
+        raise DeviceError(address.text, error.problem.rstrip("."), more) from None
+    touch = recording.touch(mapping)
     return Tape(recording.name or path.name, (_one_run(touch, empty_laser()),))
 
 

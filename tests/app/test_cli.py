@@ -134,7 +134,7 @@ def test_what_exists_is_not_overwritten(tmp_path: Path, session_file: Path, argu
     [
         (("analyze", "none.h5"), "no such file"),
         (("analyze", __file__), "not an HDF5 file"),
-        (("import", "none", "--out", "s.h5"), "no such folder"),
+        (("import", "none", "--out", "s.h5"), "no such folder or file"),
         (("import", Path(__file__).parent, "--out", "s.h5"), "holds no session.json"),
         (("export", "none.h5", "--to", "csv", "--out", "x"), "no such file"),
         (("simulate", "--screen", "no-screen", "--out", "s.h5"), "no-screen"),
@@ -272,14 +272,15 @@ def test_a_session_without_any_latency_is_one_sentence_and_exit_1(tmp_path: Path
     assert "none of 13 runs gave a latency (few edges" in sentence
 
 
-def test_results_are_kept_only_when_asked(tmp_path: Path, session_file: Path) -> None:
+def test_results_are_kept_as_printed_unless_asked_not_to(tmp_path: Path, session_file: Path) -> None:
     path = tmp_path / "s.h5"
     shutil.copy(session_file, path)
-    before = path.read_bytes()
-    assert run("analyze", path).exit_code == 0
+    before, kept = path.read_bytes(), len(read_analyses(path))
+    assert run("analyze", path, "--no-save").exit_code == 0
     assert path.read_bytes() == before
-    result = run("analyze", path, "--estimator", "paper", "--update-rate", 100, "--save", "--json")
-    (stored,) = read_analyses(path)
+    result = run("analyze", path, "--estimator", "paper", "--update-rate", 100, "--json")
+    *_, stored = read_analyses(path)
+    assert len(read_analyses(path)) == kept + 1
     assert stored.result == json.loads(result.stdout)
     assert (stored.options["estimator"], stored.options["update_rate_hz"]) == ("paper", 100.0)
     assert stored.created_utc

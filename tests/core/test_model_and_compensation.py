@@ -92,7 +92,7 @@ def test_lookup_tables(model: LatencyModel, tmp_path: Path) -> None:
     assert csv["latency_s"] == pytest.approx(table["latency_s"], rel=1e-7)
     with pytest.raises(DataError, match="neither"):
         save_lookup(model, tmp_path / "t.xls")
-    with pytest.raises(DataError, match=r"cannot be written \(No such file or directory\)"):
+    with pytest.raises(DataError, match="there is no such folder"):
         save_lookup(model, tmp_path / "none" / "t.mat")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gzip
 import os
 import subprocess
 from dataclasses import replace
@@ -16,6 +17,8 @@ from core.store_sessions import assert_same, bare_session, full_run, full_sessio
 from draglag.errors import DataError
 from draglag.recording import ClockBounds, LaserTrace, LogEntry, Run, TouchTrace, empty_laser, empty_touch
 from draglag.store import SessionWriter, add_analysis, migrate, read_analyses, read_session, verify, write_session
+
+DATA = Path(__file__).parents[1] / "data"
 
 
 def test_a_session_comes_back_as_it_went(tmp_path: Path) -> None:
@@ -257,3 +260,68 @@ def test_long_log_texts_are_cut_between_characters(tmp_path: Path) -> None:
     assert read_session(tmp_path / "s.h5").notes[0].text == text
     with h5py.File(tmp_path / "s.h5") as file:
         assert "".join(part.decode() for part in file["notes/text"][()]) == text
+
+
+def test_files_of_version_1_are_read_and_take_results(tmp_path: Path) -> None:
+    path = tmp_path / "old.h5"
+    path.write_bytes(gzip.decompress((DATA / "session-v1.h5.gz").read_bytes()))
+    session = read_session(path)
+    assert session.name == "Prüfling A"
+    assert [note.text for note in session.notes] == ["Schirm gereinigt"]
+    assert session.runs[0].log[0].text == "Zeit läuft rückwärts " * 40
+    assert session.seed == 7
+    assert [finding for finding in verify(path) if finding.level == "error"] == []
+    stored = read_analyses(path)[0]
+    assert stored.result["session"] == "Prüfling A"
+    assert add_analysis(path, stored.result, {}) == 2
+    assert_same(read_session(path), session)
+    assert read_analyses(path)[1].up_to_date
+    migrate(path, tmp_path / "new.h5")
+    assert_same(read_session(tmp_path / "new.h5"), session)
+    with h5py.File(tmp_path / "new.h5") as file:
+        assert file.attrs["schema_version"] == 2
+
+
+def test_texts_are_of_the_type_that_octave_loads_and_keep_every_letter(tmp_path: Path) -> None:
+    write_session(full_session(), tmp_path / "s.h5")
+    add_analysis(tmp_path / "s.h5", {"session": "Prüfling", "runs": [{"id": "Läufer"}]}, {})
+    texts = {}
+
+    def look(name: str, item: h5py.HLObject) -> None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind == "S":
+            kind = item.id.get_type()
+            assert kind.get_cset() == h5py.h5t.CSET_ASCII, name
+            assert item.attrs["_Encoding"] == b"utf-8", name
+            texts[name] = item[()]
+
+    with h5py.File(tmp_path / "s.h5") as file:
+        file.visititems(look)
+    assert b"".join(texts["runs/run-01/log/text"][:-1]).decode() == "Zeit läuft rückwärts " * 40
+    assert texts["protocol_toml"].decode() == full_session().protocol_toml
+    assert texts["analysis/1/runs/id"][0].decode() == "Läufer"
+
+
+def test_viewers_of_nexus_find_touch_and_then_the_result_to_draw(tmp_path: Path) -> None:
+    nxdata = pytest.importorskip("silx.io.nxdata", reason="silx is not installed")
+    path = tmp_path / "s.h5"
+    write_session(full_session(), path)
+    with h5py.File(path) as file:
+        plot = nxdata.get_default(file)
+        assert (plot.group.name, plot.signal_dataset_name, plot.axes_dataset_names) == (
+            "/runs/run-01/touch", "y_mm", ["time"],
+        )  # fmt: skip
+        assert all(nxdata.NXdata(file[f"runs/run-02/{stream}"]).is_valid for stream in ("touch", "laser", "display"))
+    before = verify(path)
+    rows = [
+        {"id": "run-01", "speed_mm_s": 90.0, "latency_ms": 70.0, "latency_ci95_ms": [68.0, 72.0]},
+        {"id": "run-02", "speed_mm_s": 50.0, "latency_ms": 90.0, "latency_ci95_ms": [87.0, 93.0]},
+        {"id": "run-03", "speed_mm_s": 40.0, "latency_ms": None, "latency_ci95_ms": None},
+    ]
+    add_analysis(path, {"runs": rows}, {})
+    assert verify(path) == before  # what viewers draw is no part of the raw data
+    with h5py.File(path) as file:
+        plot = nxdata.get_default(file)
+        assert plot.is_curve
+        np.testing.assert_array_equal(plot.axes[0][()], [50.0, 90.0])
+        np.testing.assert_array_equal(plot.signal[()], [90.0, 70.0])
+        np.testing.assert_array_equal(plot.errors[()], [3.0, 2.0])

@@ -4,10 +4,10 @@ import os
 from types import SimpleNamespace
 
 from draglag.recording import AxisInfo, concatenate
+from draglag.touch_events.frames import InputEvent
 from draglag_devices.addresses import parse_address
 from draglag_devices.evdev_touch.kernel import Description
 from draglag_devices.evdev_touch.source import EvdevTouch
-from draglag_devices.touch.frames import InputEvent
 
 SYN, KEY, ABS = 0, 1, 3
 TOUCH = 0x14A

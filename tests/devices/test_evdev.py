@@ -26,12 +26,12 @@ from devices.evdev_fakes import (
     touch_source,
 )
 from draglag.recording import concatenate
+from draglag.touch_events.frames import InputEvent, Mapping2D
 from draglag_devices import evdev_touch
 from draglag_devices.evdev_touch import finding, kernel
 from draglag_devices.evdev_touch.finding import Seen
 from draglag_devices.evdev_touch.kernel import Gone
 from draglag_devices.source import DeviceError
-from draglag_devices.touch.frames import InputEvent, Mapping2D
 
 
 def test_frames_become_touch_events_in_mm_with_kernel_stamps():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from draglag.errors import DataError
+from draglag.exchange.importers.evemu import parse_evemu, read_evemu
 from draglag.recording import AxisInfo
-from draglag_devices.touch.evemu import parse_evemu, read_evemu
-from draglag_devices.touch.frames import (
+from draglag.touch_events.frames import (
     ContactFollower,
     FrameDecoder,
     InputEvent,

@@ -2,10 +2,10 @@
 
 import pytest
 
+from draglag.exchange.importers.evemu import parse_evemu
 from draglag_devices.addresses import parse_address
 from draglag_devices.replay import load_tape
 from draglag_devices.source import DeviceError
-from draglag_devices.touch.evemu import parse_evemu
 
 AXES = "N: old panel\nA: 35 0 4000 0 0 40\nA: 36 0 2000 0 0 40\n"
 X, Y, ID = "0035", "0036", "0039"

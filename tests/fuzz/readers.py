@@ -14,6 +14,9 @@ from draglag.calibration import fit_affine, target_places
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import DraglagError
 from draglag.exchange import read_exchange
+from draglag.exchange.importers import HowToRead, parse_map, read_recordings
+from draglag.exchange.importers.columns import read_laser_columns
+from draglag.exchange.importers.walt import read_walt_laser
 from draglag.exchange.streams import read_display, read_gaps, read_laser, read_taps, read_touch
 from draglag.exchange.tables import read_events
 from draglag.model_file import load_model, lookup_table, model_of, save_model
@@ -40,6 +43,24 @@ PACKETS = (
     b"E: 0.0 3 35 900\nE: 0.0 3 36 100\nE: 0.0 0 2 0\nE: 0.0 0 0 0\nE: 0.1 3 35 410\nE: 0.1 3 36 800\nE: 0.1 0 2 0\n"
     b"E: 0.1 0 0 0\nE: 0.2 1 14a 0\nE: 0.2 0 0 0\n"
 )
+EVTEST = (
+    b'Input device name: "panel"\n  Event type 3 (EV_ABS)\n    Event code 53 (ABS_MT_POSITION_X)\n      Min        0\n'
+    b"      Max     3999\n    Event code 54 (ABS_MT_POSITION_Y)\n      Min        0\n      Max     1999\n"
+    b"Event: time 1.000000, type 3 (EV_ABS), code 57 (ABS_MT_TRACKING_ID), value 7\n"
+    b"Event: time 1.000000, type 3 (EV_ABS), code 53 (ABS_MT_POSITION_X), value 400\n"
+    b"Event: time 1.000000, type 3 (EV_ABS), code 54 (ABS_MT_POSITION_Y), value 800\n"
+    b"Event: time 1.000000, -------------- SYN_REPORT ------------\n"
+    b"Event: time 1.010000, type 4 (EV_MSC), code 4 (MSC_SCAN), value d00e3\n"
+    b"Event: time 1.010000, >>>>>>>>>>>>>> SYN_DROPPED <<<<<<<<<<<<\n"
+    b"Event: time 1.020000, -------------- SYN_REPORT ------------\n"
+)
+LIBINPUT = (
+    b'# libinput record\nversion: 1\nndevices: 1\ndevices:\n- node: /dev/input/event4\n  evdev:\n    name: "panel"\n'
+    b"    absinfo:\n      53: [0, 3999, 0, 0, 40]\n      54: [0, 1999, 0, 0, 40]\n  events:\n  - evdev:\n"
+    b"    - [  1,      0,   3,  57,      7] # EV_ABS\n    - [  1,      0,   3,  53,    400]\n"
+    b"    - [  1,      0,   3,  54,    800]\n    - [  1,      0,   0,   0,      0]\n"
+)
+TABLE = b"# note\nstamp;a;b;id\n0;1,5;2;1\n8,5;1,6;2,5;1\n16;1,7;;2\n"
 SCREEN = Screen("fuzz", 500.0, 280.0, 1920, 1080)
 
 
@@ -161,6 +182,11 @@ def _tape(scheme: str, role: str) -> Callable[[Path], object]:
     return lambda path: load_tape(parse_address(f"{scheme}:{path}"), role)
 
 
+def _recording(kind: str, *mapped: str) -> Callable[[Path], object]:
+    how = HowToRead(kind, None, parse_map(mapped), SCREEN)
+    return lambda path: read_recordings((path,), how)
+
+
 def readers(scratch: Path) -> tuple[Reader, ...]:
     """Every reader of text. ``scratch``: a folder in which contents are made."""
     taps = b"physical_s,registered_s,down\n1.0,1.03,1\n1.5,1.53,0\n"
@@ -197,6 +223,16 @@ def readers(scratch: Path) -> tuple[Reader, ...]:
         Reader("csv: laser", "l.csv", (LASER,), _tape("csv", "laser")),
         Reader("replay: evemu", "r.events", (EVEMU, PACKETS), _tape("replay", "touch")),
         Reader("replay: evemu gzipped", "r.events.gz", (gzip.compress(EVEMU, mtime=0),), _tape("replay", "touch")),
+        Reader("import: evtest", "r.log", (EVTEST,), _recording("evtest")),
+        Reader("import: libinput", "r.yml", (LIBINPUT,), _recording("libinput")),
+        Reader("import: table", "r.csv", (TABLE,), _recording("csv", "t=stamp:ms", "x=a:px", "y=b", "contact=id")),
+        Reader(
+            "import: sampled laser",
+            "r.laser.csv",
+            (b"us\tvolt\n0\t0.1\n10000\t3.2\n15000\t0.2\n",),
+            lambda path: read_laser_columns(path, parse_map(["laser.t=us:us", "laser.light=volt:>1.5"])),
+        ),
+        Reader("import: WALT's laser log", "r_laser.log", (b"1700000000.001 0\n1700000000.250 1\n",), read_walt_laser),
         Reader("calibration", "c.json", (_calibration(scratch),), load_touches),
         Reader("model", "m.json", (_model(scratch),), _use_model),
         Reader("protocol", "p.toml", _preset("protocols"), _use_protocol),

@@ -15,10 +15,10 @@ INPUTS = 1500
 SHARE_S = 5.0 / 18
 
 
-@pytest.mark.parametrize("number", range(18))
+@pytest.mark.parametrize("number", range(23))
 def test_hostile_text_is_accepted_or_refused_in_one_sentence(number: int, tmp_path: Path) -> None:
     known = readers(tmp_path)
-    assert len(known) == 18, "a reader is not tried"
+    assert len(known) == 23, "a reader is not tried"
     folder = tmp_path / "folder"
     folder.mkdir()
     outcome = try_reader(known[number], folder, INPUTS, seed=7, until_s=time.monotonic() + SHARE_S)

@@ -18,11 +18,12 @@ from draglag.packages import need
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.tables import RUN_COLUMNS
-from draglag_app.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing
+from draglag_app.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing, options_kept
 from draglag_app.cli.common import (
     FiniteRange,
     checksum,
     json_option,
+    keep_result,
     load_session,
     now_utc,
     number,
@@ -96,7 +97,9 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
     metavar="FILE.json",
     help="Take the effects of an extended model (gap --model) out of the session first.",
 )
-@click.option("--save", is_flag=True, help="Store the result in the session file, beside the raw data.")
+@click.option(
+    "--save/--no-save", default=None, help="Store the result in the session file, beside the raw data [default: save]."
+)
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Also write report.html and figures.")
 @click.option("--runs", "runs_out", type=click.Path(path_type=Path), metavar="TABLE.csv|.parquet",
               help="Of many sessions: write the table of their runs, a row each.")  # fmt: skip
@@ -113,7 +116,7 @@ def analyze(
     exclude: tuple[str, ...],
     save_model: Path | None,
     model_path: Path | None,
-    save: bool,
+    save: bool | None,
     report: Path | None,
     runs_out: Path | None,
     jobs: int | None,
@@ -130,7 +133,7 @@ def analyze(
     Examples:
         draglag analyze session.h5
         draglag analyze session.h5 --estimator paper --update-rate 100 --json
-        draglag analyze session.h5 --save --report report
+        draglag analyze session.h5 --no-save --report report
         draglag analyze session.h5 --window-ms 0 600 --save-model model.json
         draglag analyze measurements --out screens.csv --runs runs.csv --summary screens.html
         draglag analyze 'measurements/*.h5' --scheduler tcp://cluster:8786 --out screens.parquet
@@ -172,20 +175,8 @@ def analyze(
     result = analysis.to_dict()
     if correction is not None:
         result |= {"model": str(model_path), **correction.to_dict()}
-    if save:
-        from draglag.store import add_analysis
-
-        asked = {
-            "estimator": estimator,
-            "update_rate_hz": update_rate_hz,
-            "form": form,
-            "tie_asymptote": tie_asymptote,
-            "window_s": list(options.window_s),
-            "exclude": left_out,
-            "include": sorted(include),
-            "model": str(model_path or ""),
-        }
-        add_analysis(session, result, asked, now_utc())
+    if save is not False:
+        keep_result(session, result, options_kept(options, str(model_path or "")), must=bool(save))
     if save_model is not None:
         _save_model(save_model, session, data, analysis)
     if report is not None:
@@ -234,7 +225,7 @@ _SHOWN = (
 
 
 def _many(
-    paths: tuple[Path, ...], options: AnalysisOptions, save: bool, runs_out: Path | None, jobs: int | None,
+    paths: tuple[Path, ...], options: AnalysisOptions, save: bool | None, runs_out: Path | None, jobs: int | None,
     scheduler: str | None, out: Path | None, summary: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Analyse every session that the paths name."""

@@ -57,6 +57,24 @@ def load_session(path: Path) -> Session:
     return read_session(path)
 
 
+def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
+    """Store a result in its session file. Where that cannot be: a warning, or a DataError if it ``must`` be.
+
+    An exchange folder and a recording that was not closed keep no results, which goes without saying.
+    """
+    from draglag.store import add_analysis
+    from draglag.store.journal import is_journal
+
+    if not must and (not path.is_file() or path.name == "session.json" or is_journal(path)):
+        return
+    try:
+        add_analysis(path, result, options, now_utc())
+    except DataError as error:
+        if must:
+            raise
+        warn(f"the result is not stored: {error}")
+
+
 def say_warnings(notes: Iterable[LogEntry]) -> None:
     """Warnings of an import on stderr, where they do not mix with results."""
     for note in notes:

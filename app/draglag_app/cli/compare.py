@@ -13,6 +13,7 @@ from draglag.curve.ranking import Ranking
 from draglag.errors import DataError, DraglagError, EstimateError
 from draglag.packages import need
 from draglag.provenance import Source, source_of
+from draglag.temporary import new_file
 from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, table
 from draglag_app.cli.many import refuse_outputs, sessions_in, write_table
 from draglag_app.parallel import spread
@@ -69,7 +70,8 @@ def compare(
         from draglag.reproduction.drawings import comparison_page
 
         try:
-            report.write_text(comparison_page(curves, order), "utf-8")
+            with new_file(report) as growing:
+                growing.write_text(comparison_page(curves, order), "utf-8")
         except OSError as error:
             raise DataError(f"{report}: cannot be written ({error.strerror})", "Check the folder") from error
     if out is not None:

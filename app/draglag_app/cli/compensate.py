@@ -12,6 +12,7 @@ from draglag.errors import DataError
 from draglag.packages import need
 from draglag.reading.limits import TIME_S
 from draglag.recording import FloatArray
+from draglag.temporary import new_file
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
 
 
@@ -79,7 +80,8 @@ def compensate(
         form = ["%.6f", "%.4f", "%.4f", "%.6f", "%.4f", "%.4f", "%.4f", "%.2f", "%d"]
         try:
             rows = np.column_stack(list(columns.values()))
-            np.savetxt(out, rows, delimiter=",", header=",".join(columns), comments="", fmt=form)
+            with new_file(out) as growing:
+                np.savetxt(growing, rows, delimiter=",", header=",".join(columns), comments="", fmt=form)
         except OSError as error:
             raise DataError(
                 f"{out}: cannot be written ({error.strerror})", "Check the folder and free space"

@@ -27,7 +27,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "check": (f"{_HERE}.check:check", "Is the whole rig ready? One line a check."),
     "record": (f"{_HERE}.record:record", "Measure a protocol into a new session file."),
     "simulate": (f"{_HERE}.simulate:simulate", "Make a session of a simulated screen, with effects if you like."),
-    "import": (f"{_HERE}.files:import_", "Make a session file from an exchange folder."),
+    "import": (f"{_HERE}.files:import_", "Make a session file from an exchange folder or another program's recording."),
     "export": (f"{_HERE}.files:export", "Write a session as exchange folder, CSV, netCDF or MATLAB file."),
     "analyze": (f"{_HERE}.analyze:analyze", "Latency of every run, the curve, taps and validation."),
     "gap": (f"{_HERE}.gap:gap", "Where simulation and measurement disagree, why, and how the gap shrinks."),

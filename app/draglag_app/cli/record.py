@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 import signal
+import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -54,6 +55,7 @@ _ON_SCREEN = "draglag_app.windows.participant.screen_display"
 @click.option("--note", default="", help="The operator's words for the file.")
 @click.option("--spare", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="FOLDER",
               help="Where the session goes on when the place of --out is full or gone.")  # fmt: skip
+@click.option("--lsl", is_flag=True, help="Also as streams of the Lab Streaming Layer: touch, laser and markers.")
 def record(
     protocol: str,
     screen_number: str | None,
@@ -69,6 +71,7 @@ def record(
     stylus_mm: float | None,
     note: str,
     spare: Path | None,
+    lsl: bool,
 ) -> None:
     """Record PROTOCOL (a preset's name or a TOML file) into a new session file.
 
@@ -97,7 +100,7 @@ def record(
         options = replace(options, calibration=calibrated(rig, touch, calibration))
     if out.absolute().parent.is_dir():
         clear_leftovers(out.absolute().parent)
-    path = record_with(plan, rig, number, out, options, spare)
+    path = record_with(plan, rig, number, out, options, spare, lsl)
     click.echo(f"{path}: saved")
 
 
@@ -138,15 +141,26 @@ def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
 
 
 def record_with(
-    protocol: Protocol, rig: Rig, number: int | None, out: Path, options: SessionOptions, spare: Path | None = None
+    protocol: Protocol,
+    rig: Rig,
+    number: int | None,
+    out: Path,
+    options: SessionOptions,
+    spare: Path | None = None,
+    lsl: bool = False,
 ) -> Path:
     """Run a session, with progress on a terminal. Ctrl-C, SIGTERM and SIGHUP end it in order.
 
     ``spare``: the folder in which it goes on when the place of ``out`` is full or gone.
+    ``lsl``: what arrives is also offered as streams of the Lab Streaming Layer.
     Raises DraglagError; also when the session ended early, with the path of what was recorded.
     """
     problem = ""
     tell = progress_printer()
+    if lsl:
+        from draglag_app.lsl import lsl_listener
+
+        tell = lsl_listener(f"{socket.gethostname()} {out.name}", tell)
 
     def listener(event: events.Event) -> None:
         nonlocal problem

@@ -54,4 +54,5 @@ def digest(role: str, run_id: str, batch: Batch, lost: int) -> SamplesArrived | 
         (len(t_s) - 1) / span_s if span_s > 0 else 0.0,
         batch.until_s - float(t_s[-1]),
         lost,
+        batch,
     )

@@ -11,6 +11,7 @@ import numpy as np
 from draglag.protocols import PlannedRun
 from draglag.recording import ClockBounds, FloatArray, IntArray, Run
 from draglag_app.session.machine import Phase
+from draglag_devices.source import Batch
 
 
 def _floats() -> FloatArray:
@@ -76,6 +77,7 @@ class SamplesArrived:
         count: samples in all, before decimation. rate_hz: of this batch, 0 where it cannot be told.
         age_s: how old the newest sample was when it was read.
         lost: samples known to be lost since the session began.
+        batch: all of them, as they were read; None where only the digest is at hand.
     """
 
     role: str
@@ -90,6 +92,7 @@ class SamplesArrived:
     rate_hz: float
     age_s: float
     lost: int
+    batch: Batch | None = None
 
 
 @dataclass(frozen=True)

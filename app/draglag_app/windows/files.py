@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
 from draglag.recording import Session
-from draglag.store import clear_leftovers, final_name, partial_files, salvage
+from draglag.store import clear_leftovers, final_name, partial_files, read_analyses, salvage
 from draglag_app.windows.parts.ask_files import ask_folder, ask_new_folder, ask_open
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.tasks import Progress
@@ -71,12 +71,15 @@ def export_session(window: OperatorWindow) -> None:
     if exchange is None:
         window.tell("warning", tr("Exporting is not built in this version."))
         return
-    title, write = tr("Export into which (new or empty) folder?"), exchange.write_exchange
+    title, source = tr("Export into which (new or empty) folder?"), window.space.path
+
+    def write(path: Path) -> Path:
+        results = () if source is None else read_analyses(source)
+        made: Path = exchange.write_exchange(session, path, results=results)
+        return made
 
     def begin(path: Path) -> None:
-        left = ", ".join(in_words(what) for what in exchange.left_out(session, "exchange"))
-        more = tr("Left out, and only in the session's own file: {what}").format(what=left) if left else ""
-        _work(window, tr("Exporting"), lambda progress: write(session, path), path, more)
+        _work(window, tr("Exporting"), lambda progress: write(path), path)
 
     ask_new_folder(window, title, _proposed(window, "exchange"), begin)
 
@@ -105,8 +108,8 @@ def _proposed(window: OperatorWindow, what: str) -> Path:
     return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
 
 
-def _work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
-    saved = " · ".join(filter(None, (tr("Saved: {path}").format(path=where), more)))
+def _work(window: OperatorWindow, what: str, work: Any, where: Path) -> None:
+    saved = tr("Saved: {path}").format(path=where)
     window.space.tasks.start(
         what, work, lambda result: window.tell("info", saved), lambda text: window.tell("error", text)
     )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from draglag.exchange.folder import new_folder
-from draglag.exchange.tables import write_table
+from draglag.exchange.results import write_results
+from draglag.exchange.streams import TOUCH_MORE
+from draglag.exchange.tables import Cells, write_parts, write_table
 from draglag.recording import Run, Session
+from draglag.store.analysis import StoredAnalysis
 
 _RUN_COLUMNS = (
     "id",
@@ -25,24 +25,20 @@ _RUN_COLUMNS = (
 _COUNT_COLUMNS = ("touch_events", "touch_dropped", "edges", "edges_missed")
 
 
-def write_csv(session: Session, folder: Path | str) -> Path:
-    """Write ``runs.csv``, ``touch.csv``, ``edges.csv`` and ``taps.csv``: one row a record, the run's id in the first
-    column, an empty cell where nothing is known. Raises DataError where the folder is not empty."""
+def write_csv(session: Session, folder: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
+    """Write ``runs.csv``, ``touch.csv``, ``edges.csv``, ``taps.csv``, and stored results as ``results.csv``.
+
+    One row a record, the run's id in a column, an empty cell where nothing is known. Raises DataError where the folder
+    is not empty."""
     folder = Path(folder)
     with new_folder(folder) as place:
         with (place / "runs.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow([*_RUN_COLUMNS, *_COUNT_COLUMNS])
             writer.writerows(_run_row(run) for run in session.runs)
-        write_table(place / "touch.csv", _touch(session))
-        write_table(
-            place / "edges.csv",
-            {
-                "run": [run.id for run in session.runs for _ in run.laser.t_s],
-                "t_s": _joined([run.laser.t_s for run in session.runs]),
-                "light": np.concatenate([np.empty(0, np.int64), *(run.laser.light for run in session.runs)]),
-            },
-        )
+        write_parts(place / "touch.csv", _touch_names(session), map(_touch, session.runs), unknown="")
+        write_parts(place / "edges.csv", ("run", "t_s", "light"), map(_edges, session.runs))
+        write_results(place, results)
         if session.taps is not None:
             taps = session.taps
             columns = {"physical_s": taps.physical_s, "registered_s": taps.registered_s, "down": taps.down}
@@ -55,21 +51,16 @@ def _run_row(run: Run) -> list[object]:
     return [*known, len(run.touch.t_s), run.touch.dropped, len(run.laser.t_s), run.laser.missed]
 
 
-def _touch(session: Session) -> dict[str, NDArray[Any] | list[str]]:
-    columns: dict[str, NDArray[Any] | list[str]] = {"run": [run.id for run in session.runs for _ in run.touch.t_s]}
-    for name in ("t_s", "x_mm", "y_mm"):
-        columns[name] = _joined([getattr(run.touch, name) for run in session.runs])
-    for name in ("contact_id", "x_raw", "y_raw", "device_t_s"):
-        if any(len(getattr(run.touch, name)) for run in session.runs):
-            columns[name] = [
-                cell for run in session.runs for cell in (_cells(getattr(run.touch, name)) or [""] * len(run.touch.t_s))
-            ]
-    return columns
+def _touch_names(session: Session) -> tuple[str, ...]:
+    """The columns that any run has."""
+    known = [name for name in TOUCH_MORE if any(len(getattr(run.touch, name)) for run in session.runs)]
+    return ("run", "t_s", "x_mm", "y_mm", *known)
 
 
-def _cells(values: NDArray[np.float64] | NDArray[np.int64]) -> list[str]:
-    return ["" if value != value else repr(value) for value in values.tolist()]
+def _edges(run: Run) -> dict[str, Cells]:
+    return {"run": run.id, "t_s": run.laser.t_s, "light": run.laser.light}
 
 
-def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.concatenate([np.empty(0), *parts])
+def _touch(run: Run) -> dict[str, Cells]:
+    columns = {name: getattr(run.touch, name) for name in ("t_s", "x_mm", "y_mm", *TOUCH_MORE)}
+    return {"run": run.id, **{name: values for name, values in columns.items() if len(values)}}

@@ -7,7 +7,7 @@ same host clock, as they are in a ``Session``. A run's samples therefore begin n
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -27,10 +27,12 @@ from draglag.exchange.extras import (
     write_session_extras,
 )
 from draglag.exchange.header import FORMAT, VERSION, HeaderPart, RunPart, read_header
+from draglag.exchange.results import write_results
 from draglag.exchange.streams import read_laser, read_taps, read_touch
 from draglag.exchange.tables import write_table
 from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
+from draglag.store.analysis import StoredAnalysis
 from draglag.store.schema import check_run_id
 from draglag.temporary import temporary_for
 
@@ -131,7 +133,9 @@ def _taps(folder: Path, header: HeaderPart) -> tuple[Taps | None, list[str]]:
     return replace(taps, rejected=header.taps_rejected), said
 
 
-def write_exchange(session: Session, folder: Path | str, compress: bool = True) -> Path:
+def write_exchange(
+    session: Session, folder: Path | str, compress: bool = True, results: Sequence[StoredAnalysis] = ()
+) -> Path:
     """Write a session as an exchange folder; with ``compress``, its CSV files are gzipped.
 
     What the mandatory files have no place for goes into optional ones (docs/exchange.md).
@@ -153,6 +157,7 @@ def write_exchange(session: Session, folder: Path | str, compress: bool = True) 
         header = _header(session, f"taps{end}" if session.taps is not None else None)
         header |= write_session_extras(place, session, end)
         header["runs"] = [_run_header(run, end) for run in session.runs]
+        write_results(place, results)
         (place / "session.json").write_bytes(_header_bytes(header, folder))
     return folder
 

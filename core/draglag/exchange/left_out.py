@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from draglag.recording import Session
 
-RESULTS = "results of earlier analyses"
-
 
 def left_out(session: Session, kind: str) -> tuple[str, ...]:
     """What of this session a format ("exchange", "csv", "netcdf" or "mat") does not carry, in words.
 
-    Only what the session holds is named; results of analyses always, since a ``Session`` does not say whether its
-    file has any.
+    Only what the session holds is named.
     """
     if kind != "csv":
-        return (RESULTS,)
+        return ()
     runs = session.runs
     held = {
         "screen": True,
@@ -34,4 +31,4 @@ def left_out(session: Session, kind: str) -> tuple[str, ...]:
         "notes and logs": bool(session.notes) or any(run.log for run in runs),
         "counts of rejected taps": session.taps is not None and bool(session.taps.rejected),
     }
-    return (*(what for what, there in held.items() if there), RESULTS)
+    return tuple(what for what, there in held.items() if there)

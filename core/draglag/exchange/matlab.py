@@ -3,30 +3,37 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from scipy.io import savemat
+from scipy.io.matlab import MatWriteError
 
 from draglag.errors import DataError
 from draglag.recording import Session
-from draglag.store.build import publish
+from draglag.store.analysis import StoredAnalysis, result_nodes
 from draglag.store.schema import distinct, session_nodes
-from draglag.temporary import temporary_for
+from draglag.temporary import new_file
+
+_COMPRESSED_BYTES = 16 * 2**20
+"""Columns up to this size are compressed: that holds them in memory twice."""
 
 
-def write_mat(session: Session, path: Path | str) -> Path:
-    """Write a session for ``load`` of MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector.
+def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
+    """Write a session for ``load`` of MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector,
+    ``session.runs.run_01.touch.units.x_mm`` its unit; stored results are ``session.analysis.x1`` and so on.
 
-    Names become valid MATLAB names (the true id of a run is its field ``id``). Raises DataError.
+    Names become valid MATLAB names (the true id of a run is its field ``id``). A column at a time is in memory; large
+    sessions are not compressed, which would take the whole of them at once. Raises DataError, also beyond 4 GiB.
     """
     path = Path(path)
-    if path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
     root: dict[str, Any] = {}
     fields: dict[tuple[str, ...], str] = {}
-    for node in distinct(session_nodes(session)):
+    size = 0
+    for node in distinct(chain(session_nodes(session), *map(result_nodes, results))):
         place = root
         names = tuple(filter(None, node.path.split("/")))
         for depth in range(1, len(names) + 1):
@@ -35,18 +42,25 @@ def write_mat(session: Session, path: Path | str) -> Path:
             place["id"] = node.path.split("/")[1]
         for key, value in {**node.attrs, **node.counts, **node.texts}.items():
             place[_name(key)] = value
+        if node.table is not None:
+            place["units"] = {_name(column.name): column.units for column in node.table.every()}
         for key, values in node.rows.items():
+            size += values.nbytes
             place[_name(key)] = (
                 np.array([value.decode() for value in values.tolist()], object) if values.dtype.kind == "S" else values
             )
     try:
-        with temporary_for(path) as growing:
-            with growing.open("wb") as file:
-                savemat(file, {"session": root}, long_field_names=True, do_compression=True, oned_as="column")
-            publish(growing, path)
+        with new_file(path) as growing, growing.open("wb") as file:
+            _save(file, root, compress=size <= _COMPRESSED_BYTES)
+    except MatWriteError as error:
+        raise DataError(f"{path}: the session is larger than the 4 GiB of a MATLAB file", "Export to netcdf") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
     return path
+
+
+def _save(file: IO[bytes], root: dict[str, Any], compress: bool) -> None:
+    savemat(file, {"session": root}, long_field_names=True, do_compression=compress, oned_as="column")
 
 
 def _field(names: tuple[str, ...], fields: dict[tuple[str, ...], str]) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +14,14 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.packages import advice
 from draglag.recording import Session
-from draglag.store.build import publish, reason, zero_utc
+from draglag.store.analysis import StoredAnalysis, result_nodes
+from draglag.store.build import reason, zero_utc
 from draglag.store.schema import Node, distinct, session_nodes
-from draglag.temporary import temporary_for
+from draglag.store.stored import blocks
+from draglag.temporary import new_file
 
 
-def write_netcdf(session: Session, path: Path | str) -> Path:
+def write_netcdf(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
     """Write a session as netCDF-4; dimensions are named as the session file's scales.
 
     Raises DataError: h5netcdf is not installed, or the file exists or cannot be written.
@@ -27,15 +31,11 @@ def write_netcdf(session: Session, path: Path | str) -> Path:
         h5netcdf: Any = importlib.import_module("h5netcdf")
     except ModuleNotFoundError as missing:
         raise DataError(*advice(missing.name or "")) from missing
-    if path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
     start = zero_utc(session.started_utc, session.started_s)
     try:
-        with temporary_for(path) as growing:
-            with h5netcdf.File(growing, "w") as file:
-                for node in distinct(session_nodes(session)):
-                    _put(file, node, start)
-            publish(growing, path)
+        with new_file(path) as growing, h5netcdf.File(growing, "w") as file:
+            for node in distinct(chain(session_nodes(session), *map(result_nodes, results))):
+                _put(file, node, start)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({reason(error)})", "Check the folder and free space") from error
     return path
@@ -65,7 +65,8 @@ def _put(file: Any, node: Node, start: str) -> None:
         else:
             variable = group.create_variable(column.name, (dimension,), dtype=column.dtype)
             if length:
-                variable[...] = np.asarray(values, column.dtype)
+                for rows in blocks(length):
+                    variable[rows] = np.asarray(values[rows], column.dtype)
         variable.attrs["units"] = column.units
         variable.attrs["long_name"] = column.meaning
         if column.name == "time" and start:

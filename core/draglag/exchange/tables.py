@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import gzip
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import IO, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError
 from draglag.reading.files import decoded, plain_lines
+from draglag.store.stored import blocks
 
 
 def find_table(folder: Path, stem: str) -> Path | None:
@@ -60,51 +62,89 @@ def column_names(path: Path) -> tuple[str, ...]:
 
 def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     """The named columns of somebody else's CSV file, (n, len(columns)): further columns may hold anything, lines that
-    begin with # are notes, and a cell that is no number is NaN.
+    begin with # are notes, and a cell that is no number is NaN. Cells may be separated by semicolons, with decimal
+    commas, or by tabs.
 
     Raises DataError: a missing column, or a line with more or fewer cells than the header, since its cells
     cannot be told apart.
     """
-    head, _, body = _text(path).partition("\n")
-    names = [name.strip().strip('"') for name in head.split(",")]
+    lines = _text(path).split("\n")
+    first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
+    between = next((mark for mark in (";", "\t", ",") if mark in lines[first]), ",")
+    names = [name.strip().strip('"') for name in lines[first].split(between)]
     missing = [name for name in columns if name not in names]
     if missing:
         raise DataError(f"{path}: no column {missing[0]} in its first line", f"Head the columns {','.join(columns)}")
     wanted = [names.index(name) for name in columns]
     rows = []
-    for number, line in enumerate(body.split("\n"), 2):
+    for number, line in enumerate(lines[first + 1 :], first + 2):
         if not line.strip() or line.startswith("#"):
             continue
-        cells = line.split(",")
+        cells = line.split(between)
         if len(cells) != len(names):
             raise DataError(
                 f"{path}, line {number}: expected {len(names)} cells ({','.join(names)}), found {len(cells)}",
                 "Correct or remove that line",
             )
-        rows.append([_number(cells[place]) for place in wanted])
+        rows.append([_number(cells[place], comma=between == ";") for place in wanted])
     return np.array(rows, float).reshape(-1, len(columns))
 
 
-def _number(cell: str) -> float:
+def _number(cell: str, comma: bool) -> float:
+    text = cell.strip().strip('"')
     try:
-        return float(cell.strip().strip('"'))
+        return float(text.replace(",", ".") if comma else text)
     except ValueError:
         return float("nan")
 
 
-def line_of_row(path: Path, row: int) -> int:
-    """The line in the file of a row of ``read_table``, counting from 1."""
-    lines = _text(path).split("\n")
-    filled = [number for number, line in enumerate(lines, 1) if line.strip() and number > 1]
-    return filled[row]
+def line_of_row(path: Path, row: int, notes: bool = False) -> int:
+    """The line in the file of a row of ``read_table``, counting from 1; with ``notes`` one of ``read_events``."""
+    lines = enumerate(_text(path).split("\n"), 1)
+    filled = [number for number, line in lines if line.strip() and not (notes and line.startswith("#"))]
+    return filled[row + 1]
 
 
-def write_table(path: Path, columns: Mapping[str, NDArray[Any] | list[str]]) -> None:
+Cells = NDArray[Any] | list[str] | str
+"""A column to write: numbers, texts, or one text for every row."""
+
+
+def write_table(path: Path, columns: Mapping[str, Cells]) -> None:
     """Columns as CSV, floats with as many digits as they need to come back the same. A name on .gz is gzipped."""
-    cells = [values if isinstance(values, list) else list(map(repr, values.tolist())) for values in columns.values()]
-    rows = map(",".join, zip(*cells, strict=True))
-    data = ("\n".join([",".join(columns), *rows]) + "\n").encode()
-    path.write_bytes(gzip.compress(data, 6, mtime=0) if path.suffix == ".gz" else data)
+    write_parts(path, tuple(columns), [columns])
+
+
+def write_parts(path: Path, names: Sequence[str], parts: Iterable[Mapping[str, Cells]], unknown: str = "nan") -> None:
+    """A CSV file of the parts' rows one after the other; only a block of them is in memory at a time.
+
+    Args:
+        parts: each with columns of one length; a column that a part lacks is empty there.
+        unknown: what stands for NaN.
+    """
+    with ExitStack() as stack:
+        file: IO[bytes] | gzip.GzipFile = stack.enter_context(path.open("wb"))
+        if path.suffix == ".gz":
+            file = stack.enter_context(gzip.GzipFile("", "wb", 6, file, mtime=0))
+        file.write((",".join(names) + "\n").encode())
+        for part in parts:
+            length = max((len(values) for values in part.values() if not isinstance(values, str)), default=0)
+            for rows in blocks(length):
+                count = rows.stop - rows.start
+                cells = [_cells(part.get(name, ""), rows, count, unknown) for name in names]
+                file.write("".join(",".join(row) + "\n" for row in zip(*cells, strict=True)).encode())
+
+
+def _cells(values: Cells, rows: slice, count: int, unknown: str) -> list[str]:
+    if isinstance(values, str):
+        return [values] * count
+    if isinstance(values, list):
+        return values[rows]
+    block = values[rows]
+    cells = list(map(repr, block.tolist()))
+    if block.dtype.kind == "f":
+        for k in np.flatnonzero(np.isnan(block)):
+            cells[k] = unknown
+    return cells
 
 
 def _text(path: Path) -> str:

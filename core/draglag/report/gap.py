@@ -29,6 +29,7 @@ from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
 from draglag.report.style import FIGURE_CSS, house_style, sign, themed
+from draglag.temporary import new_file
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
 :root{{color-scheme:light dark}}
@@ -81,7 +82,8 @@ def write_gap_report(
     title = f"{'SIMULATED – ' if source.simulated else ''}draglag gap report"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(_PAGE.format(title=title, css=FIGURE_CSS, body="".join(body)), encoding="utf-8")
+        with new_file(path, replace=True) as growing:
+            growing.write_text(_PAGE.format(title=title, css=FIGURE_CSS, body="".join(body)), "utf-8")
     except OSError as problem:
         raise DataError(
             f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"

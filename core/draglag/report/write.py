@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from draglag.provenance import source_of
 from draglag.recording import Session
 from draglag.report import figures, style
 from draglag.store.schema import slug
+from draglag.temporary import publish, temporary_for
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,16 @@ def write_report(session: Session, analysis: Analysis, out_dir: Path | str) -> P
         raise DataError(f"{report}: exists already and is not overwritten", "Choose another folder")
     try:
         with style.house_style():
-            (out / "figures").mkdir(parents=True, exist_ok=True)
-            pictures = {name: list(group) for name, group in _figures(session, analysis, out / "figures").items()}
-        report.write_text(_page(session, analysis, pictures), "utf-8")
+            out.mkdir(parents=True, exist_ok=True)
+            with temporary_for(report) as growing:
+                drawn = growing.with_name("figures")
+                drawn.mkdir()
+                pictures = {name: list(group) for name, group in _figures(session, analysis, drawn).items()}
+                growing.write_text(_page(session, analysis, pictures), "utf-8")
+                (out / "figures").mkdir(exist_ok=True)
+                for picture in drawn.iterdir():
+                    os.replace(picture, out / "figures" / picture.name)
+                publish(growing, report)
     except OSError as error:
         raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
     return report

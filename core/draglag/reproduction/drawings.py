@@ -18,6 +18,7 @@ from draglag.report import style
 from draglag.report.many_curves import MOST_IN_COLOURS, each_figure, ranked_figure
 from draglag.reproduction.measure import Reproduction
 from draglag.reproduction.published import RELEASE_TAP_MS
+from draglag.temporary import new_file
 from draglag.tracking import TrackingResponse
 
 LOOKS = ((style.BLUE, "s"), (style.VERMILION, "o"), (style.GREEN, "^"), (style.PURPLE, "D"), (style.ORANGE, "v"))
@@ -100,7 +101,8 @@ def save_tracking(responses: Mapping[str, TrackingResponse], path: Path, source:
         with style.house_style():
             figure = tracking_figure(responses)
             style.sign(figure, source)
-            figure.savefig(path)
+            with new_file(path) as growing:
+                figure.savefig(growing)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder") from error
 

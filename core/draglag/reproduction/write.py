@@ -25,6 +25,7 @@ from draglag.reproduction.further import further_words, table_further
 from draglag.reproduction.measure import Cell3, Reproduction
 from draglag.reproduction.own_gap import gap_figures, gap_words
 from draglag.reproduction.published import PLATEAU_MM_S
+from draglag.temporary import new_file
 from draglag.tracking import tracking_response
 
 SIMULATED_WORDS = (
@@ -54,7 +55,8 @@ def write_reproduction(result: Reproduction, out: Path) -> Path:
             for name, caption, figure in _figures(result):
                 style.save(figure, out / "figures", name, source)
                 body += f'<h2>{caption} (SIMULATED)</h2><figure><img src="{embed(figure)}" alt="{caption}"></figure>'
-        path.write_text(page("Reproduction of the drag-latency paper (SIMULATED)", body), "utf-8")
+        with new_file(path, replace=True) as growing:
+            growing.write_text(page("Reproduction of the drag-latency paper (SIMULATED)", body), "utf-8")
     except OSError as error:
         raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
     return path

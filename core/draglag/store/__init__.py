@@ -5,7 +5,7 @@ from draglag.store.build import write_session
 from draglag.store.journal import PARTIAL
 from draglag.store.leftovers import clear_leftovers
 from draglag.store.migrate import migrate
-from draglag.store.read import read_session
+from draglag.store.read import open_columns, read_session
 from draglag.store.salvage import Salvaged, final_name, partial_files, salvage
 from draglag.store.verify import Finding, check_session, grade, verify
 from draglag.store.writer import SessionWriter
@@ -22,6 +22,7 @@ __all__ = [
     "final_name",
     "grade",
     "migrate",
+    "open_columns",
     "partial_files",
     "read_analyses",
     "read_session",

@@ -6,7 +6,8 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+import stat
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,14 @@ import draglag
 from draglag.errors import DataError
 from draglag.store.build import safe_hdf5
 from draglag.store.checksum import raw_checksum
-from draglag.store.lowlevel import append_rows, make_table, put_attrs, put_text
+from draglag.store.journal import is_journal
+from draglag.store.lowlevel import put_node
+from draglag.store.nexus import CURVE, mark
 from draglag.store.safely import open_session, short, text_attr
-from draglag.store.schema import Column, Table, encode
+from draglag.store.schema import Column, Node, Table, Value, encode
 from draglag.temporary import temporary_for
 
+_SOFTWARE = f"draglag {draglag.__version__}"
 _UNITS = (("_mm_s", "mm/s"), ("_s_per_mm", "s/mm"), ("_mm2", "mm2"), ("_mm", "mm"), ("_ms", "ms"), ("_hz", "Hz"))
 # Room for a result in the file: groups and attributes (bytes), and its text again as columns, at four bytes a letter.
 _BASE = 1 << 20
@@ -43,7 +47,7 @@ class StoredAnalysis:
 
 
 def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[str, Any], created_utc: str = "") -> int:
-    """Store a result in a session file and return its number (1, 2 …).
+    """Store a result in a session file and return its number (1, 2 …); one that is there already keeps its number.
 
     The file is copied, extended and put back in one step, so the raw data are never at risk.
 
@@ -58,8 +62,14 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
     with open_session(path) as file:
         number = 1 + max((int(name) for name in file.get("analysis", ()) if name.isdecimal()), default=0)
         checksum = raw_checksum(file)
-    texts = to_json(options), to_json(result)
-    room = _BASE + _COPIES * sum(map(len, texts))
+        for name in filter(str.isdecimal, file.get("analysis", ())):
+            if _is_same(file[f"analysis/{name}"], result, options, checksum):
+                return int(name)
+    if not path.stat().st_mode & stat.S_IWRITE:  # a file of that kind can be replaced all the same
+        raise DataError(f"{path}: is write-protected", "Copy it, or give it the right to be written")
+    about = _SOFTWARE, created_utc, checksum, True
+    stored = StoredAnalysis(number, dict(result), dict(options), *about)
+    room = _BASE + _COPIES * (len(to_json(options)) + len(to_json(result)))
     try:
         with temporary_for(path) as copy:
             shutil.copyfile(path, copy)
@@ -67,14 +77,9 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
             descriptor = os.open(copy, os.O_RDWR)
             try:
                 with safe_hdf5(descriptor, "r+", room, path) as (file, _):
-                    group = file.create_group(f"analysis/{number}")
-                    about = {"software": f"draglag {draglag.__version__}", "created_utc": created_utc}
-                    put_attrs(group, {**about, "input_sha256": checksum})
-                    put_text(group, "options_json", texts[0], "what the analysis was asked to do")
-                    put_text(group, "result_json", texts[1], "the result as `draglag analyze --json` prints it")
-                    for key, rows in result.items():
-                        if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
-                            _put_records(group, key, rows)
+                    for node in result_nodes(stored):
+                        put_node(file, node)
+                    mark(file)
             finally:
                 os.close(descriptor)
             os.replace(copy, path)
@@ -84,11 +89,34 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
 
 
 def read_analyses(path: Path | str) -> list[StoredAnalysis]:
-    """Every stored result, oldest first. Raises DataError."""
+    """Every stored result, oldest first; a recording that was not closed has none. Raises DataError."""
+    if is_journal(Path(path)):
+        return []
     with open_session(path) as file:
         checksum = raw_checksum(file)
         groups = file.get("analysis", {})
         return [_stored(int(name), groups[name], checksum) for name in sorted(filter(str.isdecimal, groups), key=int)]
+
+
+def _is_same(group: Any, result: Mapping[str, Any], options: Mapping[str, Any], checksum: str) -> bool:
+    """Whether a stored result is this one, of the same raw data and version."""
+    if (text_attr(group, "input_sha256", ""), text_attr(group, "software", "")) != (checksum, _SOFTWARE):
+        return False
+    texts = (("options_json", options), ("result_json", result))
+    return all(bytes(group[name][()]).decode() == to_json(value) for name, value in texts)
+
+
+def result_nodes(stored: StoredAnalysis) -> Iterator[Node]:
+    """A stored result as the groups of a file: the whole as JSON, and a table for each of its lists of flat records."""
+    path = f"analysis/{stored.number}"
+    about: dict[str, Value] = {"software": stored.software, "created_utc": stored.created_utc}
+    about["input_sha256"] = stored.input_sha256
+    yield Node(path, about, texts={"options_json": to_json(stored.options), "result_json": to_json(stored.result)})
+    for key, rows in stored.result.items():
+        if isinstance(rows, Sequence) and rows and all(isinstance(row, Mapping) for row in rows):
+            yield _table_node(f"{path}/{key}", key, rows)
+    if drawn := _curve(stored.result):
+        yield _table_node(f"{path}/{CURVE}", CURVE, drawn)
 
 
 def to_json(value: Any) -> str:
@@ -123,9 +151,9 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _put_records(parent: Any, name: str, records: Sequence[Mapping[str, Any]]) -> None:
+def _table_node(path: str, name: str, records: Sequence[Mapping[str, Any]]) -> Node:
     """Flat records as columns: numbers as float64 (absent = NaN), everything else as text; intervals as two columns."""
-    flat = [_flat(record) for record in records]
+    flat = [flat_record(record) for record in records]
     columns: list[Column] = []
     rows: dict[str, Any] = {}
     for key in dict.fromkeys(key for record in flat for key in record):
@@ -140,12 +168,23 @@ def _put_records(parent: Any, name: str, records: Sequence[Mapping[str, Any]]) -
             rows[key] = encode(column, texts)
         columns.append(column)
     table = Table(Column(f"{name}_row", "i", "1", "number of the row"), tuple(columns), max(8, len(flat)))
-    group = parent.create_group(name)
-    make_table(group, table, rows, "")
-    append_rows(group, table, rows)
+    return Node(path, table=table, rows=rows)
 
 
-def _flat(record: Mapping[str, Any]) -> dict[str, Any]:
+def _curve(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What is drawn of a result: runs that have speed and latency, by speed; the error is half the 95 % interval."""
+    drawn = []
+    for row in result.get("runs", ()):
+        known = _plain(row)
+        speed, latency, interval = (known.get(key) for key in ("speed_mm_s", "latency_ms", "latency_ci95_ms"))
+        if speed is not None and latency is not None:
+            half = (interval[1] - interval[0]) / 2 if interval and None not in interval else None
+            drawn.append({"run": known["id"], "speed_mm_s": speed, "latency_ms": latency, "latency_ms_errors": half})
+    return sorted(drawn, key=lambda row: float(row["speed_mm_s"]))
+
+
+def flat_record(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A record of a result as cells: an interval is two of them, a list one text. Fields with fields are left out."""
     flat: dict[str, Any] = {}
     for key, value in _plain(record).items():
         if isinstance(value, list) and "ci95" in key and len(value) == 2:
@@ -158,5 +197,5 @@ def _flat(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _unit(key: str) -> str:
-    name = key.replace("_ci95_low", "").replace("_ci95_high", "")
+    name = key.replace("_ci95_low", "").replace("_ci95_high", "").removesuffix("_errors")
     return next((unit for end, unit in (*_UNITS, *_MORE_UNITS) if name.endswith(end)), "1")

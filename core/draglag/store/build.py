@@ -26,9 +26,11 @@ from draglag.store.checksum import raw_checksum
 from draglag.store.codec import row_count
 from draglag.store.frames import lock, sync_folder
 from draglag.store.lowlevel import put_attrs, put_node
+from draglag.store.nexus import mark
 from draglag.store.nodes import apart, merged
 from draglag.store.safely import BROKEN
 from draglag.store.schema import Node
+from draglag.temporary import publish, refuse
 
 # Rows that are merged before they are written: chunks of HDF5 are then filled at once.
 _BATCH_ROWS = 1 << 16
@@ -90,29 +92,10 @@ def fill(file: Any, nodes: Iterable[Node]) -> None:
         for node in merged(batch):
             started.look(node)
             put_node(file, node, started.zero_utc())
+    # A journal may be older than the layout that is written.
+    put_attrs(file, {"schema_version": schema.VERSION})
+    mark(file)
     put_attrs(file, {"raw_sha256": raw_checksum(file)})
-
-
-def publish(source: Path, target: Path) -> None:
-    """Give a finished file its name, atomically, unless that name is taken. Raises DataError, OSError."""
-    try:
-        os.link(source, target)
-    except FileExistsError as error:
-        raise DataError(f"{target}: exists already and is not overwritten", "Choose another name") from error
-    except OSError:  # a file system without hard links
-        refuse(target)
-        source.rename(target)
-    else:
-        source.unlink()
-
-
-def refuse(path: Path) -> None:
-    """Raise DataError where the name is taken, or its folder is not there."""
-    if path.is_symlink() or path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
-    folder = path.absolute().parent
-    if not folder.is_dir():
-        raise DataError(f"{folder}: there is no such folder", "Make it first, or choose another")
 
 
 def zero_utc(started_utc: str, started_s: float | None) -> str:

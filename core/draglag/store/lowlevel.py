@@ -9,7 +9,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from draglag.store.schema import Column, Node, Table, Value, as_text
+from draglag.store.schema import TEXTS, Column, Node, Table, Value, as_text
+
+# How netCDF and xarray learn that the bytes of a text are UTF-8. The HDF5 type of texts is its ASCII one, which says
+# nothing of bytes above 127: Octave, and older readers, cannot load its UTF-8 type at all.
+_UTF8 = {"_Encoding": "utf-8"}
 
 
 def put_attrs(target: Any, attrs: Mapping[str, Value]) -> None:
@@ -35,21 +39,20 @@ def add_counts(group: Any, counts: Mapping[str, int]) -> None:
             group.attrs[key] = np.int64(value)
 
 
-def put_text(group: Any, name: str, text: str, meaning: str) -> None:
+def _put_text(group: Any, name: str, text: str, meaning: str) -> None:
     """One long text as a scalar dataset (attributes end at 64 KiB)."""
     data = as_text(text).encode()
-    kind = h5py.string_dtype("utf-8", max(len(data), 1))
-    dataset = group.create_dataset(name, data=np.array(data, kind), dtype=kind)
-    put_attrs(dataset, {"units": "1", "long_name": meaning})
+    dataset = group.create_dataset(name, data=np.array(data, f"S{max(len(data), 1)}"))
+    put_attrs(dataset, {"units": "1", "long_name": meaning, **_UTF8})
 
 
 def make_column(group: Any, column: Column, chunk: int, length: int = 0) -> Any:
     """An empty column that can grow; ``length`` rows of it are filled in already."""
-    kind = h5py.string_dtype("utf-8", int(column.kind[1:])) if column.kind.startswith("S") else column.dtype
     dataset = group.create_dataset(
-        column.name, shape=(length,), maxshape=(None,), chunks=(chunk,), dtype=kind, fillvalue=column.fill
+        column.name, shape=(length,), maxshape=(None,), chunks=(chunk,), dtype=column.dtype, fillvalue=column.fill
     )
-    put_attrs(dataset, {"units": column.units, "long_name": column.meaning})
+    text = _UTF8 if column.kind.startswith("S") else {}
+    put_attrs(dataset, {"units": column.units, "long_name": column.meaning, **text})
     return dataset
 
 
@@ -99,12 +102,10 @@ def _extend(column: Any, before: int, values: NDArray[Any]) -> None:
     """Rows after the first ``before``, of a column opened at the low level."""
     count = len(values)
     column.set_extent((before + count,))
-    # HDF5 tells UTF-8 from ASCII by type: bytes must say which they are.
     stored = np.ascontiguousarray(values, column.dtype)
     space = column.get_space()
     space.select_hyperslab((before,), (count,))
-    kind = column.get_type() if stored.dtype.kind == "S" else None
-    column.write(h5py.h5s.create_simple((count,)), space, stored, kind)
+    column.write(h5py.h5s.create_simple((count,)), space, stored)
 
 
 def put_node(file: Any, node: Node, start: str = "") -> None:
@@ -113,7 +114,7 @@ def put_node(file: Any, node: Node, start: str = "") -> None:
     put_attrs(group, node.attrs)
     add_counts(group, node.counts)
     for name, text in node.texts.items():
-        put_text(group, name, text, name)
+        _put_text(group, name, text, TEXTS[name])
     if node.table is not None:
         if node.table.scale.name not in group:
             make_table(group, node.table, node.rows, start)

@@ -21,7 +21,7 @@ from draglag.recording import Run, Session
 from draglag.store import schema
 from draglag.store.checksum import raw_checksum
 from draglag.store.codec import TABLES
-from draglag.store.read import header_v1, run_v1
+from draglag.store.read import run_of, session_of
 from draglag.store.safely import (
     BROKEN,
     TOO_LARGE,
@@ -77,7 +77,7 @@ def _with_header(copy: Any, runs: tuple[Run, ...], losses: list[str], path: Path
             losses.append(f"/{optional} is lost")
             del copy[optional]
         try:
-            return header_v1(copy, runs)
+            return session_of(copy, runs)
         except (*BROKEN, DataError) as error:
             why = error
     raise DataError(
@@ -118,7 +118,7 @@ def _add_run(runs: list[Run], parent: Any, name: str, losses: list[str]) -> None
             losses.append(f"run {name}: {optional} is lost")
             del group[optional]
         try:
-            run = run_v1(group)
+            run = run_of(group)
             break
         except (*BROKEN, DataError) as error:
             why = error

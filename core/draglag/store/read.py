@@ -42,6 +42,10 @@ from draglag.store.safely import (
     text_attr,
 )
 from draglag.store.sense import check_times
+from draglag.store.stored import stored_columns
+
+Columns = Callable[[Any, schema.Table], dict[str, Any]]
+"""How the columns of a stream are read: ``read_columns`` at once, ``stored_columns`` when they are asked for."""
 
 CHANGED = "The raw data were changed after recording: the checksum of the file does not match. Use an untouched copy."
 
@@ -55,11 +59,27 @@ def read_session(path: Path | str) -> Session:
     """
     path = Path(path)
     with open_recorded(path) as file:
-        session = check_times(READERS[check_schema(file, path)](file), str(path))
-        if text_attr(file, "raw_sha256", "") not in ("", raw_checksum(file)):
-            changed = LogEntry(session.started_s or 0.0, "warning", "file", CHANGED)
-            return replace(session, notes=(*session.notes, changed))
-        return session
+        return _checked(file, path, read_columns)
+
+
+@contextmanager
+def open_columns(path: Path | str) -> Iterator[Session]:
+    """The session as ``read_session`` gives it, but touch, laser and display columns stay in the file: each is a
+    ``StoredColumn``, with a length and slices, for the time of the block. For exports, whatever the session's size.
+
+    Raises DataError as ``read_session``.
+    """
+    path = Path(path)
+    with open_recorded(path) as file:
+        yield _checked(file, path, stored_columns)
+
+
+def _checked(file: Any, path: Path, columns: Columns) -> Session:
+    session = check_times(READERS[check_schema(file, path)](file, columns), str(path))
+    if text_attr(file, "raw_sha256", "") not in ("", raw_checksum(file)):
+        changed = LogEntry(session.started_s or 0.0, "warning", "file", CHANGED)
+        return replace(session, notes=(*session.notes, changed))
+    return session
 
 
 def read_unchecked(path: Path | str) -> Session:
@@ -80,12 +100,12 @@ def open_recorded(path: Path) -> Iterator[Any]:
         yield file
 
 
-def read_v1(file: Any) -> Session:
-    """A session of schema version 1 from an open, checked file."""
-    return header_v1(file, tuple(run_v1(group) for group in _children(file, "runs")))
+def read_layout(file: Any, columns: Columns = read_columns) -> Session:
+    """A session of schema version 1 or 2 from an open, checked file: they differ in what else stands there."""
+    return session_of(file, tuple(run_of(group, columns) for group in _children(file, "runs")))
 
 
-def header_v1(file: Any, runs: tuple[Run, ...]) -> Session:
+def session_of(file: Any, runs: tuple[Run, ...]) -> Session:
     """Everything but the runs, which are handed in, put in order of their start."""
     screen, stylus = _group(file, "screen"), _group(file, "stylus")
     beam = file.get("beam")
@@ -115,8 +135,8 @@ def header_v1(file: Any, runs: tuple[Run, ...]) -> Session:
     )
 
 
-def run_v1(group: Any) -> Run:
-    """One run of schema version 1. A run that was cut off while recording reads as "aborted"."""
+def run_of(group: Any, columns: Columns = read_columns) -> Run:
+    """One run from its group. A run that was cut off while recording reads as "aborted"."""
     outcome = text_attr(group, "outcome", "aborted")
     target = group.get("target")
     return Run(
@@ -124,12 +144,12 @@ def run_v1(group: Any) -> Run:
         protocol=text_attr(group, "protocol"),
         start_s=float_attr(group, "start_s"),
         duration_s=float_attr(group, "duration_s"),
-        touch=_touch(_group(group, "touch")),
-        laser=_laser(_group(group, "laser")),
+        touch=_touch(_group(group, "touch"), columns),
+        laser=_laser(_group(group, "laser"), columns),
         nominal_speed_mm_s=_optional_float(group, "nominal_speed_mm_s"),
         radius_mm=_optional_float(group, "radius_mm"),
         target={} if target is None else {key: read_attr(target, key) for key in target.attrs},
-        display=_display(group.get("display")),
+        display=_display(group.get("display"), columns),
         sync=tuple(_clock(child) for child in _children(group, "sync")),
         log=_log(group.get("log")),
         outcome="aborted" if outcome == "recording" else outcome,
@@ -137,7 +157,7 @@ def run_v1(group: Any) -> Run:
     )
 
 
-READERS: dict[int, Callable[[Any], Session]] = {1: read_v1}
+READERS: dict[int, Callable[..., Session]] = {1: read_layout, 2: read_layout}
 
 
 def _group(parent: Any, name: str) -> Any:
@@ -194,8 +214,8 @@ def _gaps(group: Any) -> FloatArray:
     return np.column_stack([columns["start_s"], columns["end_s"]])
 
 
-def _touch(group: Any) -> TouchTrace:
-    columns = read_columns(group, schema.TOUCH)
+def _touch(group: Any, read: Columns) -> TouchTrace:
+    columns = read(group, schema.TOUCH)
     return TouchTrace(
         t_s=columns["time"],
         x_mm=columns["x_mm"],
@@ -221,8 +241,8 @@ def _axes(group: Any) -> tuple[AxisInfo, ...]:
     )
 
 
-def _laser(group: Any) -> LaserTrace:
-    columns = read_columns(group, schema.LASER)
+def _laser(group: Any, read: Columns) -> LaserTrace:
+    columns = read(group, schema.LASER)
     return LaserTrace(
         t_s=columns["time"],
         light=columns["light"],
@@ -233,10 +253,10 @@ def _laser(group: Any) -> LaserTrace:
     )
 
 
-def _display(group: Any) -> DisplayTrace | None:
+def _display(group: Any, read: Columns) -> DisplayTrace | None:
     if group is None:
         return None
-    columns = read_columns(group, schema.DISPLAY)
+    columns = read(group, schema.DISPLAY)
     return DisplayTrace(columns["time"], columns["x_mm"], columns["y_mm"], int_attr(group, "missed", 0))
 
 

@@ -27,6 +27,8 @@ _WHOLE_LIMIT = 100
 _SLACK_BYTES = 2**24
 _OF_SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}  # read by HDF5 alone
 _FILTERS = {"1", "2", "3", "gzip", "shuffle", "fletcher32"}  # built in; others would load a plug-in
+# Of every open column: they are read from end to end, so what has been read is not needed again. HDF5 2.0 takes 8 MiB.
+_CHUNK_CACHE_BYTES = 2**18
 TOO_LARGE = "makes the file too large when unpacked"
 BROKEN = (
     OSError,
@@ -85,7 +87,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     if not path.is_file():
         raise DataError(f"{path}: is not a file", "Name a session file, such as session.h5")
     try:
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", rdcc_nbytes=_CHUNK_CACHE_BYTES)
     except (OSError, RuntimeError) as error:
         raise _cannot_open(path, error) from error
     with file:
@@ -266,30 +268,42 @@ def read_columns(group: Any, table: Table) -> dict[str, NDArray[Any]]:
 
     Raises DataError on a missing column, another type, or columns of different lengths.
     """
+    datasets = readable_columns(group, table)
+    return {
+        column.name: _values(datasets[column.name], column) if column.name in datasets else np.empty(0, column.dtype)
+        for column in table.every()
+    }
+
+
+def readable_columns(group: Any, table: Table) -> dict[str, Any]:
+    """The datasets of a table's columns, without what is optional and absent. Raises DataError as ``read_columns``."""
     if not isinstance(group, h5py.Group):
         raise DataError(f"{group.name} is not a group")
-    columns = {column.name: read_column(group, column) for column in table.every()}
-    length = len(columns[table.scale.name])
-    for column in table.columns:
-        if len(columns[column.name]) != length and not (column.optional and column.name not in group):
-            raise DataError(f"{group.name}/{column.name} has {len(columns[column.name])} rows, its scale {length}")
-    return columns
+    found = {}
+    for column in table.every():
+        if column.name in group:
+            found[column.name] = _readable(group, column)
+        elif not column.optional:
+            raise DataError(f"{group.name} has no column {column.name}", "Use a file that draglag wrote")
+    length = len(found[table.scale.name])
+    for name, dataset in found.items():
+        if len(dataset) != length:
+            raise DataError(f"{group.name}/{name} has {len(dataset)} rows, its scale {length}")
+    return found
 
 
-def read_column(group: Any, column: Column) -> NDArray[Any]:
-    """One column. Raises DataError."""
-    if column.name not in group:
-        if column.optional:
-            return np.empty(0, column.dtype)
-        raise DataError(f"{group.name} has no column {column.name}", "Use a file that draglag wrote")
+def _readable(group: Any, column: Column) -> Any:
     dataset = group[column.name]
     if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1:
         raise DataError(f"{group.name}/{column.name} is not a column")
-    allowed = {"f": "iuf", "i": "iu"}.get(column.kind, "S")
-    if dataset.dtype.kind not in allowed:
+    if dataset.dtype.kind not in {"f": "iuf", "i": "iu"}.get(column.kind, "S"):
         raise DataError(f"{group.name}/{column.name} has the type {dataset.dtype}, expected {column.dtype}")
+    return dataset
+
+
+def _values(dataset: Any, column: Column) -> NDArray[Any]:
     values: NDArray[Any] = dataset[()]
-    return values if allowed == "S" else values.astype(column.dtype)
+    return values if column.kind.startswith("S") else values.astype(column.dtype, copy=False)
 
 
 def short(error: BaseException) -> str:

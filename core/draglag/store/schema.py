@@ -3,7 +3,7 @@
 A session becomes a list of nodes. A node is one HDF5 group: attributes, counters, and at most one table, whose
 columns share one dimension scale. The file writer, the netCDF and the MATLAB export all walk the same nodes.
 
-Layout, version 1::
+Layout, version 2 (version 1 had its texts as HDF5's UTF-8 type, which Octave cannot load, and no NeXus attributes)::
 
     /                   schema, schema_version, name, started_utc, clock, software, seed; protocol_toml
     /screen /stylus /beam /devices                      attributes
@@ -16,7 +16,7 @@ Layout, version 1::
     /runs/<id>/laser    time: light device_s epoch;  …/gaps
     /runs/<id>/display  time: x_mm y_mm
     /runs/<id>/target   attributes;  /runs/<id>/sync/<stream>;  /runs/<id>/log
-    /analysis/<n>       derived: result_json, runs, options, software, input_sha256
+    /analysis/<n>       derived: result_json, options_json, a table for each list of records, latency_against_speed
 """
 
 from __future__ import annotations
@@ -43,9 +43,16 @@ from draglag.recording import (
 )
 
 SCHEMA = "draglag-session"
-VERSION = 1
+VERSION = 2
 TEXT_BYTES = 256
 RAW_GROUPS = ("screen", "stylus", "beam", "devices", "calibration", "clocks", "taps", "notes", "runs")
+
+TEXTS = {
+    "protocol_toml": "the protocol of the session, TOML",
+    "options_json": "what the analysis was asked to do",
+    "result_json": "the result as `draglag analyze --json` prints it",
+}
+"""Long texts of a group, which are scalar datasets, and what they hold."""
 
 Value = float | int | str
 _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
@@ -53,7 +60,7 @@ _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
 
 @dataclass(frozen=True)
 class Column:
-    """One dataset: ``kind`` is "f" (float64), "i" (int64) or "S<n>" (UTF-8, n bytes). ``fill`` stands where a
+    """One dataset: ``kind`` is "f" (float64), "i" (int64) or "S<n>" (the n bytes of UTF-8). ``fill`` stands where a
     column came late or a row was lost; a column that never came is absent and reads as an empty array."""
 
     name: str

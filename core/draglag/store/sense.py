@@ -27,6 +27,7 @@ def check_times(session: Session, where: str) -> Session:
 
 def first_problem(stream: str, t_s: FloatArray, run: Run) -> str:
     """The first sample whose time cannot be right, in words; empty where all can."""
+    t_s = np.asarray(t_s)
     bad = np.flatnonzero(~np.isfinite(t_s))
     if bad.size:
         return f"the time of {stream} sample {bad[0]} is no number"

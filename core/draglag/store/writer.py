@@ -26,12 +26,13 @@ from draglag.recording import (
     TouchTrace,
 )
 from draglag.store import schema
-from draglag.store.build import build, reason, refuse
+from draglag.store.build import build, reason
 from draglag.store.codec import Record, encode, row_count
 from draglag.store.frames import FrameFile, Locked, sync_folder
 from draglag.store.journal import PARTIAL, RECORDING, nodes, survey
 from draglag.store.nodes import apart, merged, pieces
 from draglag.store.schema import Node
+from draglag.temporary import refuse
 
 # The session as a whole: said in every record, in full where a run begins and ends.
 _HEADS = ("", "screen", "stylus", "beam", "devices", "calibration")

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from draglag.touch_events.frames import Frame
 from draglag_devices.source import ContactChanges
-from draglag_devices.touch.frames import Frame
 
 
 class ContactLog:

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from draglag_devices.touch.frames import ABS_MT_POSITION_X, ABS_X, ABS_Y, BTN_TOUCH
+from draglag.touch_events.frames import ABS_MT_POSITION_X, ABS_X, ABS_Y, BTN_TOUCH
 
 SYSFS = Path("/sys/class/input")
 _PROP_DIRECT = 0x01

@@ -14,8 +14,7 @@ from typing import Protocol
 
 from draglag.packages import advice
 from draglag.recording import AxisInfo
-from draglag_devices.source import DeviceError
-from draglag_devices.touch.frames import (
+from draglag.touch_events.frames import (
     ABS_MT_POSITION_X,
     ABS_MT_POSITION_Y,
     ABS_MT_SLOT,
@@ -28,7 +27,8 @@ from draglag_devices.touch.frames import (
     EV_KEY,
     InputEvent,
 )
-from draglag_devices.touch.names import event_names
+from draglag.touch_events.names import event_names
+from draglag_devices.source import DeviceError
 
 RIGHTS_REMEDY = (
     "install the udev rules of draglag and plug it in again, or add yourself to the group input "

@@ -13,14 +13,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.recording import TouchTrace, empty_touch
-from draglag_devices.addresses import Address
-from draglag_devices.calibration import as_mapping, load_calibration
-from draglag_devices.evdev_touch.changes import ContactLog
-from draglag_devices.evdev_touch.finding import Seen, event_devices
-from draglag_devices.evdev_touch.kernel import Gone, KernelTouch, TouchDevice
-from draglag_devices.evdev_touch.useless import UselessEvents
-from draglag_devices.source import Batch, ContactChanges, DeviceError, Notice, SourceInfo
-from draglag_devices.touch.frames import (
+from draglag.touch_events.frames import (
     EV_SYN,
     SYN_DROPPED,
     SYN_REPORT,
@@ -32,6 +25,13 @@ from draglag_devices.touch.frames import (
     panel_mapping,
     touch_trace,
 )
+from draglag_devices.addresses import Address
+from draglag_devices.calibration import as_mapping, load_calibration
+from draglag_devices.evdev_touch.changes import ContactLog
+from draglag_devices.evdev_touch.finding import Seen, event_devices
+from draglag_devices.evdev_touch.kernel import Gone, KernelTouch, TouchDevice
+from draglag_devices.evdev_touch.useless import UselessEvents
+from draglag_devices.source import Batch, ContactChanges, DeviceError, Notice, SourceInfo
 
 # Events of some frames are handed on together; the kernel's buffer holds 300 ms and more.
 GATHER_S = 0.015

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from draglag_devices.touch.frames import EV_ABS, EV_KEY, InputEvent
-from draglag_devices.touch.names import event_names
+from draglag.touch_events.frames import EV_ABS, EV_KEY, InputEvent
+from draglag.touch_events.names import event_names
 
 AFTER_S = 3.0
 # A tool in reach (BTN_TOOL_PEN …): a pen may hover for as long as it likes.

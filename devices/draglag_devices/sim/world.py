@@ -13,10 +13,10 @@ from draglag.recording import AxisInfo, FloatArray, Run, Taps, TouchTrace, conca
 from draglag.simulation import Human, follow, rig_for_screen, simulate_run, simulate_taps
 from draglag.simulation.effects.base import Effect
 from draglag.targets import Tap
+from draglag.touch_events.frames import Mapping2D
 from draglag_devices.sim.clocks import DeviceClock, random_clock
 from draglag_devices.stage import contact_changes
 from draglag_devices.timeline import Timeline
-from draglag_devices.touch.frames import Mapping2D
 
 # Device units of the simulated digitiser, (xx, xy, x0), (yx, yy, y0) from mm: it is mounted on its side, a little
 # askew, as its host must find out by calibration. Runs come in true mm unless one is in use.

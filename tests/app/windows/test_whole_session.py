@@ -139,7 +139,7 @@ class TestResults:
         files.export_session(opened)
         until(lambda: not opened.space.tasks.running)
         assert len(read_exchange(out).runs) == N_RUNS
-        assert opened.notice_text.text().startswith(f"Saved: {out} · Left out, and only in the session's own file: ")
+        assert opened.notice_text.text() == f"Saved: {out}"
 
     def test_themes_redraw_everything(self, opened: OperatorWindow) -> None:
         drawn = set(opened.pages["results"][1].curve.drawn)

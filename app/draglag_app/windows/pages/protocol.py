@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
 
 from draglag.errors import DraglagError
 from draglag.protocols import Protocol, RunPlan, load_protocol
+from draglag.temporary import new_file
 from draglag_app.windows.pages.parts.plan_editor import PlanEditor
 from draglag_app.windows.pages.parts.plan_preview import PlanPreview
 from draglag_app.windows.pages.parts.precision_preview import PrecisionPreview
@@ -260,7 +261,8 @@ class ProtocolPage(QWidget):
 
     def _save_to(self, path: Path) -> None:
         try:
-            path.write_text(to_toml(self._space.protocol), "utf-8")
+            with new_file(path, replace=True) as growing:
+                growing.write_text(to_toml(self._space.protocol), "utf-8")
         except OSError as error:
             self._space.noticed.emit("error", f"{path}: {error.strerror}")
         else:

@@ -15,6 +15,7 @@ from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
 
 from draglag.errors import DataError
+from draglag.temporary import new_file
 
 Column = np.ndarray[Any, Any]
 _DOT_PX, _LINE_PX = 14.0, 8.0
@@ -116,15 +117,15 @@ def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
     """
     try:
         if path.suffix == ".svg":
-            path.write_bytes(signed_svg(SVGExporter(item).export(toBytes=True), source))
+            with new_file(path, replace=True) as growing:
+                growing.write_bytes(signed_svg(SVGExporter(item).export(toBytes=True), source))
             return
         exporter = ImageExporter(item)
         exporter.parameters()["width"] = width_px
         image = signed(exporter.export(toBytes=True), source)
-        with path.open("wb"):  # says what is wrong with the place, which the picture's own writer does not
-            pass
-        if not image.save(str(path), cast(Any, "PNG")):  # which takes text, whatever its stubs say
-            raise DataError(f"{path}: the picture cannot be written", "Make room or choose another folder")
+        with new_file(path, replace=True) as growing:
+            if not image.save(str(growing), cast(Any, "PNG")):  # which takes text, whatever its stubs say
+                raise DataError(f"{path}: the picture cannot be written", "Make room or choose another folder")
     except OSError as error:
         raise cannot_write(path, error) from None
 
@@ -166,7 +167,8 @@ def signed_svg(svg: bytes, source: str) -> bytes:
 def write_text(text: str, path: Path) -> None:
     """Raises DataError where it cannot be written."""
     try:
-        path.write_text(text, "utf-8")
+        with new_file(path, replace=True) as growing:
+            growing.write_text(text, "utf-8")
     except OSError as error:
         raise cannot_write(path, error) from None
 

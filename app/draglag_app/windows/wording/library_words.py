@@ -121,7 +121,6 @@ SENTENCES = (
     ),
     ESC,
     CLOSED,
-    QT_TRANSLATE_NOOP("Library", "results of earlier analyses"),
     *GAP,
 )
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from draglag.errors import DataError
 from draglag.reading.limits import CONTACTS
-from draglag_devices.touch.frames import (
+from draglag.touch_events.frames import (
     ABS_MT_POSITION_X,
     ABS_MT_POSITION_Y,
     ABS_MT_TRACKING_ID,

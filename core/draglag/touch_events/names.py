@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from draglag_devices.touch.frames import AXIS_NAMES, BTN_TOUCH, EV_ABS, EV_KEY
+from draglag.touch_events.frames import AXIS_NAMES, BTN_TOUCH, EV_ABS, EV_KEY
 
 _OTHER_AXES = {0x02: "ABS_Z", 0x03: "ABS_RX", 0x04: "ABS_RY", 0x05: "ABS_RZ", 0x18: "ABS_PRESSURE"}
 

@@ -1,0 +1,188 @@
+"""Columns of a table that somebody else wrote, named one by one: ``--map x=posX:px`` and the like.
+
+====================  =========================================  =======================================
+key                   is                                         units (the first where none is given)
+====================  =========================================  =======================================
+``t``                 time of a touch event                      s, ms, us, ns
+``x``, ``y``          position, from the top left corner         mm, cm, m, in, px, raw
+``contact``           number of the contact                      1
+``device_t``          the digitiser's own time                   s, ms, us, ns
+``clock``             seconds to add to the touch's times        (a number in place of a column)
+``laser.t``           time of an edge, or of a sample            s, ms, us, ns
+``laser.light``       1 = light; ``>N`` or ``<N``: a sampled     1, >N, <N
+                      signal, light where it is above or below
+``laser.clock``       seconds to add to the laser's times        (a number in place of a column)
+``stream``,           name of a stream (XDF), where columns are    (a name in place of a column)
+``laser.stream``      its channels' labels or numbers
+====================  =========================================  =======================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.exchange.tables import line_of_row, read_events
+from draglag.reading.limits import TIME_S
+from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
+from draglag.touch_events.frames import Mapping2D
+
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+UNITS = {
+    "t": tuple(_TIME), "x": (*_LENGTH, "px", "raw"), "y": (*_LENGTH, "px", "raw"), "contact": ("1",),
+    "device_t": tuple(_TIME), "laser.t": tuple(_TIME), "laser.light": ("1",),
+}  # fmt: skip
+CLOCKS = ("clock", "laser.clock")
+STREAMS = ("stream", "laser.stream")
+TOUCH_DEFAULTS = {"t": ("t_s", "s"), "x": ("x_mm", "mm"), "y": ("y_mm", "mm")}
+LASER_DEFAULTS = {"laser.t": ("t_s", "s"), "laser.light": ("light", "1")}
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """``columns``: key → (name of the column, unit); ``shift_s``: "clock" or "laser.clock" → seconds to add;
+    ``streams``: "stream" or "laser.stream" → its name."""
+
+    columns: dict[str, tuple[str, str]]
+    shift_s: dict[str, float]
+    streams: dict[str, str]
+
+    def names(self, keys: Iterable[str], defaults: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
+        """Column and unit of those keys that are mapped or have a default."""
+        known = {**defaults, **self.columns}
+        return {key: known[key] for key in keys if key in known}
+
+
+def parse_map(texts: Iterable[str]) -> ColumnMap:
+    """What ``--map KEY=COLUMN[:UNIT]`` says. Raises DataError."""
+    columns: dict[str, tuple[str, str]] = {}
+    shift_s: dict[str, float] = {}
+    streams: dict[str, str] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if key in CLOCKS:
+            shift_s[key] = _seconds(text, value)
+            continue
+        if key in STREAMS and value:
+            streams[key] = value
+            continue
+        if key not in UNITS or not equals or not value:
+            known = ", ".join([*UNITS, *CLOCKS, *STREAMS])
+            raise DataError(f"--map {text}: is not KEY=COLUMN[:UNIT]", f"Keys are {known}")
+        column, _, unit = value.rpartition(":") if ":" in value else (value, "", UNITS[key][0])
+        if unit not in UNITS[key] and not (key == "laser.light" and unit[:1] in ("<", ">") and _is_number(unit[1:])):
+            raise DataError(f"--map {text}: “{unit}” is no unit of {key}", f"Use one of {', '.join(UNITS[key])}")
+        columns[key] = (column, unit)
+    return ColumnMap(columns, shift_s, streams)
+
+
+def read_touch_columns(path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None) -> TouchTrace:
+    """Touch events from a table with a header. Raises DataError naming the file and the line that cannot be used."""
+    found = how.names(("t", "x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
+    rows = read_events(path, [name for name, _ in found.values()])
+    by_key = dict(zip(found, rows.T, strict=True))
+    return touch_of(by_key, {key: unit for key, (_, unit) in found.items()}, str(path), screen, units_per_mm, path)
+
+
+def touch_of(
+    by_key: dict[str, FloatArray], units: dict[str, str], where: str, screen: Screen | None,
+    units_per_mm: float | None, path: Path | None = None,
+) -> TouchTrace:  # fmt: skip
+    """A trace from columns in their units. Raises DataError."""
+    t_s = _checked_times(by_key["t"] * _TIME[units["t"]], where, path)
+    factors = {axis: _per_mm(axis, units[axis], where, screen, units_per_mm) for axis in ("x", "y")}
+    mapping = Mapping2D(factors["x"], 0.0, 0.0, 0.0, factors["y"], 0.0)
+    sound = np.isfinite(by_key["x"]) & np.isfinite(by_key["y"])
+    x, y = by_key["x"][sound], by_key["y"][sound]
+    x_mm, y_mm = mapping(x, y)
+    contact = by_key.get("contact")
+    device = by_key.get("device_t")
+    raw = "mm" not in (units["x"], units["y"])
+    return TouchTrace(
+        t_s[sound],
+        x_mm,
+        y_mm,
+        np.zeros(len(x), np.int64) if contact is None else np.nan_to_num(contact[sound], nan=-1).astype(np.int64),
+        x if raw else np.empty(0),
+        y if raw else np.empty(0),
+        np.empty(0) if device is None else device[sound] * _TIME[units["device_t"]],
+        dropped=int((~sound).sum()),
+    )
+
+
+def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
+    """Edges from a table with a header. Raises DataError naming file and line."""
+    found = how.names(("laser.t", "laser.light"), LASER_DEFAULTS)
+    rows = read_events(path, [name for name, _ in found.values()])
+    return laser_of(rows[:, 0], rows[:, 1], found["laser.t"][1], found["laser.light"][1], str(path), path)
+
+
+def laser_of(
+    t: FloatArray, light: FloatArray, time_unit: str, light_unit: str, where: str, path: Path | None = None
+) -> LaserTrace:
+    """Edges from times and levels, or from a sampled signal. Raises DataError.
+
+    The edge of a sampled signal is the first sample beyond the threshold; its first sample of all is none.
+    """
+    t_s = _checked_times(t * _TIME[time_unit], where, path)
+    if light_unit[0] in "<>":
+        threshold = float(light_unit[1:])
+        level = (light > threshold if light_unit[0] == ">" else light < threshold).astype(np.int64)
+        keep = np.append(False, np.diff(level) != 0)[: len(level)]
+        return LaserTrace(t_s[keep], level[keep])
+    odd = np.flatnonzero(~np.isin(light, (0.0, 1.0)))
+    if len(odd):
+        raise DataError(
+            f"{_place(where, path, int(odd[0]))}: expected light 0 or 1, found {light[odd[0]]:g}",
+            "Correct that line, or give a threshold, as in --map laser.light=COLUMN:>0.5",
+        )
+    level = light.astype(np.int64)
+    return LaserTrace(t_s, level, missed=int((np.diff(level) == 0).sum()))
+
+
+def _checked_times(t_s: FloatArray, where: str, path: Path | None) -> FloatArray:
+    bad = ~(np.abs(t_s) <= TIME_S)  # also what is no number
+    bad[1:] |= np.diff(t_s) < 0
+    if bad.any():
+        line = int(np.flatnonzero(bad)[0])
+        raise DataError(
+            f"{_place(where, path, line)}: times must be numbers that never go back, in seconds below {TIME_S:g}",
+            "Correct that line, or give the unit of the time, as in --map t=COLUMN:ms",
+        )
+    return np.ascontiguousarray(t_s)
+
+
+def _place(where: str, path: Path | None, row: int) -> str:
+    return where if path is None else f"{where}, line {line_of_row(path, row, notes=True)}"
+
+
+def _per_mm(axis: str, unit: str, where: str, screen: Screen | None, units_per_mm: float | None) -> float:
+    """Millimetres a unit. Raises DataError."""
+    if unit in _LENGTH:
+        return _LENGTH[unit]
+    if unit == "raw":
+        if units_per_mm is None:
+            raise DataError(f"{where}: {axis} is in device units", "Give --units-per-mm")
+        return 1 / units_per_mm
+    if screen is None:
+        raise DataError(f"{where}: {axis} is in pixels", "Give --screen")
+    return screen.mm_per_px[axis == "y"]
+
+
+def _seconds(text: str, value: str) -> float:
+    if not _is_number(value):
+        raise DataError(f"--map {text}: expected a number of seconds", "For example --map laser.clock=-0.25")
+    return float(value)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

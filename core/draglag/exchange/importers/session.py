@@ -1,0 +1,206 @@
+"""A session from recordings of other programs: touch in one file, the laser beside it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.exchange.importers.columns import (
+    LASER_DEFAULTS,
+    ColumnMap,
+    parse_map,
+    read_laser_columns,
+    read_touch_columns,
+)
+from draglag.exchange.importers.evemu import read_evemu
+from draglag.exchange.importers.evtest import read_evtest
+from draglag.exchange.importers.input_log import InputLog, mapping_of
+from draglag.exchange.importers.libinput import read_libinput
+from draglag.exchange.importers.walt import ROUNDED, read_walt_laser
+from draglag.exchange.importers.xdf import read_xdf
+from draglag.exchange.tables import column_names
+from draglag.reading import plain_lines
+from draglag.recording import LaserTrace, LogEntry, Run, Screen, Session, Stylus, TouchTrace, empty_laser
+from draglag.store.schema import check_run_id, slug
+
+LOGS: dict[str, Callable[[Path], InputLog]] = {"evtest": read_evtest, "evemu": read_evemu, "libinput": read_libinput}
+FORMATS = (*LOGS, "xdf", "csv")
+_HEAD_BYTES = 2**16
+# How each format's text begins its lines; the first that is found decides.
+_SIGNS = {
+    "libinput": re.compile(r"^(# libinput record|ndevices:)", re.MULTILINE),
+    "evtest": re.compile(r"^(Event: time|Input driver version)", re.MULTILINE),
+    "evemu": re.compile(r"^(E: \d|# EVEMU|N: )", re.MULTILINE),
+}
+STYLUS_MM = 7.0
+"""Diameter of the stylus of the paper, mm: taken where none is given, which the notes then say."""
+
+
+@dataclass(frozen=True)
+class HowToRead:
+    """What a recording does not say of itself.
+
+    Attributes:
+        format: one of ``FORMATS``, or None to find out.
+        laser: the laser's file; None for the one beside the recording.
+        map: columns, units and clocks (``columns.parse_map``).
+        screen: the panel; None where the recording describes it.
+        units_per_mm: device units per mm, where axes have no resolution.
+        protocol: kind of the run, as in ``recording.PROTOCOLS``.
+    """
+
+    format: str | None = None
+    laser: Path | None = None
+    map: ColumnMap = field(default_factory=lambda: parse_map(()))
+    screen: Screen | None = None
+    units_per_mm: float | None = None
+    stylus_mm: float | None = None
+    protocol: str = "free"
+
+
+def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Session:
+    """One session of recordings made with one device, a run each; the laser's times on the touch's clock.
+
+    Raises DataError naming file and line, or what has to be given.
+    """
+    how = how or HowToRead()
+    if how.laser is not None and len(paths) > 1:
+        raise DataError(f"{how.laser}: one laser file belongs to one recording", "Import them one by one")
+    runs: list[Run] = []
+    screens: list[Screen] = []
+    for number, path in enumerate(paths, 1):
+        touch, laser, screen, said = _read(path, how)
+        run_id = slug(path.name.split(".")[0])[:60]
+        if run_id in {run.id for run in runs}:
+            run_id = f"{run_id}-{number}"
+        runs.append(_run(check_run_id(run_id, str(path)), path, touch, laser, how.protocol, said))
+        screens.append(screen)
+    if len(set(screens)) > 1:
+        raise DataError(f"{paths[1]}: is of another screen than {paths[0].name}", "Import them one by one")
+    notes = [entry for run in runs for entry in run.log]
+    if how.stylus_mm is None:
+        notes.append(LogEntry(runs[0].start_s, "warning", "import", f"the stylus is taken to be {STYLUS_MM:g} mm wide"))
+    return Session(
+        name=paths[0].name if len(paths) == 1 else paths[0].resolve().parent.name,
+        screen=screens[0],
+        stylus=Stylus(STYLUS_MM if how.stylus_mm is None else how.stylus_mm),
+        runs=tuple(sorted(runs, key=lambda run: run.start_s)),
+        clock="that of the imported recordings, seconds",
+        notes=tuple(notes),
+        devices={"touch": f"recording {paths[0].name}"},
+    )
+
+
+def laser_beside(path: Path) -> Path | None:
+    """The laser's file next to a recording: ``<name>.laser.csv[.gz]``, or WALT's ``…_laser.log``."""
+    stem = path.name.split(".")[0]
+    names = [f"{stem}.laser.csv", f"{stem}.laser.csv.gz"]
+    if stem.endswith("_evtest"):
+        names.insert(0, f"{stem.removesuffix('_evtest')}_laser.log")
+    return next((path.with_name(name) for name in names if path.with_name(name).is_file()), None)
+
+
+def format_of(path: Path) -> str:
+    """Which of ``FORMATS`` a file has, by its name and its first lines. Raises DataError."""
+    if path.name.lower().endswith(".xdf"):
+        return "xdf"
+    head = plain_lines(path)[:_HEAD_BYTES].decode("utf-8", errors="replace")
+    for kind, sign in _SIGNS.items():
+        if sign.search(head):
+            return kind
+    if path.name.lower().endswith((".csv", ".csv.gz", ".tsv", ".txt")):
+        return "csv"
+    raise DataError(f"{path}: its format is not known", f"Name it with --format: {', '.join(FORMATS)}")
+
+
+def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, list[str]]:
+    kind = how.format or format_of(path)
+    said: list[str] = []
+    laser: LaserTrace | None = None
+    screen = how.screen
+    if kind in LOGS:
+        log = LOGS[kind](path)
+        touch = _touch(path, log, how)
+        screen = screen or _screen_of(log, how.units_per_mm, path, said)
+    elif kind == "xdf":
+        touch, laser = read_xdf(path, how.map, screen, how.units_per_mm)
+    else:
+        touch = read_touch_columns(path, how.map, screen, how.units_per_mm)
+    if screen is None:
+        raise DataError(f"{path}: says nothing of the screen", "Give --screen, a preset or a TOML file")
+    if not len(touch.t_s):
+        raise DataError(f"{path}: holds no touch events", "Record a touchscreen, from before it is touched")
+    beside = how.laser or (laser_beside(path) if laser is None else None)
+    if beside is not None:
+        laser = _read_laser(beside, how.map, said)
+    if touch.dropped:
+        said.append(f"{touch.dropped} touch events are lost or could not be read")
+    return *_on_one_clock(path, touch, laser or empty_laser(), how.map), screen, said
+
+
+def _touch(path: Path, log: InputLog, how: HowToRead) -> TouchTrace:
+    known = (how.screen.width_mm, how.screen.height_mm) if how.screen else log.size_mm
+    width_mm, height_mm = known or (None, None)
+    try:
+        mapping = mapping_of(log, width_mm, height_mm, how.units_per_mm)
+    except DataError as error:
+        remedy = "Give --screen, or --units-per-mm" if log.position_axes() else "Give --units-per-mm"
+        raise DataError(f"{path}: {error.problem}", remedy) from error
+    try:
+        return log.touch(mapping)
+    except DataError as error:
+        raise DataError(f"{path}: {error.problem}", error.remedy) from error
+
+
+def _read_laser(path: Path, how: ColumnMap, said: list[str]) -> LaserTrace:
+    table = path.name.endswith((".csv", ".csv.gz")) or "laser.light" in how.columns
+    if table or LASER_DEFAULTS["laser.light"][0] in column_names(path):
+        laser = read_laser_columns(path, how)
+    else:
+        laser = read_walt_laser(path)
+        said.append(ROUNDED)
+    if laser.missed:
+        said.append(f"{path.name}: {laser.missed} edges are missing (the same level twice running)")
+    return laser
+
+
+def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnMap) -> tuple[TouchTrace, LaserTrace]:
+    """Both traces with the known differences of their clocks. Raises DataError where they share no moment."""
+    shift_s, laser_shift_s = how.shift_s.get("clock", 0.0), how.shift_s.get("laser.clock", 0.0)
+    touch = replace(touch, t_s=touch.t_s + shift_s, gaps_s=touch.gaps_s + shift_s)
+    laser = replace(laser, t_s=laser.t_s + laser_shift_s)
+    if len(laser.t_s) and (laser.t_s[-1] < touch.t_s[0] or laser.t_s[0] > touch.t_s[-1]):
+        raise DataError(
+            f"{path}: the touch's times ({touch.t_s[0]:.3f} to {touch.t_s[-1]:.3f} s) and the laser's "
+            f"({laser.t_s[0]:.3f} to {laser.t_s[-1]:.3f} s) share no moment",
+            "Both must be on one clock; --map laser.clock=SECONDS moves the laser's",
+        )
+    return touch, laser
+
+
+def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list[str]) -> Screen | None:
+    """The panel by the recording's own words; its picture's pixels are unknown, and device units stand for them."""
+    axes = log.position_axes()
+    if axes is None:
+        return None
+    spans = [axis.maximum - axis.minimum + 1 for axis in axes]
+    if log.size_mm is not None:
+        width_mm, height_mm = log.size_mm
+    else:
+        width_mm, height_mm = (span / (units_per_mm or axis.resolution) for span, axis in zip(spans, axes, strict=True))
+    said.append("the screen's size is what its touchscreen says, its pixels are the touchscreen's units")
+    return Screen(log.name or path.name, width_mm, height_mm, *spans)
+
+
+def _run(run_id: str, path: Path, touch: TouchTrace, laser: LaserTrace, protocol: str, said: list[str]) -> Run:
+    both = np.concatenate([touch.t_s, laser.t_s])
+    start_s = float(both.min())
+    if not len(laser.t_s):
+        said.append("there is no laser file")
+    log = tuple(LogEntry(start_s, "warning", "import", f"{path.name}: {text}") for text in said)
+    return Run(run_id, protocol, start_s, float(both.max()) - start_s, touch, laser, log=log)

@@ -1,0 +1,106 @@
+"""XDF files of the Lab Streaming Layer, read with pyxdf: a stream of touch and one of laser levels.
+
+Stamps are put on the recorder's clock by the clock offsets in the file, and are not smoothed: they are the measurement.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from draglag.errors import DataError
+from draglag.exchange.importers.columns import LASER_DEFAULTS, TOUCH_DEFAULTS, ColumnMap, laser_of, touch_of
+from draglag.packages import advice
+from draglag.reading.limits import TABLE_BYTES
+from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
+
+_REMEDY = "Name the stream with --map stream=NAME (touch) and --map laser.stream=NAME, and its channels with x=LABEL …"
+
+
+def read_xdf(
+    path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None
+) -> tuple[TouchTrace, LaserTrace | None]:
+    """The touch, and the laser where a stream of it is there. Raises DataError, also where pyxdf is not installed."""
+    streams = _streams(path)
+    chosen = how.names(("x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
+    touch = _find(streams, how.streams.get("stream"), [name for name, _ in chosen.values()])
+    if touch is None:
+        names = ", ".join(f"{_name(one)} ({', '.join(_labels(one))})" for one in streams) or "no stream"
+        raise DataError(f"{path}: holds no stream of touch; it has {names[:300]}", _REMEDY)
+    by_key = {key: _channel(touch, name, path) for key, (name, _) in chosen.items()}
+    by_key["t"] = _stamps(touch)
+    units = {"t": "s"} | {key: unit for key, (_, unit) in chosen.items()}
+    trace = touch_of(by_key, units, f"{path}, stream {_name(touch)}", screen, units_per_mm)
+    column, unit = how.names(("laser.light",), LASER_DEFAULTS)["laser.light"]
+    laser = _find(streams, how.streams.get("laser.stream"), [column])
+    if laser is None and "laser.stream" in how.streams:
+        raise DataError(f"{path}: holds no stream {how.streams['laser.stream']} with the channel {column}", _REMEDY)
+    if laser is None:
+        return trace, None
+    where = f"{path}, stream {_name(laser)}"
+    return trace, laser_of(_stamps(laser), _channel(laser, column, path), "s", unit, where)
+
+
+def _streams(path: Path) -> list[dict[str, Any]]:
+    """Every stream of numbers that has samples."""
+    try:
+        pyxdf: Any = importlib.import_module("pyxdf")
+    except ModuleNotFoundError as missing:
+        raise DataError(*advice(missing.name or "")) from missing
+    try:
+        size = os.stat(path).st_size
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the name and the rights") from error
+    if size > TABLE_BYTES:
+        raise DataError(f"{path}: is longer than {TABLE_BYTES // 2**20} MiB", "Split the recording")
+    try:
+        streams, _ = pyxdf.load_xdf(str(path), synchronize_clocks=True, dejitter_timestamps=False, verbose=False)
+    except Exception as error:  # pyxdf raises whatever it stumbles over
+        raise DataError(
+            f"{path}: is not a sound XDF file ({type(error).__name__}: {error})", "Copy it again"
+        ) from error
+    return [one for one in streams if isinstance(one["time_series"], np.ndarray) and len(one["time_stamps"])]
+
+
+def _find(streams: list[dict[str, Any]], name: str | None, labels: list[str]) -> dict[str, Any] | None:
+    """The stream of that name, or the first that has all those channels."""
+    fitting = [one for one in streams if all(_index(one, label) is not None for label in labels)]
+    if name is not None:
+        fitting = [one for one in fitting if _name(one) == name]
+    return fitting[0] if fitting else None
+
+
+def _channel(stream: dict[str, Any], label: str, path: Path) -> FloatArray:
+    index = _index(stream, label)
+    if index is None:
+        raise DataError(f"{path}, stream {_name(stream)}: has no channel {label}", _REMEDY)
+    return np.asarray(stream["time_series"][:, index], np.float64)
+
+
+def _index(stream: dict[str, Any], label: str) -> int | None:
+    labels = _labels(stream)
+    if label in labels:
+        return labels.index(label)
+    number = int(label) if label.isdecimal() and len(label) < 6 else -1
+    return number if 0 <= number < stream["time_series"].shape[1] else None
+
+
+def _stamps(stream: dict[str, Any]) -> FloatArray:
+    return np.asarray(stream["time_stamps"], np.float64)
+
+
+def _name(stream: dict[str, Any]) -> str:
+    return str(stream["info"]["name"][0])
+
+
+def _labels(stream: dict[str, Any]) -> list[str]:
+    """The channels' labels, where the stream's description has them."""
+    try:
+        channels = stream["info"]["desc"][0]["channels"][0]["channel"]
+        return [str(channel["label"][0]) for channel in channels]
+    except (LookupError, TypeError):
+        return []

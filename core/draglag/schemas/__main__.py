@@ -1,0 +1,8 @@
+"""``python -m draglag.schemas DOCS``: write all schemas and generated pages into a folder."""
+
+import sys
+from pathlib import Path
+
+from draglag.schemas.make import write
+
+write(Path(sys.argv[1]))

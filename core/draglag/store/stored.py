@@ -1,0 +1,59 @@
+"""Columns that stay in their file until they are asked for, so that an export needs no room for a whole session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from draglag.store.safely import read_columns, readable_columns
+from draglag.store.schema import Table
+
+BLOCK_ROWS = 1 << 16
+"""Rows that are read, or turned into text, at once: 0.5 MB of numbers, some 10 MB as Python's."""
+
+
+class StoredColumn:
+    """A column of numbers of an open session file: what is sliced off it is read from the file, and not kept.
+
+    It stands where an array would in a ``TouchTrace``, for those that only ask its length and slice it.
+    """
+
+    ndim = 1
+
+    def __init__(self, dataset: Any, dtype: str) -> None:
+        self._dataset = dataset
+        self.dtype = np.dtype(dtype)
+        self.shape: tuple[int, ...] = dataset.shape
+        self.nbytes = self.shape[0] * self.dtype.itemsize
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        values: NDArray[Any] = self._dataset[rows].astype(self.dtype, copy=False)
+        return values
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self[:], dtype)
+
+
+def stored_columns(group: Any, table: Table) -> dict[str, Any]:
+    """As ``read_columns``, numbers as ``StoredColumn``. Raises DataError."""
+    if any(column.kind.startswith("S") for column in table.every()):
+        return dict(read_columns(group, table))
+    datasets = readable_columns(group, table)
+    return {
+        column.name: StoredColumn(datasets[column.name], column.dtype)
+        if column.name in datasets
+        else np.empty(0, column.dtype)
+        for column in table.every()
+    }
+
+
+def blocks(length: int) -> Iterator[slice]:
+    """Slices that cover ``length`` rows, ``BLOCK_ROWS`` at a time."""
+    for start in range(0, length, BLOCK_ROWS):
+        yield slice(start, min(start + BLOCK_ROWS, length))

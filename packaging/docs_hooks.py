@@ -1,0 +1,21 @@
+"""The pages of the checkout's root as pages of the site, with their links: README, ARCHITECTURE and the others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).parents[1]
+PAGES = {"README.md": "index.md", "LICENSE": "LICENSE.md"} | {
+    name: name for name in ("ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md")
+}
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages of the root."""
+    for source, target in PAGES.items():
+        text = (ROOT / source).read_text("utf-8").replace("](docs/", "](").replace("](LICENSE)", "](LICENSE.md)")
+        files.append(File.generated(config, target, content=text if target != "LICENSE.md" else f"# Licence\n\n{text}"))
+    return files
