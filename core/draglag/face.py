@@ -145,7 +145,7 @@ def simulate(
     Raises DataError for what is not known.
 
     >>> import draglag as dl
-    >>> dl.simulate("screen-1", effects={"clock_drift": 60.0}, seed=3).runs[0].protocol
+    >>> dl.simulate("screen-1", seed=3).runs[0].protocol
     'circle'
     """
     from draglag.simulation.chain import simulate_session
