@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -26,6 +27,7 @@ UNSURE = 0.5  # of a step of whole coordinates: rounding is no normal scatter
 WHOLE, SHARE_WHOLE = 0.02, 0.95  # of a step; of the distances between coordinates
 STRAY = 1e-3  # share of events that may be anything
 SURE = 10.0  # nats
+SURELY = 4.0  # roundings, by which a step is shorter for certain
 WITHIN = 1.92  # nats below the best: not excluded at 95 %
 WIDTHS = 160
 
@@ -57,6 +59,9 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     if narrowest >= WIDEST_MM:
         return None
     widths = np.geomspace(narrowest, WIDEST_MM, WIDTHS)
+    widths = widths[_possible(widths, moved, rounding_mm, at_random)]
+    if not widths.size:
+        return None
     best = float(widths[int(np.argmax([_of_width(w, stood, moved, rounding_mm) for w in widths]))])
     near = np.linspace(max(0.94 * best, narrowest), 1.06 * best, WIDTHS)
     gains = np.array([_of_width(w, stood, moved, rounding_mm) for w in near])
@@ -104,6 +109,15 @@ def _of_share(stood: int, moved: int) -> float:
     counts = np.array([stood, moved], float)
     shares = counts / max(float(counts.sum()), 1.0)
     return float(np.sum(counts * np.log(np.maximum(shares, 1e-12))))
+
+
+def _possible(
+    widths_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float, at_random: float
+) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Whether each width, (k,), may be likelier than repeats at random: each step that is surely shorter counts against
+    it, and what stood still counts for it by nothing at the most."""
+    shorter = np.searchsorted(np.sort(moved_mm), widths_mm - SURELY * rounding_mm)
+    return np.asarray(shorter * np.log(2 * STRAY) > at_random)
 
 
 def _of_width(width_mm: float, stood_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
