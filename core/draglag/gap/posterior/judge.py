@@ -65,7 +65,7 @@ def judged(
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
         if wanted not in fits:
             found = grown(session, fits, pool, wanted)
-            barred |= set() if wanted in found else {_last(pool, wanted, fits)}
+            barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
         elif rivals and most_effects > 0:
             found = _proposed(session, pool, fits, [n for n in rivals if n not in barred], (inside,))
             rivals = ()
@@ -81,10 +81,11 @@ def judged(
     return Judgement(pool, fits, first)
 
 
-def _last(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
-    """Of effects that cannot be fitted together, the one that says least alone."""
+def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
+    """Of effects that could not all be fitted together, the one that failed: they are added in the order of what they
+    gain alone."""
     start = max((names for names in fits if set(names) <= set(wanted)), key=len)
-    return min(set(wanted) - set(start), key=lambda name: pool.alone(name))
+    return max(set(wanted) - set(start), key=lambda name: pool.alone(name))
 
 
 def with_own_form(session: Session, first: Fit) -> Fit:
