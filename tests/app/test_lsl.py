@@ -94,7 +94,7 @@ def test_without_pylsl_the_line_to_type_is_said(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "pylsl", None)
     done = record(tmp_path)
     assert done.exit_code == 1
-    assert "pip install 'draglag[lsl]'" in done.stderr
+    assert 'pip install "draglag[lsl]"' in done.stderr
     assert not (tmp_path / "s.h5").exists()
 
 
