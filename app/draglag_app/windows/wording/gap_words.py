@@ -17,6 +17,7 @@ from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 GAP = (
     # of the session, and of what was left
     QT_TRANSLATE_NOOP("Library", "a second beam position separates a wider shadow from a wrong scale"),
+    QT_TRANSLATE_NOOP("Library", "a recording of the kernel's own stamps, without the loop of a program"),
     QT_TRANSLATE_NOOP("Library", "a session three times as long: a latency that settles stops, a drift goes on"),
     QT_TRANSLATE_NOOP("Library", "a second beam height: a bent panel bends there too, a curved beam moves along"),
     QT_TRANSLATE_NOOP("Library", "taps on the same clock: a clock's offset moves them, a prediction does not"),
