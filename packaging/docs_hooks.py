@@ -18,4 +18,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for source, target in PAGES.items():
         text = (ROOT / source).read_text("utf-8").replace("](docs/", "](").replace("](LICENSE)", "](LICENSE.md)")
         files.append(File.generated(config, target, content=text if target != "LICENSE.md" else f"# Licence\n\n{text}"))
+    files.append(File.generated(config, "CITATION.cff", content=(ROOT / "CITATION.cff").read_text("utf-8")))
     return files
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """A page's text with links to the root's pages, which lie next to it in the site."""
+    return markdown.replace("](../ARCHITECTURE.md)", "](ARCHITECTURE.md)")
