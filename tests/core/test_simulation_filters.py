@@ -68,7 +68,7 @@ def test_prediction_on_a_circle_is_as_its_columns_say() -> None:
 
 def test_columns_move_edges_as_the_effects_do() -> None:
     n = np.ones(5)
-    view = SimpleNamespace(speed=45.0 * n, a_across=640.0 * n, panel_x=np.linspace(-1, 1, 5), since_start_s=250.0 * n)
+    view = SimpleNamespace(speed=45.0 * n, a_across=640.0 * n, panel_x=np.linspace(-1, 1, 5), since_start_s=np.linspace(0, 750, 5))
     ahead = EFFECTS["prediction"].columns_at((0.015, 0.02), view)  # type: ignore[attr-defined]
     assert 0.015 * ahead.latency == pytest.approx(-0.015)
     assert 0.015 * ahead.offset == pytest.approx(-(0.015 * 0.01 + 0.015**2 / 2) * 640)
@@ -77,7 +77,8 @@ def test_columns_move_edges_as_the_effects_do() -> None:
     bowed = EFFECTS["beam_bow"].signatures(view)[0]  # type: ignore[arg-type]
     assert bowed.offset[:, 0] == pytest.approx([0, 0.75, 1, 0.75, 0])
     (fading,) = [s for s in EFFECTS["warm_up"].signatures(view) if s.theta == (500.0,)]  # type: ignore[arg-type]
-    assert fading.latency == pytest.approx(np.exp(-0.5))
+    assert fading.latency[:, 0] == pytest.approx(np.exp(-view.since_start_s / 500.0))
+    assert all(s.theta[0] <= 750.0 for s in EFFECTS["warm_up"].signatures(view))  # type: ignore[arg-type]
 
 
 def test_every_contact_is_predicted_by_itself() -> None:
