@@ -68,7 +68,9 @@ def test_prediction_on_a_circle_is_as_its_columns_say() -> None:
 
 def test_columns_move_edges_as_the_effects_do() -> None:
     n = np.ones(5)
-    view = SimpleNamespace(speed=45.0 * n, a_across=640.0 * n, panel_x=np.linspace(-1, 1, 5), since_start_s=np.linspace(0, 750, 5))
+    view = SimpleNamespace(
+        speed=45.0 * n, a_across=640.0 * n, panel_x=np.linspace(-1, 1, 5), since_start_s=np.linspace(0, 750, 5)
+    )
     ahead = EFFECTS["prediction"].columns_at((0.015, 0.02), view)  # type: ignore[attr-defined]
     assert 0.015 * ahead.latency == pytest.approx(-0.015)
     assert 0.015 * ahead.offset == pytest.approx(-(0.015 * 0.01 + 0.015**2 / 2) * 640)
