@@ -38,7 +38,7 @@ def spread(
         work: a function of a module that workers can import; whatever it raises ends all of it.
         jobs: processes; None for one a core, 1 for this process alone.
         scheduler: address of a Dask scheduler, where the work is to be done instead.
-        modules: files to be uploaded to the cluster, beside the installed draglag.
+        modules: files to be uploaded to the cluster, in addition to the installed draglag.
 
     Raises Unavailable where no scheduler answers or none of its workers is there, DraglagError without Dask.
     """

@@ -41,7 +41,7 @@ def smoothed(values: FloatArray, window: int, degree: int, order: int = 0, step:
 @lru_cache(maxsize=32)
 def _fit(window: int, degree: int) -> FloatArray:
     at = np.arange(-(window // 2), window // 2 + 1.0)
-    # Scaled to ±1, where powers are told apart; back to samples afterwards.
+    # Scaled to ±1, where powers are distinct; back to samples afterwards.
     reach = max(float(at[-1]), 1.0)
     scaled = np.linalg.pinv(np.vander(at / reach, degree + 1, increasing=True))
     return np.asarray(scaled / (reach ** np.arange(degree + 1))[:, None])

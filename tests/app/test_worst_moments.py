@@ -6,6 +6,7 @@ instruments (``tests/devices``).
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,8 +55,8 @@ class Troubled(Wrapped):
         first, self.begun = not self.begun, True
         return self.during(batch, first)
 
-    def during(self, batch: Batch, first: bool) -> Batch:
-        raise NotImplementedError
+    @abstractmethod
+    def during(self, batch: Batch, first: bool) -> Batch: ...
 
     def after(self, batch: Batch) -> Batch:
         return batch

@@ -25,7 +25,16 @@ from hypothesis import strategies as st
 from core.store_sessions import assert_same, bare_session, full_run, full_session
 from draglag.errors import DataError
 from draglag.recording import Session
-from draglag.store import SessionWriter, codec, read_analyses, read_session, salvage, schema, verify, write_session
+from draglag.store import (
+    SessionWriter,
+    codec,
+    read_analyses,
+    read_session,
+    salvage,
+    session_nodes,
+    verify,
+    write_session,
+)
 from draglag.store.frames import FrameFile
 from draglag.store.read import CHANGED
 from draglag.store.schema import Node
@@ -319,9 +328,9 @@ def test_a_journal_of_odd_records_is_read_or_refused_in_one_sentence(
 
 def _head() -> Iterator[Node]:
     session = bare_session()
-    yield from (node for node in schema.header_nodes(session) if node.table is None)
+    yield from (node for node in session_nodes.header_nodes(session) if node.table is None)
     run = full_run("run-01", 10.0)
-    yield from (node for node in schema.run_nodes(run, "recording") if node.path == "runs/run-01")
+    yield from (node for node in session_nodes.run_nodes(run, "recording") if node.path == "runs/run-01")
 
 
 def test_a_journal_is_read_while_it_grows(journal: Path, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -30,6 +30,7 @@ from draglag_app.cli.common import (
     print_json,
     progress,
     refuse_existing,
+    refuse_unknown_runs,
     table,
     warn,
 )
@@ -44,6 +45,9 @@ from draglag_app.cli.many import (
     sessions_in,
     write_table,
 )
+
+if TYPE_CHECKING:
+    from draglag.correction import Correction
 
 
 def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -98,7 +102,7 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
     help="Take the effects of an extended model (gap --model) out of the session first.",
 )
 @click.option(
-    "--save/--no-save", default=None, help="Store the result in the session file, beside the raw data [default: save]."
+    "--save/--no-save", default=None, help="Store the result in the session file, next to the raw data [default: save]."
 )
 @click.option("--report", type=click.Path(path_type=Path), metavar="DIR", help="Also write report.html and figures.")
 @click.option("--runs", "runs_out", type=click.Path(path_type=Path), metavar="TABLE.csv|.parquet",
@@ -148,47 +152,64 @@ def analyze(
         return
     only_many({"--runs": runs_out, "--out": out, "--summary": summary_path, "--scheduler": scheduler})
     session = sessions[0]
-    if save and not session.is_file():
-        raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
-    if report is not None and (report / "report.html").exists():
-        raise DataError(f"{report / 'report.html'}: exists already and is not overwritten", "Choose another folder")
-    if report is not None:
-        need("matplotlib")
-    if save_model is not None:
-        refuse_existing(save_model)
-    data = load_session(session)
-    correction = None
-    if model_path is not None:
-        from draglag.correction import corrected
-        from draglag.model_file import left_unexplained, load_model, other_screen
-
-        model = load_model(model_path)
-        data, correction = corrected(data, model)
-        warn(other_screen(model, data.screen.name), left_unexplained(model))
+    _refuse_early(session, bool(save), report, save_model)
+    data, correction = _corrected(load_session(session), model_path)
     left_out = {name: why or "left out by hand" for name, _, why in (text.partition("=") for text in exclude)}
-    unknown = sorted({*left_out, *include} - {run.id for run in data.runs} - {"all"})
-    if unknown:
-        raise DataError(f"{session}: there is no run {unknown[0]!r}", "See draglag analyze for the ids")
+    refuse_unknown_runs(session, data, {*left_out, *include})
     options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, left_out, include)
-    with progress("Analysing") as tell:
-        analysis = analyze_session(data, options, tell)
+    with progress("Analysing") as done:
+        analysis = analyze_session(data, options, done)
     result = analysis.to_dict()
     if correction is not None:
         result |= {"model": str(model_path), **correction.to_dict()}
     if save is not False:
         keep_result(session, result, options_kept(options, str(model_path or "")), must=bool(save))
-    if save_model is not None:
-        _save_model(save_model, session, data, analysis)
-    if report is not None:
-        from draglag.report import write_report
-
-        write_report(data, analysis, report)
+    _write(session, data, analysis, save_model, report)
     if as_json:
         print_json(result)
     else:
         if correction is not None:
             click.echo(f"{model_path}: {correction.words() or 'the model names no effect'}\n")
         click.echo("\n\n".join(summary(analysis, result)))
+    _refuse_without_latency(session, analysis)
+
+
+def _refuse_early(session: Path, save: bool, report: Path | None, save_model: Path | None) -> None:
+    """Raise before long work for what cannot be written."""
+    if save and not session.is_file():
+        raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
+    if report is not None:
+        if (report / "report.html").exists():
+            raise DataError(f"{report / 'report.html'}: exists already and is not overwritten", "Choose another folder")
+        need("matplotlib")
+    if save_model is not None:
+        refuse_existing(save_model)
+
+
+def _corrected(data: Session, model_path: Path | None) -> tuple[Session, Correction | None]:
+    """The session without the effects of a model, and what was taken out."""
+    if model_path is None:
+        return data, None
+    from draglag.correction import corrected
+    from draglag.model_file import left_unexplained, load_model, other_screen
+
+    model = load_model(model_path)
+    warn(other_screen(model, data.screen.name), left_unexplained(model))
+    return corrected(data, model)
+
+
+def _write(session: Path, data: Session, analysis: Analysis, save_model: Path | None, report: Path | None) -> None:
+    """Write the model and the report that are asked for."""
+    if save_model is not None:
+        _save_model(save_model, session, data, analysis)
+    if report is not None:
+        from draglag.report import write_report
+
+        write_report(data, analysis, report)
+
+
+def _refuse_without_latency(session: Path, analysis: Analysis) -> None:
+    """Raise EstimateError where no run gave a latency."""
     if analysis.runs and all(run.latency_s is None for run in analysis.runs):
         why = ", ".join(dict.fromkeys(flag.replace("_", " ") for run in analysis.runs for flag in run.flags))
         raise EstimateError(

@@ -57,6 +57,25 @@ def load_session(path: Path) -> Session:
     return read_session(path)
 
 
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """A place to write a new file at that gets its name when the block ends. Raises DataError."""
+    from draglag.temporary import new_file
+
+    try:
+        with new_file(path) as growing:
+            yield growing
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+
+
+def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> None:
+    """Raise DataError for the id of a run that a session does not have; ``all`` is none."""
+    unknown = sorted(set(ids) - {run.id for run in session.runs} - {"all"})
+    if unknown:
+        raise DataError(f"{path}: there is no run {unknown[0]!r}", "See draglag analyze for the ids")
+
+
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
     """Store a result in its session file. Where that cannot be: a warning, or a DataError if it ``must`` be.
 
@@ -83,7 +102,7 @@ def say_warnings(notes: Iterable[LogEntry]) -> None:
 
 
 def warn(*texts: str) -> None:
-    """Each text that is not empty as a warning beside the output."""
+    """Each text that is not empty as a warning on stderr."""
     for text in filter(None, texts):
         click.echo(f"warning: {one_line(text)}", err=True)
 

@@ -10,12 +10,20 @@ import click
 from draglag.curve import CurveFit
 from draglag.curve.compare import CurveDifference
 from draglag.curve.ranking import Ranking
-from draglag.errors import DataError, DraglagError, EstimateError
+from draglag.errors import DraglagError, EstimateError
 from draglag.packages import need
 from draglag.provenance import Source, source_of
-from draglag.temporary import new_file
-from draglag_app.cli.common import json_option, load_session, number, print_json, progress, refuse_existing, table
-from draglag_app.cli.many import refuse_outputs, sessions_in, write_table
+from draglag_app.cli.common import (
+    json_option,
+    load_session,
+    number,
+    print_json,
+    progress,
+    refuse_existing,
+    table,
+    written_whole,
+)
+from draglag_app.cli.many import end_with, refuse_outputs, sessions_in, work_options, write_table
 from draglag_app.parallel import spread
 
 EACH_IN_FULL = 5  # sessions of which each difference is printed; of more, the order alone
@@ -38,8 +46,7 @@ class Found:
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="TABLE.csv|.parquet", help="Write the order as a table."
 )
-@click.option("--scheduler", metavar="ADDRESS", help="Work on a Dask cluster: its scheduler, as tcp://host:8786.")
-@click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core.")
+@work_options
 @json_option
 def compare(
     sessions: tuple[Path, ...],
@@ -69,11 +76,8 @@ def compare(
     if report is not None:
         from draglag.reproduction.drawings import comparison_page
 
-        try:
-            with new_file(report) as growing:
-                growing.write_text(comparison_page(curves, order), "utf-8")
-        except OSError as error:
-            raise DataError(f"{report}: cannot be written ({error.strerror})", "Check the folder") from error
+        with written_whole(report) as growing:
+            growing.write_text(comparison_page(curves, order), "utf-8")
     if out is not None:
         write_table([] if order is None else _rows(order), COLUMNS, out)
     apart = _differences(curves)
@@ -84,11 +88,7 @@ def compare(
             _print_each(curves[0][0], apart)
         if len(curves) > 2:
             click.echo(f"No order: {no_order}" if order is None else _order_table(order))
-    for problem in failed.values():
-        click.echo(f"failed: {problem}", err=True)
-    if failed:
-        click.echo(f"draglag: {len(failed)} of {len(paths)} sessions failed; see the lines above.", err=True)
-        raise click.exceptions.Exit(1)
+    end_with(list(failed.values()), len(paths))
 
 
 def _curves(
@@ -97,11 +97,11 @@ def _curves(
     """The curves in the order of the paths, and why others have none. Raises EstimateError with fewer than two."""
     jobs = jobs or (None if len(paths) > EACH_IN_FULL else 1)  # to start processes takes longer than two sessions
     found: dict[int, Found] = {}
-    with progress("Comparing") as tell:
+    with progress("Comparing") as report:
         for place, one in spread(curve_of, paths, jobs, scheduler):
             found[place] = one
-            if tell:
-                tell(len(found) / len(paths), paths[place].name)
+            if report:
+                report(len(found) / len(paths), paths[place].name)
     curves, failed = [], {}
     for place, path in enumerate(paths):
         one = found[place]

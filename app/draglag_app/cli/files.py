@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     "--laser",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="The laser's edges: CSV with t_s,light, or WALT's log. Default: NAME.laser.csv beside NAME.",
+    help="The laser's edges: CSV with t_s,light, or WALT's log. Default: NAME.laser.csv next to NAME.",
 )
 @click.option(
     "--map",

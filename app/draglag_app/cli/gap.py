@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from draglag.errors import DataError, EstimateError
+from draglag.errors import EstimateError
 from draglag.gap.constants import MOST_EFFECTS
-from draglag.gap.provisional import provisional_term
+from draglag.gap.provisional import Provisional, provisional_term
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.results import BY_TAPS, FLOOR_REACHES, GapReport, stated, unjudged
 from draglag.gap.wording import (
@@ -33,6 +33,7 @@ from draglag_app.cli.common import (
     print_json,
     progress,
     refuse_existing,
+    refuse_unknown_runs,
     table,
 )
 from draglag_app.cli.many import (
@@ -117,37 +118,44 @@ def gap(
     for path in filter(None, (report, model_path)):
         refuse_existing(path)
     data = load_session(session)
-    strange = sorted(set(include) - {run.id for run in data.runs} - {"all"})
-    if strange:
-        raise DataError(f"{session}: there is no run {strange[0]!r}", "See draglag analyze for the ids")
-    with progress("Explaining the gap") as tell:
-        result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], tell, include)
+    refuse_unknown_runs(session, data, include)
+    with progress("Explaining the gap") as done:
+        result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], done, include)
     unnamed = provisional_term(result) if provisional else None
-    if report is not None and result.verdict is not None:
-        from draglag.report.gap import write_gap_report
-
-        with progress("Simulating the session again") as tell:
-            write_gap_report(data, result, report, tell, unnamed)
-    if model_path is not None and result.verdict is not None:
-        save_model(extended_model(data, result, now_utc(), checksum(session)), model_path)
     if as_json:
         more = {"provisional": None if unnamed is None else unnamed.to_dict()} if provisional else {}
         print_json({**result.to_dict(), **more})
     if result.verdict is None:
-        told = any(". " in words for words in result.missing)  # an estimate's own refusal says what to do
-        remedy = "" if told else "Record what is missing"
+        has_remedy = any(". " in words for words in result.missing)  # an estimate's own refusal has one
+        remedy = "" if has_remedy else "Record what is missing"
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
+    _write(session, data, result, unnamed, report, model_path)
     if not as_json:
-        _say(result, report)
-        _say_more(data, result, without)
+        _print(result, report)
+        _print_more(data, result, without)
         if provisional:
             nothing = "No provisional term: nothing is unexplained that a smooth term would close."
             click.echo(nothing if unnamed is None else unnamed.words())
         if model_path is not None:
-            without_it = (
-                "" if unnamed is None else ", without the provisional term: what has no name is no part of a model"
-            )
-            click.echo(f"Model: {model_path}{without_it}")
+            _print_model(model_path, unnamed)
+
+
+def _write(
+    path: Path, data: Session, result: GapReport, unnamed: Provisional | None, report: Path | None, model: Path | None
+) -> None:
+    """Write the report and the model that are asked for."""
+    if report is not None:
+        from draglag.report.gap import write_gap_report
+
+        with progress("Simulating the session again") as done:
+            write_gap_report(data, result, report, done, unnamed)
+    if model is not None:
+        save_model(extended_model(data, result, now_utc(), checksum(path)), model)
+
+
+def _print_model(path: Path, unnamed: Provisional | None) -> None:
+    without = "" if unnamed is None else ", without the provisional term: what has no name is no part of a model"
+    click.echo(f"Model: {path}{without}")
 
 
 _SHOWN = (
@@ -169,7 +177,7 @@ def _many(
              as_json=as_json)  # fmt: skip
 
 
-def _say_more(data: Session, result: GapReport, without: tuple[str, ...]) -> None:
+def _print_more(data: Session, result: GapReport, without: tuple[str, ...]) -> None:
     """What else one should know of the finding: a drift, effects and runs that were left out."""
     if drift := drift_in_analysis(data, result):
         click.echo(drift)
@@ -179,7 +187,7 @@ def _say_more(data: Session, result: GapReport, without: tuple[str, ...]) -> Non
         click.echo(left)
 
 
-def _say(result: GapReport, report: Path | None) -> None:
+def _print(result: GapReport, report: Path | None) -> None:
     click.echo(headline(result))
     rows = []
     for step in result.steps:

@@ -13,21 +13,30 @@ import click
 from draglag.errors import DataError
 from draglag.packages import need
 from draglag_app.batch import Outcome
-from draglag_app.cli.common import number, print_json, progress, refuse_existing, table
+from draglag_app.cli.common import number, print_json, progress, refuse_existing, table, written_whole
 from draglag_app.parallel import spread
 
 Function = Callable[..., Any]
 
 
+def work_options(command: Function) -> Function:
+    """The options that say where the work on many sessions is done."""
+    for option in (
+        click.option("--scheduler", metavar="ADDRESS", help="Work on a Dask cluster: its scheduler, as tcp://host:8786."),
+        click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core."),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
 def many_options(command: Function) -> Function:
-    """The options that a command on many sessions takes beside its own."""
+    """The options of a command that works on one session or on many."""
+    command = work_options(command)
     for option in (
         click.option("--summary", "summary_path", type=click.Path(path_type=Path), metavar="FILE.html",
                      help="Of many sessions: write a page with a row and a small picture each."),
         click.option("--out", type=click.Path(path_type=Path), metavar="TABLE.csv|.parquet",
                      help="Of many sessions: write the table, a row each."),
-        click.option("--scheduler", metavar="ADDRESS", help="Work on a Dask cluster: its scheduler, as tcp://host:8786."),
-        click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core."),
     ):  # fmt: skip
         command = option(command)
     return command
@@ -95,11 +104,11 @@ def run_many(
 ) -> list[Outcome]:
     """The outcome of every path, in their order, with progress on a terminal."""
     done: dict[int, Outcome] = {}
-    with progress(label) as tell:
+    with progress(label) as report:
         for place, outcome in spread(work, paths, jobs, scheduler):
             done[place] = outcome
-            if tell:
-                tell(len(done) / len(paths), f"{len(done)} of {len(paths)}")
+            if report:
+                report(len(done) / len(paths), f"{len(done)} of {len(paths)}")
     return [done[place] for place in sorted(done)]
 
 
@@ -115,18 +124,16 @@ def refuse_outputs(out: Path | None, *others: Path | None) -> None:
 
 def write_table(rows: Sequence[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
     """The rows as CSV or Parquet. Raises DataError where the file cannot be written."""
-    try:
+    with written_whole(path) as growing:
         if path.suffix == ".parquet":
             from draglag.tables import frame_of
 
-            frame_of(list(rows), list(columns)).to_parquet(path)
+            frame_of(list(rows), list(columns)).to_parquet(growing)
             return
-        with path.open("x", newline="", encoding="utf-8") as file:
+        with growing.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore")
             writer.writeheader()
             writer.writerows({key: "" if value is None else value for key, value in row.items()} for row in rows)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
 
 
 def conclude(
@@ -145,10 +152,8 @@ def conclude(
     if summary is not None:
         from draglag_app.summary_page import page
 
-        try:
-            summary.write_text(page(title, head, list(zip(outcomes, cells, strict=True)), legend), "utf-8")
-        except OSError as error:
-            raise DataError(f"{summary}: cannot be written ({error.strerror})", "Check the folder") from error
+        with written_whole(summary) as growing:
+            growing.write_text(page(title, head, list(zip(outcomes, cells, strict=True)), legend), "utf-8")
     failed = [outcome for outcome in outcomes if outcome.problem]
     if as_json:
         sessions = [{"file": o.file, "problem": o.problem or None, "result": o.result or None} for o in outcomes]
@@ -160,10 +165,15 @@ def conclude(
         written = [str(path) for path in (out, summary) if path is not None]
         if written:
             click.echo(f"\nWritten: {', '.join(written)}")
-    for outcome in failed:
-        click.echo(f"failed: {_with_file(outcome)}", err=True)
-    if failed:
-        click.echo(f"draglag: {len(failed)} of {len(outcomes)} sessions failed; see the lines above.", err=True)
+    end_with([_with_file(outcome) for outcome in failed], len(outcomes))
+
+
+def end_with(problems: Sequence[str], n_sessions: int) -> None:
+    """Name on stderr what failed, and exit with 1 if anything did."""
+    for problem in problems:
+        click.echo(f"failed: {problem}", err=True)
+    if problems:
+        click.echo(f"draglag: {len(problems)} of {n_sessions} sessions failed; see the lines above.", err=True)
         raise click.exceptions.Exit(1)
 
 

@@ -156,17 +156,17 @@ def record_with(
     Raises DraglagError; also when the session ended early, with the path of what was recorded.
     """
     problem = ""
-    tell = progress_printer()
+    notify = progress_printer()
     if lsl:
         from draglag_app.lsl import lsl_listener
 
-        tell = lsl_listener(f"{socket.gethostname()} {out.name}", tell)
+        notify = lsl_listener(f"{socket.gethostname()} {out.name}", notify)
 
     def listener(event: events.Event) -> None:
         nonlocal problem
         if isinstance(event, events.SessionFinished):
             problem = event.problem
-        tell(event)
+        notify(event)
 
     control = Control(spare=spare)
 
@@ -227,7 +227,7 @@ def progress_printer() -> events.Listener:
     quiet = not sys.stderr.isatty()
     numbers: dict[str, str] = {}
 
-    def tell(event: events.Event) -> None:
+    def notify(event: events.Event) -> None:
         if isinstance(event, events.StateChanged):
             numbers[event.run_id] = f"{event.run_number}/{event.run_count}"
         elif isinstance(event, events.NoticeRaised) and (event.level != "info" or event.state):
@@ -243,4 +243,4 @@ def progress_printer() -> events.Listener:
                 err=True,
             )
 
-    return tell
+    return notify

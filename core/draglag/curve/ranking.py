@@ -55,7 +55,7 @@ def ranking(curves: Sequence[tuple[str, CurveFit]]) -> Ranking:
     """The curves in order of their mean latency over the speeds that all share.
 
     An interval of ranks holds 95 % of the ranks that a curve has when every mean is drawn from its own error; screens
-    that cannot be told apart share such an interval. Raises EstimateError where no speed is shared by all.
+    that cannot be distinguished share such an interval. Raises EstimateError where no speed is shared by all.
     """
     low = max(curve.speed_range_mm_s[0] for _, curve in curves)
     high = min(curve.speed_range_mm_s[1] for _, curve in curves)

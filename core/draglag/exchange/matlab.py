@@ -15,7 +15,7 @@ from scipy.io.matlab import MatWriteError
 from draglag.errors import DataError
 from draglag.recording import Session
 from draglag.store.analysis import StoredAnalysis, result_nodes
-from draglag.store.schema import distinct, session_nodes
+from draglag.store.session_nodes import distinct, session_nodes
 from draglag.temporary import new_file
 
 _COMPRESSED_BYTES = 16 * 2**20

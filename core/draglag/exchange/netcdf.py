@@ -16,7 +16,8 @@ from draglag.packages import advice
 from draglag.recording import Session
 from draglag.store.analysis import StoredAnalysis, result_nodes
 from draglag.store.build import reason, zero_utc
-from draglag.store.schema import Node, distinct, session_nodes
+from draglag.store.schema import Column, Node
+from draglag.store.session_nodes import distinct, session_nodes
 from draglag.store.stored import blocks
 from draglag.temporary import new_file
 
@@ -58,16 +59,21 @@ def _put(file: Any, node: Node, start: str) -> None:
             values = np.arange(length)
         elif not len(values) and column.optional:
             continue
-        if column.kind.startswith("S"):
-            variable = group.create_variable(column.name, (dimension,), dtype=h5py.string_dtype())
-            if length:
-                variable[...] = np.array([value.decode() for value in values], dtype=object)
-        else:
-            variable = group.create_variable(column.name, (dimension,), dtype=column.dtype)
-            if length:
-                for rows in blocks(length):
-                    variable[rows] = np.asarray(values[rows], column.dtype)
+        variable = _variable(group, column, dimension, values)
         variable.attrs["units"] = column.units
         variable.attrs["long_name"] = column.meaning
         if column.name == "time" and start:
             variable.attrs["start"] = start
+
+
+def _variable(group: Any, column: Column, dimension: str, values: Any) -> Any:
+    """The variable that was made for one column, filled block by block."""
+    text = column.kind.startswith("S")
+    kind = h5py.string_dtype() if text else column.dtype
+    variable = group.create_variable(column.name, (dimension,), dtype=kind)
+    if text and len(values):
+        variable[...] = np.array([value.decode() for value in values], dtype=object)
+    elif len(values):
+        for rows in blocks(len(values)):
+            variable[rows] = np.asarray(values[rows], column.dtype)
+    return variable

@@ -1,4 +1,4 @@
-"""Stored results beside an export's raw data: one table of runs, and everything as JSON."""
+"""Stored results next to an export's raw data: one table of runs, and everything as JSON."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     commas, or by tabs.
 
     Raises DataError: a missing column, or a line with more or fewer cells than the header, since its cells
-    cannot be told apart.
+    cannot be distinguished.
     """
     lines = _text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)

@@ -11,7 +11,7 @@ from draglag.curve import CurveFit
 from draglag.curve.ranking import Ranking
 from draglag.report import style
 
-MOST_IN_COLOURS = 6  # curves that colours tell apart
+MOST_IN_COLOURS = 6  # curves whose colours can be distinguished
 ACROSS = 6  # small pictures in a row
 LETTERS = 18  # of a name over a small picture
 
@@ -59,7 +59,7 @@ def each_figure(curves: Mapping[str, CurveFit], ranking: Ranking) -> Any:
 
 
 def _short(name: str, letters: int) -> str:
-    """The end of a name, which tells files of one folder apart."""
+    """The end of a name, by which files of one folder differ."""
     return name if len(name) <= letters else "…" + name[-letters + 1 :]
 
 

@@ -119,7 +119,7 @@ def embed(figure: Any) -> str:
 def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]], order: Ranking | None = None) -> str:
     """A page with all curves, where each is from, and their differences from the first.
 
-    order: of the curves; where it is known and colours would not tell so many apart, they are drawn in that order.
+    order: of the curves; where it is known and so many colours cannot be distinguished, they are drawn in that order.
     """
     many = order is not None and len(curves) > MOST_IN_COLOURS
     sources = joint_source([source for _, _, source in curves])

@@ -22,7 +22,13 @@ from draglag.store.journal import is_journal
 from draglag.store.lowlevel import put_node
 from draglag.store.nexus import CURVE, mark
 from draglag.store.safely import open_session, short, text_attr
-from draglag.store.schema import Column, Node, Table, Value, encode
+from draglag.store.schema import (
+    Column,
+    Node,
+    Table,
+    Value,
+    encode,
+)
 from draglag.temporary import temporary_for
 
 _SOFTWARE = f"draglag {draglag.__version__}"

@@ -21,7 +21,7 @@ import h5py
 
 from draglag.errors import DataError
 from draglag.recording import Session
-from draglag.store import schema
+from draglag.store import schema, session_nodes
 from draglag.store.checksum import raw_checksum
 from draglag.store.codec import row_count
 from draglag.store.frames import lock, sync_folder
@@ -49,7 +49,7 @@ def write_session(session: Session, path: Path | str) -> Path:
     if twice is not None:
         raise DataError(f"{path}: there are two runs “{twice}”", "Give every run an id of its own")
     owners: dict[str, schema.Value] = {}
-    nodes = [apart(node, owners) for node in schema.session_nodes(session)]
+    nodes = [apart(node, owners) for node in session_nodes.session_nodes(session)]
     bytes_ = sum(getattr(values, "nbytes", 0) for node in nodes for values in node.rows.values())
     return build(nodes, Path(path), bytes_ + _RUN_BYTES * len(ids))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.recording import LogEntry, empty_laser, empty_touch
-from draglag.store import schema
+from draglag.store import schema, session_nodes
 from draglag.store.build import fill
 from draglag.store.codec import Record, decode, row_count
 from draglag.store.frames import MAGIC, Locked, bytes_after, frames, lock
@@ -167,8 +167,8 @@ def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[No
     for run_id, run in found.runs.items():
         yield from run.head
         yield Node(f"runs/{run_id}/target")
-        yield from schema.touch_nodes(f"runs/{run_id}/touch", empty_touch())
-        yield from schema.laser_nodes(f"runs/{run_id}/laser", empty_laser())
+        yield from session_nodes.touch_nodes(f"runs/{run_id}/touch", empty_touch())
+        yield from session_nodes.laser_nodes(f"runs/{run_id}/laser", empty_laser())
     count = 0
     for number, record, _ in records(fd):
         if number > found.last:
@@ -183,8 +183,8 @@ def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[No
         if run.losses:
             at_s = run.last_s if np.isfinite(run.last_s) else _span(run)[0]
             words = "; ".join(run.losses)
-            yield from schema.log_nodes(f"runs/{run_id}/log", [LogEntry(at_s, "error", "file", words)])
-    yield from schema.log_nodes("notes", notes)
+            yield from session_nodes.log_nodes(f"runs/{run_id}/log", [LogEntry(at_s, "error", "file", words)])
+    yield from session_nodes.log_nodes("notes", notes)
 
 
 def outcome(run: RunFound) -> str:
@@ -269,7 +269,7 @@ def _hole(found: Survey, number: int, path: str, missing: int, before_s: float |
     gap = [before_s, max(before_s, after_s)]
     table = schema.TOUCH if stream == "touch" else schema.LASER
     found.holes.setdefault(number, []).append(Node(path, counts={counter: missing}, table=table))
-    found.holes[number] += schema.gap_node(path, np.array([gap]))
+    found.holes[number] += session_nodes.gap_node(path, np.array([gap]))
 
 
 def _span(run: RunFound) -> tuple[float, float]:

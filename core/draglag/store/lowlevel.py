@@ -9,7 +9,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from draglag.store.schema import TEXTS, Column, Node, Table, Value, as_text
+from draglag.store.schema import (
+    TEXTS,
+    Column,
+    Node,
+    Table,
+    Value,
+    as_text,
+)
 
 # How netCDF and xarray learn that the bytes of a text are UTF-8. The HDF5 type of texts is its ASCII one, which says
 # nothing of bytes above 127: Octave, and older readers, cannot load its UTF-8 type at all.

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from draglag.errors import DataError, DraglagError
 from draglag.store.frames import MAGIC
-from draglag.store.schema import SCHEMA, VERSION, Column, Table, Value
+from draglag.store.schema import (
+    SCHEMA,
+    VERSION,
+    Column,
+    Table,
+    Value,
+)
 
 MAX_BYTES = 2**31
 MAX_ITEMS = 200_000
@@ -156,29 +162,36 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
             if count > MAX_ITEMS:
                 yield name, "is one item too many"
                 return
-            link = group.get(key, getlink=True)
-            if not isinstance(link, h5py.HardLink):
-                yield name, "is a link to another place"
-                continue
-            item = group[key]
-            yield from ((name, problem) for problem in _attribute_problems(item))
+            item, problems = _item(group, key, seen)
+            yield from ((name, problem) for problem in problems)
             if isinstance(item, h5py.Group):
-                address = int(h5py.h5o.get_info(item.id).addr)
-                if address in seen:
-                    yield name, "is the same group under a second name"
-                    continue
-                seen.add(address)
                 waiting.append((name, item, depth + 1))
-            elif isinstance(item, h5py.Dataset):
-                problem = dataset_problem(item)
-                claimed += 0 if problem else _bytes(item)
+            elif item is not None:
+                claimed += _bytes(item)
                 if claimed > limit:
                     yield name, TOO_LARGE
                     return
-                if problem:
-                    yield name, problem
-            else:
-                yield name, "is a named type"
+
+
+def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
+    """The group to look into or the column to count, None for neither; and what is wrong with it.
+
+    seen: addresses of the groups so far; the item's is entered.
+    """
+    if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+        return None, ["is a link to another place"]
+    item = group[key]
+    problems = list(_attribute_problems(item))
+    if isinstance(item, h5py.Group):
+        address = int(h5py.h5o.get_info(item.id).addr)
+        if address in seen:
+            return None, [*problems, "is the same group under a second name"]
+        seen.add(address)
+        return item, problems
+    if not isinstance(item, h5py.Dataset):
+        return None, [*problems, "is a named type"]
+    problem = dataset_problem(item)
+    return (None, [*problems, problem]) if problem else (item, problems)
 
 
 def _attribute_problems(item: Any) -> Iterator[str]:

@@ -25,7 +25,7 @@ from draglag.recording import (
     Taps,
     TouchTrace,
 )
-from draglag.store import schema
+from draglag.store import schema, session_nodes
 from draglag.store.build import build, reason
 from draglag.store.codec import Record, encode, row_count
 from draglag.store.frames import FrameFile, Locked, sync_folder
@@ -68,7 +68,7 @@ class SessionWriter:
         self._closed = False
         refuse(self.path)
         _refuse_partial(self.partial)
-        head = list(schema.header_nodes(header))
+        head = list(session_nodes.header_nodes(header))
         self._head = [node for node in head if node.path in _HEADS]
         self._wait(node for node in head if node.path not in _HEADS)
         for run in header.runs:
@@ -110,26 +110,26 @@ class SessionWriter:
 
     def append_touch(self, run_id: str, trace: TouchTrace) -> None:
         """Touch events in order of time; the axes belong to ``begin_run``."""
-        self._wait(schema.touch_nodes(f"runs/{self._recording(run_id)}/touch", trace))
+        self._wait(session_nodes.touch_nodes(f"runs/{self._recording(run_id)}/touch", trace))
 
     def append_laser(self, run_id: str, trace: LaserTrace) -> None:
-        self._wait(schema.laser_nodes(f"runs/{self._recording(run_id)}/laser", trace))
+        self._wait(session_nodes.laser_nodes(f"runs/{self._recording(run_id)}/laser", trace))
 
     def append_display(self, run_id: str, trace: DisplayTrace) -> None:
-        self._wait(schema.display_nodes(f"runs/{self._recording(run_id)}/display", trace))
+        self._wait(session_nodes.display_nodes(f"runs/{self._recording(run_id)}/display", trace))
 
     def append_clock(self, bounds: ClockBounds, run_id: str | None = None) -> None:
         """Clock observations of one stream, of the whole session or of one run."""
         place = "clocks" if run_id is None else f"runs/{self._recording(run_id)}/sync"
-        self._wait(schema.clock_nodes(place, bounds))
+        self._wait(session_nodes.clock_nodes(place, bounds))
 
     def append_log(self, entry: LogEntry, run_id: str | None = None) -> None:
         """A line of the run's log, or of the session's notes."""
         place = "notes" if run_id is None else f"runs/{self._recording(run_id)}/log"
-        self._wait(schema.log_nodes(place, [entry]))
+        self._wait(session_nodes.log_nodes(place, [entry]))
 
     def append_taps(self, taps: Taps) -> None:
-        self._wait(schema.taps_nodes(taps))
+        self._wait(session_nodes.taps_nodes(taps))
 
     def end_run(self, run_id: str, outcome: str, duration_s: float | None = None, flush: bool = True) -> None:
         """Give a run its one outcome; it is on the disk when this returns, or after the next flush.
@@ -204,7 +204,7 @@ class SessionWriter:
         if run.id in self._runs:
             raise DataError(f"{self.path}: there are two runs “{run.id}”", "Give every run an id of its own")
         own = f"runs/{run.id}"
-        every = list(schema.run_nodes(run, RECORDING))
+        every = list(session_nodes.run_nodes(run, RECORDING))
         heads = (own, f"{own}/target", f"{own}/touch/axes")
         self._open[run.id] = [node for node in every if node.path in heads]
         self._runs.add(run.id)

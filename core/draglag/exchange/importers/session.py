@@ -1,4 +1,4 @@
-"""A session from recordings of other programs: touch in one file, the laser beside it."""
+"""A session from recordings of other programs: touch in one file, the laser in a file next to it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class HowToRead:
 
     Attributes:
         format: one of ``FORMATS``, or None to find out.
-        laser: the laser's file; None for the one beside the recording.
+        laser: the laser's file; None for the one next to the recording.
         map: columns, units and clocks (``columns.parse_map``).
         screen: the panel; None where the recording describes it.
         units_per_mm: device units per mm, where axes have no resolution.
@@ -96,7 +96,7 @@ def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Se
     )
 
 
-def laser_beside(path: Path) -> Path | None:
+def laser_file_of(path: Path) -> Path | None:
     """The laser's file next to a recording: ``<name>.laser.csv[.gz]``, or WALT's ``…_laser.log``."""
     stem = path.name.split(".")[0]
     names = [f"{stem}.laser.csv", f"{stem}.laser.csv.gz"]
@@ -135,9 +135,9 @@ def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, l
         raise DataError(f"{path}: says nothing of the screen", "Give --screen, a preset or a TOML file")
     if not len(touch.t_s):
         raise DataError(f"{path}: holds no touch events", "Record a touchscreen, from before it is touched")
-    beside = how.laser or (laser_beside(path) if laser is None else None)
-    if beside is not None:
-        laser = _read_laser(beside, how.map, said)
+    laser_file = how.laser or (laser_file_of(path) if laser is None else None)
+    if laser_file is not None:
+        laser = _read_laser(laser_file, how.map, said)
     if touch.dropped:
         said.append(f"{touch.dropped} touch events are lost or could not be read")
     return *_on_one_clock(path, touch, laser or empty_laser(), how.map), screen, said

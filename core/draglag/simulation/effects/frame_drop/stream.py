@@ -21,8 +21,8 @@ UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open
 def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Missing frames, where stamps are those of frames; nobody can repair them."""
     coarse = streams.of(clock_in)
-    told = streams.of(loop_in) is None if coarse is None else not coarse.undone
-    if not told or streams.of(polls_in) is not None:
+    identifiable = streams.of(loop_in) is None if coarse is None else not coarse.undone
+    if not identifiable or streams.of(polls_in) is not None:
         return None, runs
     batched = streams.of(batches_in)
     dropped = drops(streams.touches, 1 if batched is None else round(batched.value))
