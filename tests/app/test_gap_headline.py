@@ -18,7 +18,7 @@ from draglag.report.gap import _explanations, _table
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag_app.cli import cli
-from draglag_app.cli.gap import _say
+from draglag_app.cli.gap import print_finding
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
 
@@ -34,7 +34,7 @@ def report(verdict, *tolerated):
 def test_only_noise_is_called_noise(verdict, capsys):
     for made in (report(verdict), report(verdict, RIPPLE)):
         made = replace(made, steps=(DRIFT,) if verdict == "explained" else ())
-        _say(made, None)
+        print_finding(made, None)
         for said in (capsys.readouterr().out, headline(made)):
             if made.tolerated:
                 assert "beyond chance" in said
@@ -44,7 +44,7 @@ def test_only_noise_is_called_noise(verdict, capsys):
 
 
 def test_what_is_tolerated_is_listed_with_its_size_in_one_line(capsys):
-    _say(report("no_gap", RIPPLE, Tolerated("time_in_run", 0.7, 0.021)), None)
+    print_finding(report("no_gap", RIPPLE, Tolerated("time_in_run", 0.7, 0.021)), None)
     said = capsys.readouterr().out.split("\n")
     assert "Tolerated, too small to matter: electrode ripple, 0.03 mm; the time in the run, 0.02 mm." in said
 
@@ -69,7 +69,7 @@ def test_sets_that_share_the_probability_are_all_named(capsys):
         "(probability 0.11)."
     )
     assert also_in_words(made) == also
-    _say(made, None)
+    print_finding(made, None)
     assert also in capsys.readouterr().out
     table = _explanations(made)
     for words in (
@@ -97,7 +97,7 @@ def test_effects_that_cannot_be_told_apart_come_with_the_run_that_would():
 def test_a_curve_of_another_form_is_a_statement_of_its_own(capsys):
     assert law_in_words(LawStatement(True, 0.3, 0.0)) == ""
     made = replace(report("no_gap"), law=LawStatement(False, 0.97, 0.0012))
-    _say(made, None)
+    print_finding(made, None)
     said = capsys.readouterr().out
     assert said.startswith("No gap")
     words = "The curve is not Eq. 5: Eq. 5 misses it by 1.2 ms RMS (probability 0.97); see draglag analyze for the form"
@@ -112,14 +112,14 @@ def test_no_probability_is_stated_beyond_what_was_counted():
 
 def test_what_a_gap_follows_is_told_in_words(capsys):
     made = replace(report("unexplained"), unexplained_by="normal_acceleration")
-    _say(made, None)
+    print_finding(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: a gap remains that follows the normal acceleration;")
 
 
 def test_scatter_is_not_told_as_something_that_a_gap_follows(capsys):
     made = replace(report("unexplained"), unexplained_by="scatter")
-    _say(made, None)
+    print_finding(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: single edges scatter more than those of a sound rig")
 
@@ -139,7 +139,7 @@ def test_a_wider_shadow_is_not_told_twice():
 @pytest.mark.parametrize("follows", ["speed", "scatter"])
 def test_a_limit_of_effects_is_told_instead_of_that_none_is_known(follows, capsys):
     made = replace(report("unexplained"), unexplained_by=follows, stopped_at=0)
-    _say(made, None)
+    print_finding(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert "effects were limited to 0" in said
         assert "no known effect" not in said
@@ -154,7 +154,7 @@ OFFSET = Step(
 
 def test_the_headline_names_cause_size_and_what_the_gap_becomes(capsys):
     numbers = {"steps": (DRIFT,), "gap_first_mm": 2.7, "gap_last_mm": 0.22, "noise_floor_mm": 0.19}
-    _say(replace(report("explained"), **numbers), None)
+    print_finding(replace(report("explained"), **numbers), None)
     assert capsys.readouterr().out.split("\n")[0] == (
         "Clock drift 24.9 ppm (23.7 to 26.2; probability 0.97) explains the gap: 2.70 → 0.22 mm, noise 0.19."
     )
@@ -168,7 +168,7 @@ def test_an_offset_shown_by_taps_has_no_gap_of_its_own(capsys):
     """No held-out run shows it: no gap figure is made up for it, and what the taps say is in the words."""
     made = replace(report("explained"), steps=(OFFSET,))
     assert headline(made).startswith("Clock offset 6 ms (5 to 7; probability 0.95), by the taps. Edges do not show it")
-    _say(made, None)
+    print_finding(made, None)
     for said in (capsys.readouterr().out, _table(made)):
         assert OFFSET.evidence in said
 

@@ -131,7 +131,7 @@ def gap(
         raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
     _write(session, data, result, unnamed, report, model_path)
     if not as_json:
-        _print(result, report)
+        print_finding(result, report)
         _print_more(data, result, without)
         if provisional:
             nothing = "No provisional term: nothing is unexplained that a smooth term would close."
@@ -187,7 +187,8 @@ def _print_more(data: Session, result: GapReport, without: tuple[str, ...]) -> N
         click.echo(left)
 
 
-def _print(result: GapReport, report: Path | None) -> None:
+def print_finding(result: GapReport, report: Path | None) -> None:
+    """Print the headline, a row a step, the gap and what else goes with the finding."""
     click.echo(headline(result))
     rows = []
     for step in result.steps:
