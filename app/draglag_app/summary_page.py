@@ -12,8 +12,9 @@ WIDTH, HEIGHT, EDGE = 160, 36, 3  # of a picture, CSS pixels
 _LOOK = """:root{color-scheme:light dark}
 body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:90rem;padding:0 1rem}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums}
-th,td{padding:.25rem .6rem;border-bottom:1px solid #8884;text-align:right;white-space:nowrap}
-th:first-child,td:first-child{text-align:left}td.problem{text-align:left;white-space:normal}
+th,td{padding:.25rem .6rem;border-bottom:1px solid #8884;text-align:right}
+td{white-space:nowrap}th{vertical-align:bottom}
+th:first-child,td:first-child,.text{text-align:left}td.problem{text-align:left;white-space:normal}
 .wide{overflow-x:auto}svg{display:block}circle{fill:#767676}
 polyline{fill:none;stroke:#0072b2;stroke-width:1.5}line{stroke:#d55e00;stroke-dasharray:3 2}"""
 
@@ -25,14 +26,19 @@ def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence
         head: of the columns. rows: each outcome with its cells. legend: what the pictures show.
     """
     frame = _frame([outcome.picture for outcome, _ in rows])
-    heads = "".join(f"<th>{html.escape(name)}</th>" for name in (head[0], "", *head[1:]))
+    columns = list(zip(*(cells for outcome, cells in rows if not outcome.problem), strict=True)) or [()] * len(head)
+    looks = [_look(column) for column in columns]
+    heads = f"<th>{html.escape(head[0])}</th><th></th>"
+    heads += "".join(f"<th{look}>{html.escape(name)}</th>" for name, look in zip(head[1:], looks[1:], strict=True))
     lines = []
     for outcome, cells in rows:
         first = f"<td>{html.escape(cells[0])}</td><td>{sparkline(outcome.picture, frame)}</td>"
         if outcome.problem:
             rest = f'<td class="problem" colspan="{len(head) - 1}">{html.escape(outcome.problem)}</td>'
         else:
-            rest = "".join(f"<td>{html.escape(cell)}</td>" for cell in cells[1:])
+            rest = "".join(
+                f"<td{look}>{html.escape(cell)}</td>" for cell, look in zip(cells[1:], looks[1:], strict=True)
+            )
         lines.append(f"<tr>{first}{rest}</tr>")
     failed = sum(bool(outcome.problem) for outcome, _ in rows)
     said = f"{len(rows)} sessions{f', {failed} of them failed' if failed else ''}. {legend}"
@@ -42,6 +48,11 @@ def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence
         f'<div class="wide"><table><thead><tr>{heads}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
         "</body></html>"
     )
+
+
+def _look(column: Sequence[str]) -> str:
+    """The class of a column of text; numbers stand at the right, as they do without one."""
+    return "" if all(not cell or cell[-1].isdigit() for cell in column) else ' class="text"'
 
 
 def _frame(pictures: Sequence[Sparkline]) -> tuple[float, float]:

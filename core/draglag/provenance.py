@@ -10,6 +10,8 @@ from draglag.recording import Session
 
 SIMULATED = "simulated"  # role in ``Session.devices`` of a session that says so without naming a simulated device
 
+NAMED = 3  # sessions that fit by name into one line below a figure
+
 
 @dataclass(frozen=True)
 class Source:
@@ -33,10 +35,12 @@ def source_of(session: Session) -> Source:
 
 
 def joint_source(sources: Sequence[Source]) -> Source:
-    """Several sessions as the source of one figure: simulated where one of them is; dated where all are of one day."""
+    """Several sessions as the source of one figure: simulated where one of them is; dated where all are of one day;
+    by their number where their names do not fit into a line."""
     days = {source.started_utc[:10] for source in sources}
     date = sources[0].started_utc if len(days) == 1 else ""
-    return Source(", ".join(s.session for s in sources), date, any(s.simulated for s in sources))
+    names = ", ".join(s.session for s in sources) if len(sources) <= NAMED else f"{len(sources)} sessions"
+    return Source(names, date, any(s.simulated for s in sources))
 
 
 def is_simulated(devices: Mapping[str, str]) -> bool:

@@ -44,6 +44,13 @@ def test_a_sound_session_has_no_gap(sound: Session) -> None:
     assert 0.85 * report.noise_floor_mm < report.gap_last_mm < 1.15 * report.noise_floor_mm
 
 
+@pytest.mark.parametrize(("screen", "seed"), [("screen-1", 2), ("screen-2", 5), ("screen-2", 7)])
+def test_noise_of_positions_is_no_gap(screen: str, seed: int) -> None:
+    """Whole demo sessions: the noise of a fitted position and of the fitted acceleration there are correlated, and a
+    column of the latter once took position noise for a latency by direction."""
+    assert close_gap(simulate_session(screen, load_protocol("demo"), seed=seed)).verdict == "no_gap"
+
+
 @pytest.mark.parametrize("screen", ["screen-1", "screen-2"])
 def test_a_tremor_is_not_taken_for_a_lag(screen: str) -> None:
     # Through the law a tremor jitters the trace; nothing that smooths its acceleration may see a pattern in that.

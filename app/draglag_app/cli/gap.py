@@ -161,7 +161,7 @@ def _print_model(path: Path, unnamed: Provisional | None) -> None:
 _SHOWN = (
     ("file", "file", -1), ("screen", "screen", -1), ("verdict", "verdict", -1), ("probability", "probability", 2),
     ("gap_first_mm", "gap first, mm", 3), ("gap_last_mm", "last, mm", 3), ("noise_floor_mm", "floor, mm", 3),
-    ("effects", "effects", -1),
+    ("effects", "effects", -1), ("unexplained_by", "unexplained by", -1),
 )  # fmt: skip
 
 

@@ -146,7 +146,7 @@ def conclude(
         columns: of the table. shown: of those for people, each with its head and digits (-1: no number).
     """
     head = [name for _, name, _ in shown]
-    cells = [[_cell(outcome.row.get(key), digits) for key, _, digits in shown] for outcome in outcomes]
+    cells = [[_cell(outcome.row, key, digits) for key, _, digits in shown] for outcome in outcomes]
     if out is not None:
         write_table([outcome.row for outcome in outcomes], columns, out)
     if summary is not None:
@@ -181,7 +181,9 @@ def _with_file(outcome: Outcome) -> str:
     return outcome.problem if outcome.file in outcome.problem else f"{outcome.file}: {outcome.problem}"
 
 
-def _cell(value: object, digits: int) -> str:
+def _cell(row: Mapping[str, Any], key: str, digits: int) -> str:
+    """One cell for people; a simulated screen says so. digits: −1 where it is no number."""
+    value = row.get(key)
     if digits >= 0 or value is None:
         return number(value, max(digits, 0))
-    return str(value)
+    return f"{value} (simulated)" if key == "screen" and row.get("simulated") else str(value)

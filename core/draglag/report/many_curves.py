@@ -28,7 +28,10 @@ def ranked_figure(ranking: Ranking) -> Any:
     axes.set_yticks(range(n), labels, fontsize=7.5)
     axes.set_ylim(n - 0.4, -0.6)
     first, last = ranking.speed_range_mm_s
-    axes.set(xlabel=f"mean latency, ms, {first:.0f} to {last:.0f} mm/s (95 %)", title="name, rank (95 %), mean latency")
+    axes.set(
+        xlabel=f"mean latency, ms, {first:.0f} to {last:.0f} mm/s (95 %)",
+        title="sessions in order, with the 95 % interval of their ranks",
+    )
     return figure
 
 
@@ -52,8 +55,12 @@ def each_figure(curves: Mapping[str, CurveFit], ranking: Ranking) -> Any:
         axes.tick_params(labelsize=6.5)
         axes.grid(visible=False)
     grid[0].set_ylim(bottom=0)
-    for axes in grid[len(ranking.places) :]:
-        axes.set_axis_off()
+    for k, axes in enumerate(grid):
+        if k >= len(ranking.places):
+            axes.set_axis_off()
+        elif k + ACROSS >= len(ranking.places):  # the lowest of its column
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel("mm/s", fontsize=7)
     figure.supylabel("latency, ms", fontsize=8)
     return figure
 

@@ -105,11 +105,16 @@ def themed(svg: str) -> str:
     return svg[:start] + drawing[:inside] + look + drawing[inside:]
 
 
+MARK_PT, MARK_SHARE = 38.0, 0.2  # size of the letters of SIMULATED, and their most of a low figure's height
+
+
 def sign(figure: Any, source: Source) -> None:
     """Write at a figure's foot what it was drawn from, and SIMULATED across it where that is so."""
     figure.supxlabel(source.line(), x=0.995, ha="right", fontsize=6.5, color=GREY)
     if source.simulated:  # its margins hold legends and titles
-        figure.text(0.5, 0.55, "SIMULATED", fontsize=38, color="#808080", alpha=0.25, rotation=20, ha="center")
+        size_pt = min(MARK_PT, MARK_SHARE * 72 * figure.get_figheight())
+        look = {"color": "#808080", "alpha": 0.25, "rotation": 20, "ha": "center", "va": "center"}
+        figure.text(0.5, 0.55, "SIMULATED", fontsize=size_pt, **look)
 
 
 def save(figure: Any, folder: Any, name: str, source: Source) -> str:

@@ -21,6 +21,7 @@ from draglag.recording import FloatArray, IntArray
 Law = Callable[[FloatArray], FloatArray]
 STRAIGHT_S = 0.001  # so near, a velocity and its rate of change say what a new fit would
 NEAR_S = 0.004  # further, they say nothing
+FEW_TO_BEND = 8  # edges of a run, below which its median curvature says less than each of its own
 ROUNDS, STEPS = 8, 6  # a step is at most 20 ms: a law may lie far off where a fit begins
 EXACT_S = 2e-5
 FEW = 0.002  # of all edges
@@ -139,7 +140,7 @@ def place(
         speed_mm_s=speed,
         xy_mm=xy_mm,
         v_mm_s=v_mm_s,
-        a_mm_s2=a_mm_s2,
+        a_mm_s2=_calm_acceleration(run, ok & traces.steady, v_mm_s, a_mm_s2, change, len(runs)),
         accel_mm_s2=along,
         accel_apart_mm_s2=apart,
         slope_s2_mm=slope,
@@ -152,6 +153,26 @@ def place(
         traces=traces,
         trace=Unwarped(runs, run, t_s + latency),
     )
+
+
+def _calm_acceleration(
+    run: IntArray, steady: np.ndarray, v_mm_s: FloatArray, a_mm_s2: FloatArray, change_mm_s2: FloatArray, n_runs: int
+) -> FloatArray:
+    """Accelerations (m, 2) of steady runs from the trace's change of speed and the run's median curvature.
+
+    A single fit's own acceleration errs together with its position: a column of it takes position noise for a bend.
+    """
+    out = a_mm_s2.copy()
+    shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
+    ahead = v_mm_s / shown[:, None]
+    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    bend = np.einsum("mk,mk->m", a_mm_s2, aside) / shown**2
+    for k in range(n_runs):
+        own = (run == k) & steady
+        if np.count_nonzero(own) >= FEW_TO_BEND:
+            across = np.median(bend[own]) * shown[own] ** 2
+            out[own] = change_mm_s2[own, None] * ahead[own] + across[:, None] * aside[own]
+    return out
 
 
 def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
