@@ -46,25 +46,3 @@ def test_the_interval_of_a_plateaus_speed_holds_it() -> None:
         assert high - low < 60.0  # but an interval that says nothing holds anything
         held += low <= 150.0 <= high
     assert held >= 8  # of ten at 95 %: less has a probability of 1 %
-
-
-def test_accelerations_do_not_err_together_with_positions() -> None:
-    """On one circle the acceleration across the beam is known from where on it the edge lies. What the fits get wrong
-    of it must not go with the residual: correlated with position noise, its column takes noise for a bend."""
-    demo = load_protocol("demo")
-    runs = tuple(r.model_copy(update={"duration_s": 20.0}) for r in demo.runs if r.kind == "circle")
-    session = simulate_session("screen-2", demo.model_copy(update={"runs": runs, "taps": None}), seed=7)
-    fit = fit_session(session, gather(session))
-    placed, use = fit.placed, fit.use
-    shown = np.hypot(*placed.v_mm_s[use].T)
-    together = []
-    for k, data in enumerate(fit.runs):
-        own = fit.run_index == k
-        assert data.run.radius_mm is not None
-        turn = np.sign(np.median(placed.v_mm_s[use][own] @ [1.0, 0.0] * placed.a_mm_s2[use][own, 1]))
-        circle = turn * shown[own] / data.run.radius_mm * placed.v_mm_s[use][own, 0]
-        wrong = placed.a_mm_s2[use][own, 1] - circle
-        together.append((np.corrcoef(wrong, fit.residual_mm[own])[0, 1], own.sum()))
-    r, n = np.array(together).T
-    # Fisher: each correlation scatters by 1 / sqrt(n) where there is none.
-    assert abs(np.sum(r * n) / n.sum()) < 3 / np.sqrt(n.sum())
