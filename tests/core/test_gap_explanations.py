@@ -34,7 +34,8 @@ def without(*names: str) -> list[str]:
     ("effect", "removed", "follows"),
     [
         ("beam_width=-0.8", ("beam_width", "scale_error"), "kind_of_edge"),
-        ("lagging_law=0.08", ("lagging_law", "acceleration_lag"), "direction_angle"),
+        # A law that lags behind the speed errs by how the speed changes.
+        ("lagging_law=0.08", ("lagging_law", "acceleration_lag"), "acceleration"),
         ("sample_hold=80", ("sample_hold",), "host_tick"),
         ("frame_batching=3", ("frame_batching",), "frame"),
     ],
