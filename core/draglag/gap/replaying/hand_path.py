@@ -40,18 +40,16 @@ def hand_motion(
     t = np.arange(n) / GRID_HZ
     coarse = np.unique(np.append(np.arange(0, n, COARSE), n - 1))
     late = np.interp(t[coarse] + start_s, data.edge_t_s, latency_s)
-    wide_s = np.interp(t[coarse] + start_s, data.edge_t_s, data.speed_half_s)
+    trace_mm, velocity_mm_s = _smoothed_trace(data, float(np.median(latency_s)))
     moved = np.zeros((coarse.size, 2))
     quiet = rig.ideal()
     rounds = ROUNDS if data.steady else ROUNDS_UNSTEADY
     for k in range(rounds + 1):
         at_s = np.clip(t[coarse] + start_s + late, data.t_s[0], data.t_s[-1])
-        fit = local_fit(data.t_s, data.xy_mm, at_s, data.half_s)
-        fast = local_fit(data.t_s, data.xy_mm, at_s, wide_s)
-        here = _filled(fit.xy_mm, fit.ok) - moved
+        here = trace_mm(at_s) - moved
         # In the stylus' own time the trace runs at another rate: d(t + L)/dt.
         rate = np.clip(1 + np.gradient(late, t[coarse]), 0.3, 3.0)
-        velocity = _filled(fast.v_mm_s, fast.ok) * _smooth(rate)[:, None]
+        velocity = velocity_mm_s(at_s) * _smooth(rate)[:, None]
         motion = _motion(t, t[coarse], here, velocity)
         if k == rounds:
             break
@@ -64,6 +62,18 @@ def hand_motion(
             # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow at every round.
             moved = savgol_filter(moved, SMOOTHED, 3, axis=0)
     return motion, start_s
+
+
+def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, CubicSpline]:
+    """The trace as the fit smooths it (mm) and its velocity (mm/s), as functions of the trace's own time (s).
+
+    One fit for each point of the coarse grid: between two of them, a fifth of an event's interval, a fit changes by
+    nothing but its own motion.
+    """
+    grid_s = np.linspace(data.t_s[0], data.t_s[-1], int(np.ptp(data.t_s) * GRID_HZ / COARSE) + 2)
+    near = local_fit(data.t_s, data.xy_mm, grid_s, data.half_s)
+    wide = local_fit(data.t_s, data.xy_mm, grid_s, np.interp(grid_s - latency_s, data.edge_t_s, data.speed_half_s))
+    return CubicSpline(grid_s, _filled(near.xy_mm, near.ok)), CubicSpline(grid_s, _filled(wide.v_mm_s, wide.ok))
 
 
 def _filled(values: FloatArray, ok: np.ndarray) -> FloatArray:
