@@ -6,6 +6,7 @@ Screens follow laws of other forms than Eq. 5: constant, power, logistic, adapti
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -69,8 +70,15 @@ def basis(speed_mm_s: FloatArray, knots: tuple[float, ...]) -> FloatArray:
     """Directions of a Gaussian process with the knots' covariance, (m, k), of unit prior variance each."""
     at = np.array(knots)
     ln = np.clip(np.log(np.maximum(speed_mm_s, 1.0)), at[0] - BEYOND, at[-1] + BEYOND)
+    return np.asarray(_covariance(ln, at) @ _directions(knots))
+
+
+@lru_cache(maxsize=64)
+def _directions(knots: tuple[float, ...]) -> FloatArray:
+    """Sizes of the covariances with the knots that make the directions, (knots, k)."""
+    at = np.array(knots)
     variance, axes = np.linalg.eigh(_covariance(at, at))
-    return np.asarray(_covariance(ln, at) @ (axes / np.sqrt(np.maximum(variance, TRIVIAL))))
+    return np.asarray(axes / np.sqrt(np.maximum(variance, TRIVIAL)))
 
 
 def _covariance(one: FloatArray, other: FloatArray) -> FloatArray:
