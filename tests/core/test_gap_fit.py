@@ -17,7 +17,7 @@ from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import scatter
 from draglag.gap.fitting.parameters import parameters_of
-from draglag.gap.fitting.state import Term, look
+from draglag.gap.fitting.state import Term, linearise
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
@@ -56,7 +56,7 @@ def test_a_step_keeps_what_it_promises(damping: float) -> None:
     """Where edges are moved as far as the step says, the cost falls by what was promised, nuisances at their best."""
     session = simulated("clock_drift=20")
     fit = fit_session(session, gather(session))
-    state = look(fit.runs, fit.law, fit.geometry, [Term("clock_drift")], fit.width_mm, None)
+    state = linearise(fit.runs, fit.law, fit.geometry, [Term("clock_drift")], fit.width_mm, None)
     use = fit.use & state.placed.ok
     calm = replace(START, edge_mm=2.0)  # no edge so far off that it pulls with less than its square
     white = whitener(scatter(fit.runs, state.placed, use, state.blur_mm), calm)

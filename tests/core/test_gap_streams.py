@@ -14,7 +14,7 @@ from draglag.correction import realise
 from draglag.exchange import read_exchange
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
-from draglag.gap.traces.unwarped import Shown, Unwarped
+from draglag.gap.traces.dewarped import DewarpedKinematics, Shown
 from draglag.model_file import ModelEffect
 from draglag.protocols import load_protocol
 from draglag.recording import Session, TouchTrace
@@ -293,7 +293,7 @@ def test_the_acceleration_behind_a_trace_that_it_warps_is_given_back(window_s: f
     speed = np.gradient(np.interp(grid_s, shown_s, path_mm), grid_s)
     run = SimpleNamespace(shown=Shown(grid_s, 0.004, speed, 0.05, 800.0))
     at_s = np.arange(2.0, 10.0, 0.013)
-    edges = Unwarped((run,), np.zeros(at_s.size, int), at_s + 0.03)  # type: ignore[arg-type]
+    edges = DewarpedKinematics((run,), np.zeros(at_s.size, int), at_s + 0.03)  # type: ignore[arg-type]
     accel, _ = edges.acceleration(lag, window_s)
     truth = told * np.cos(rate * at_s)
     raw, _ = edges.acceleration(0.0, window_s)

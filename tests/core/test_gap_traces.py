@@ -17,7 +17,7 @@ from draglag.gap import close_gap
 from draglag.gap.fitting.state import _not_far
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.replaying.realised import effects_of_fit
-from draglag.gap.traces.asked import asked_speeds, before_s
+from draglag.gap.traces.law_speed import before_s, delayed_speeds
 from draglag.gap.traces.run_data import RunData, as_shown, gather, undone
 from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
@@ -219,7 +219,7 @@ def test_the_speed_that_a_law_is_asked_at_is_followed_behind_what_the_trace_show
     true = np.interp(edges_s, t, asked)
     at_s = edges_s + law(true)
     seen = np.interp(at_s, *data.quick)
-    (told,) = asked_speeds([data], law, (0.0, delay_s))
+    (told,) = delayed_speeds([data], law, (0.0, delay_s))
     followed = np.interp(at_s, *told)
     assert np.std(seen - true) > 1.5
     assert np.std(followed - true) < 0.25
@@ -248,7 +248,7 @@ def test_a_chirps_speed_is_followed_where_the_laws_slope_changes_with_it(asked: 
     edges_s = np.arange(3.0, 36.0, 0.037)
     true = np.interp(edges_s, t, told_of)
     at_s = edges_s + law(true)
-    (told,) = asked_speeds([data], law, asked)
+    (told,) = delayed_speeds([data], law, asked)
     off_mm_s = np.interp(at_s, *told) - true
     assert np.std(np.interp(at_s, *data.quick) - true) > 2.5
     assert np.std(off_mm_s) < 1.0  # of which noise through a window of 0.26 s is 0.35

@@ -17,7 +17,7 @@ from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.fitting.signatures import COLUMNS
 from draglag.gap.posterior.judge import Judgement
 from draglag.gap.posterior.pool import Pool, compared
-from draglag.gap.posterior.verdict import said
+from draglag.gap.posterior.verdict import answer_of
 from draglag.gap.results import GapReport, Step
 from draglag.gap.steps import deviance_gained
 from draglag.gap.streams.evidence import inspect
@@ -26,7 +26,7 @@ from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, twins_of
 
 BY_HAND = tuple(effect for effect in EFFECTS if column_of(effect) in COLUMNS)
-OF_THE_STREAMS = (STALLS_FOLLOW, "host_tick")  # seen before any fit, which does not change them
+OF_THE_STREAMS = (STALLS_FOLLOW, "host_tick")  # detected before any fit, which does not change them
 
 
 @one_blas_thread
@@ -34,7 +34,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     """The report with one more effect, refitted jointly with the rest; its probability is that of the comparison with
     all that was compared before.
 
-    The step says how the gap on held-out runs changed, with its interval, whether or not it shrank.
+    The step states how the gap on held-out runs changed, with its interval, whether or not it shrank.
 
     Raises DataError for an effect that cannot be added, EstimateError when the model cannot be fitted with it.
     """
@@ -65,7 +65,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         noise_floor_mm=floor_mm(fit),
         gap_last_mm=gap_mm(fit),
         unexplained_by=left,
-        explanations=said(pool).explanations,
+        explanations=answer_of(pool).explanations,
         last=fit,
         judgement=Judgement(pool, fits, old.first),
     )
@@ -99,7 +99,7 @@ def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) ->
 
 def _left(report: GapReport, fit: Fit, unsure_ages: bool, changed: Shrinkage) -> str | None:
     """What a gap still follows given the model with the effect, or None."""
-    given = said(compared([fit], frozenset(EFFECTS), unsure_ages))
+    given = answer_of(compared([fit], frozenset(EFFECTS), unsure_ages))
     if given.unexplained_by is not None:
         return given.unexplained_by
     more = [name for name in given.effects if name not in effects_in(fit)]

@@ -1,4 +1,4 @@
-"""What taps say that edges cannot: whether the laser's clock is off, and whether clock or latency creeps.
+"""What taps identify that edges cannot: whether the laser's clock is off, and whether clock or latency creeps.
 
 Taps never touch the laser's clock. On a sound rig the latency of releases is the asymptote of the curve.
 """
@@ -123,7 +123,7 @@ class Creep:
 def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Creep:
     """Effects of a session that drift alike on the edges, by how the taps drifted.
 
-    effects: of fitted sizes, as the simulation has them: each says by itself what it does to a tap's latency.
+    effects: of fitted sizes, as the simulation has them: each predicts what it does to a tap's latency.
     """
     even = {effect.id: 1 / len(effects) for effect in effects}
     if session.taps is None:

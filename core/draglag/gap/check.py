@@ -52,7 +52,7 @@ def checked(session: Session, report: GapReport) -> GapReport:
     found = compared_statistics(session, again)
     off = [one for one in found if not one.agrees]
     # The law was fitted to the runs' latency. Where the simulation misses even that, the hand's motion could not be
-    # recovered behind the effect, and the rest says nothing.
+    # recovered from the trace, and the other statistics are no evidence.
     if not off or off[0].name == LATENCY:
         return replace(report, check=found)
     steps = report.steps

@@ -33,7 +33,7 @@ from draglag.gap.fitting.signatures import COLUMNS
 from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.judge import grown, judged
 from draglag.gap.posterior.pool import Pool, compared
-from draglag.gap.posterior.verdict import said
+from draglag.gap.posterior.verdict import answer_of
 from draglag.gap.results import Step
 from draglag.gap.session_check import times_out_of_order
 from draglag.gap.steps import deviance_gained, step_of
@@ -52,7 +52,7 @@ def shown_by_streams(effect_id: str) -> bool:
 
 @dataclass(frozen=True)
 class Model:
-    """What a session is held against: a law, a beam, and effects.
+    """What a session is compared with: a law, a beam, and effects.
 
     Attributes:
         effects: ids of effects that are fitted, in order. held: id → parameters of effects of a known size, which are
@@ -109,7 +109,7 @@ class Gap:
     """Where a session and a model disagree.
 
     Attributes: model: with what the fit found. pool: everything that may explain the rest, with its probability.
-    streams: what the streams show by themselves. gap_mm: RMS residual on runs held out of the fit; noise_floor_mm:
+    streams: effects that the streams show. gap_mm: RMS residual on runs held out of the fit; noise_floor_mm:
     what noise leaves.
     """
 
@@ -185,13 +185,13 @@ def find(session: Session, model: Model | None = None) -> Gap:
         raise EstimateError(f"{session.name}: {disorder}", "Export and import it")
     repairs = any(map(shown_by_streams, model.effects))
     try:
-        seen, repaired = inspect(session)
-        streams = tuple(s for s in seen if s.effect not in model.effects)
+        in_streams, repaired = inspect(session)
+        streams = tuple(s for s in in_streams if s.effect not in model.effects)
         ready = _without_held(repaired if repairs else session, model.held)
         if start is None or any(map(shown_by_streams, model.effects[-1:])) or model.held:
             start = fit_session(ready, gather(ready))
         fit = start
-        unsure = any(effect_class(s.effect).uneven_ages and not (s.undone and repairs) for s in seen)
+        unsure = any(effect_class(s.effect).uneven_ages and not (s.undone and repairs) for s in in_streams)
         fitted = [column_of(effect) for effect in model.effects if not shown_by_streams(effect)]
         for effect in dict.fromkeys(fitted):
             if effect not in effects_in(fit):
@@ -230,12 +230,12 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
     Raises DataError for a candidate that the library does not have.
     """
     allowed = known_effects(candidates)
-    seen = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
-    if seen:
-        return seen
+    shown = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
+    if shown:
+        return shown
     judgement = judged(gap.session, gap.fit, allowed, gap.pool.unsure_ages)
     inside = effects_in(gap.fit)
-    verdict = said(judgement.pool)
+    verdict = answer_of(judgement.pool)
     out = []
     for effect in verdict.effects:
         wanted = tuple(sorted({*inside, effect}))

@@ -96,8 +96,8 @@ DETAIL = 0.35
 effects' columns are true to first order, on 28 plain single effects (fact sheet on the gap's evidence)."""
 
 DEVIANCE_A_PARAMETER = 6.0
-"""Deviance that one more parameter must save before a change by hand is said to shrink the gap. Derived: a likelihood
-ratio of 20."""
+"""Deviance that one more parameter must save before a change by hand is reported to shrink the gap. Derived: a
+likelihood ratio of 20."""
 
 SHRINKS_BY = 0.02
 """Share by which the RMS on held-out runs must fall before a gap has shrunk. Judgement: a fiftieth is what a session's
@@ -108,7 +108,7 @@ PREDICTS_NATS = 3.0
 20."""
 
 FEWEST_RUNS = 4
-"""Runs below which the predictive check says nothing. Derived: a mean of fewer has no standard error to speak of."""
+"""Runs below which the predictive check is not made. Derived: a mean of fewer has no useful standard error."""
 
 UNLIKELY = 1e-4
 """Probability of a statistic's value under the simulation below which the two disagree. Judgement: one session in

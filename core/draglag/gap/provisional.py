@@ -134,7 +134,7 @@ def _added(fit: Fit, covariate: str, role: str, probability: float, columns: Flo
 
 
 def _per_unit(view: View, role: str, columns: FloatArray) -> tuple[FloatArray, float]:
-    """The function itself behind its residual columns, (m, k), and the factor to ms or mm."""
+    """The function whose residual columns these are, (m, k), and the factor to ms or mm."""
     lever = view.v_across * view.stretch
     if role == "offset":
         return columns, 1.0

@@ -17,7 +17,7 @@ from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
 from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.posterior.judge import Judgement, grown
 from draglag.gap.posterior.pool import Names
-from draglag.gap.posterior.verdict import Said, said
+from draglag.gap.posterior.verdict import Answer, answer_of
 from draglag.gap.proposing.proposals import shown_by_traces
 from draglag.gap.replaying.realised import made
 from draglag.gap.results import BY_TAPS, GapReport, LawStatement, Step, Tolerated
@@ -42,22 +42,22 @@ def reported(
     """The report of a judgement. sessions: as measured, and repaired as the fits have it."""
     session, ready = sessions
     named, strange = streams
-    verdict = said(judgement.pool)
-    chain, idle = _that_hold(fits_in_order(ready, judgement, verdict.effects))
+    answer = answer_of(judgement.pool)
+    chain, idle = _that_hold(fits_in_order(ready, judgement, answer.effects))
     last = chain[-1].after
     edges = np.logical_and.reduce([link.after.use for link in chain])
     steps = stream_steps(session, named, judgement.base)
     for link in chain[1:]:
-        step = step_of(session, judgement, verdict, allowed, link.effect, link.before, link.after, last)
+        step = step_of(session, judgement, answer, allowed, link.effect, link.before, link.after, last)
         gaps = gap_mm(link.before, edges), gap_mm(link.after, edges)
         steps.append(replace(step, gap_before_mm=gaps[0], gap_after_mm=gaps[1]))
-    unexplained = verdict.unexplained_by or idle or _unnamed_in_streams(ready, strange, judgement.base, allowed)
+    unexplained = answer.unexplained_by or idle or _unnamed_in_streams(ready, strange, judgement.base, allowed)
     last_mm = gap_mm(last, edges)
     if unexplained is None:
         more, last = with_taps(session, judgement, last, steps, allowed)
         steps += more
         last_mm = gap_mm(last, edges)
-    stated = [verdict.probability, *(step.probability for step in steps)]
+    stated = [answer.probability, *(step.probability for step in steps)]
     return GapReport(
         session.name,
         "unexplained" if unexplained else "explained" if steps else "no_gap",
@@ -67,9 +67,9 @@ def reported(
         last_mm,
         unexplained,
         min(stated),
-        verdict.explanations,
+        answer.explanations,
         law_of(judgement, last),
-        tuple(Tolerated(*item) for item in verdict.tolerated),
+        tuple(Tolerated(*item) for item in answer.tolerated),
         first=judgement.base,
         last=last,
         judgement=judgement,
@@ -128,7 +128,7 @@ def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> lis
 def step_of(
     session: Session,
     judgement: Judgement,
-    verdict: Said,
+    answer: Answer,
     allowed: frozenset[str],
     name: str,
     before: Fit,
@@ -170,11 +170,11 @@ def _values(effect: str, fit: Fit) -> dict[str, float]:
     return {key: value for key, (value, _) in parameters_of(effect, fit).items()}
 
 
-def _rivals(verdict: Said, name: str) -> list[str]:
+def _rivals(answer: Answer, name: str) -> list[str]:
     """Effects that take the place of one in other explanations which share the mass."""
-    best = set(verdict.effects)
+    best = set(answer.effects)
     out = []
-    for names, p in verdict.explanations:
+    for names, p in answer.explanations:
         other = set(names) & set(EFFECTS)
         if p > SHARED and name not in other and len(other - best) == 1 and best - other == {name}:
             out += sorted(other - best)
@@ -187,9 +187,9 @@ def deviance_gained(before: Fit, after: Fit) -> float:
     return 2 * (log_likelihood_on(after, both) - log_likelihood_on(before, both))
 
 
-def stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:
+def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:
     """What the streams show by themselves, as steps: all are repaired at once."""
-    if not seen:
+    if not found:
         return []
     after = gap_mm(repaired)
     try:
@@ -210,7 +210,7 @@ def stream_steps(session: Session, seen: tuple[StreamEffect, ...], repaired: Fit
             item.rivals,
             effect_class(item.effect).shown_apart_by if item.rivals else "",
         )
-        for k, item in enumerate(seen)
+        for k, item in enumerate(found)
     ]
 
 
@@ -248,7 +248,7 @@ def with_taps(
     if not possible:
         return [], last
     moved = {e.id: _moved_mm(e, offset.value_s, last) for e in possible}
-    # Edges whose positions were of uneven age, repaired or not, are no witnesses to what moves them by so little.
+    # Edges whose positions were of uneven age, repaired or not, cannot identify what moves them by so little.
     uneven = any(effect_class(step.effect).uneven_ages for step in steps)
     shares = dict.fromkeys(moved, 1 / len(moved)) if uneven else shares_by_edges(judgement.pool, last, moved)
     best = max(shares, key=lambda name: shares[name])

@@ -45,7 +45,7 @@ def close_gap(
         candidates: effect ids that may be named; None = the whole library.
         include: ids of runs to take in although they went wrong, or ``all``.
 
-    Never raises for a session without enough data: ``missing`` says what it lacks. Raises DataError for a candidate
+    Never raises for a session without enough data: ``missing`` lists what it lacks. Raises DataError for a candidate
     that the library does not have.
     """
     allowed = known_effects(candidates)
@@ -59,16 +59,16 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
     if missing:
         return GapReport(session.name, None, missing=missing)
     progress(0.05, "streams")
-    seen, whole = inspect(session)
-    named = tuple(item for item in seen if item.effect in allowed)
-    strange = tuple(item for item in seen if item.effect not in allowed)
+    in_streams, whole = inspect(session)
+    named = tuple(item for item in in_streams if item.effect in allowed)
+    strange = tuple(item for item in in_streams if item.effect not in allowed)
     progress(0.15, "fitting the present model")
     try:
         ready, first = _first_fit(whole if named else session, whole)
     except NO_FIT as problem:
         why = str(problem) if isinstance(problem, EstimateError) else UNFITTED
         return GapReport(session.name, None, missing=(why,))
-    unsure = any(effect_class(s.effect).uneven_ages and not (s.undone and named) for s in seen)
+    unsure = any(effect_class(s.effect).uneven_ages and not (s.undone and named) for s in in_streams)
     most = max(max_effects - len(named), 0)
     judgement = judged(ready, first, allowed, unsure, most, lambda part, text: progress(0.2 + 0.7 * part, text))
     progress(0.95, "held-out runs")

@@ -19,7 +19,7 @@ IN_EVERY_FIT = -1
 def folds(fit: Fit) -> IntArray:
     """Fold of each used edge: by run; replicates of one speed in different folds, neighbouring speeds too.
 
-    A law cannot be asked beyond its speeds: where the slowest or the fastest was run only once it stays in every fit.
+    A law is not extrapolated: where the slowest or the fastest speed was run only once, it stays in every fit.
     """
     nominal = [data.run.nominal_speed_mm_s for data in fit.runs]
     steady = sorted((round(float(v), 1), k) for k, v in enumerate(nominal) if v is not None)
@@ -72,8 +72,8 @@ def _spread(fit: Fit, design: FloatArray) -> FloatArray:
 
 def _counted(fit: Fit, edges: np.ndarray | None) -> np.ndarray:
     """Used edges (m,) that count in a gap: of runs that are held out of some fit, and among ``edges``."""
-    held: np.ndarray = folds(fit) != IN_EVERY_FIT
-    return held if edges is None else held & edges[fit.use]
+    counted: np.ndarray = folds(fit) != IN_EVERY_FIT
+    return counted if edges is None else counted & edges[fit.use]
 
 
 def gap_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
@@ -107,7 +107,7 @@ def shrinks(before: Fit, after: Fit) -> bool:
 
 
 def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
-    """Whether held-out runs speak for the larger model: their RMS shrinks, or they are predicted better while it stays.
+    """Whether held-out runs favour the larger model: their RMS shrinks, or they are predicted better while it stays.
 
     What moves few edges, or all of them a little, hardly shows in an RMS.
     """

@@ -12,12 +12,12 @@ from draglag.errors import EstimateError
 from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill, likeliest, likelihoods, profile
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
-from draglag.gap.fitting.search import at_best_rates, cost_beside
-from draglag.gap.fitting.state import State, Term, look, stepped, term_signature, usable
+from draglag.gap.fitting.search import at_best_rates, cost_relative_to
+from draglag.gap.fitting.state import State, Term, linearise, stepped, term_signature, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
+from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData, undone
-from draglag.gap.traces.unwarped import Unwarped
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
@@ -74,7 +74,7 @@ def effects_in_law(fit: Fit) -> tuple[str, ...]:
 
 def restrict(view: View, use: np.ndarray) -> View:
     arrays: dict[str, Any] = {
-        k: v[use] for k, v in view.__dict__.items() if isinstance(v, np.ndarray | Averaged | Unwarped)
+        k: v[use] for k, v in view.__dict__.items() if isinstance(v, np.ndarray | Averaged | DewarpedKinematics)
     }
     return replace(view, **arrays)
 
@@ -113,9 +113,9 @@ def fit_session(
     components = START
     states = []
     for begin in laws:
-        state = look(runs, begin, geometry, active, width, None)
+        state = linearise(runs, begin, geometry, active, width, None)
         if any(t.sizes for t in active):
-            state = look(runs, begin, geometry, state.terms, width, state)
+            state = linearise(runs, begin, geometry, state.terms, width, state)
         states.append(state)
     use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
     if start is not None and start.only is not None:  # what the smaller model could not judge by, this one cannot
@@ -128,7 +128,7 @@ def fit_session(
     damping = 0.0
     white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
     if len(states) > 1:
-        other_cost, strayed = cost_beside(white, states[1], state, use)
+        other_cost, strayed = cost_relative_to(white, states[1], state, use)
         if other_cost < cost_without_nuisances(white, state, use):
             state, use = states[1], use & ~strayed
             white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
@@ -142,7 +142,10 @@ def fit_session(
             settled, judged, damping = False, True, 0.0
             use = use & usable(state, runs, loose=False) if start is None else use & state.placed.ok
             if not use.any():
-                raise EstimateError(f"{session.name}: no edge lies where the law says", "Begin from another law")
+                raise EstimateError(
+                    f"{session.name}: no edge lies where the law predicts it",
+                    "Check the calibration and the clocks of this session",
+                )
             parts = scatter(runs, state.placed, use, state.blur_mm)
             # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
             likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (components,), rounds=1)
@@ -225,7 +228,7 @@ def _next(
         if promised < least:
             return None
         there = stepped(state, step, runs, width_mm)
-        cost, strayed = cost_beside(white, there, state, use)
+        cost, strayed = cost_relative_to(white, there, state, use)
         if cost <= down.cost + PLACING:
             if attempt == 0:
                 damping = damping / 10 if damping > 1e-5 else 0.0
@@ -235,18 +238,18 @@ def _next(
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
-    """Traces with what the terms say undone in them, and the terms: each keeps what is left of it."""
+    """Traces with the terms' displacement removed, and the terms: each keeps what is left of it."""
     each = [effect_class(term.effect).undoing(term, runs) for term in terms]
     ready = undone(runs, [what for what, _ in each if what is not None])
     return ready, [left for _, left in each]
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:
-    """Of several sets of sized terms beside a law, the one that the edges of ``before`` fit best, unrefined."""
+    """Of several sets of sized terms added to a law, the one that the edges of ``before`` fit best, unrefined."""
     values: list[float] = []
     for terms in options:
-        state = look(before.runs, law, before.geometry, terms, before.width_mm, None)
-        state = look(before.runs, law, before.geometry, state.terms, before.width_mm, state)
+        state = linearise(before.runs, law, before.geometry, terms, before.width_mm, None)
+        state = linearise(before.runs, law, before.geometry, state.terms, before.width_mm, state)
         use = before.use & state.placed.ok & np.isfinite(state.residual)
         white = whitener(scatter(before.runs, state.placed, use, state.blur_mm), START)
         value, _ = profile(white, state.residual[use], state.design[use], state.prior)

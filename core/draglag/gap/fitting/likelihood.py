@@ -11,10 +11,10 @@ import numpy as np
 from draglag.gap.fitting.model import N_NUISANCES, base_prior
 from draglag.gap.fitting.noise import LOCAL, Components, Scatter
 from draglag.gap.fitting.state import State
-from draglag.gap.fitting.whitening import Seen, Whitener, seen
+from draglag.gap.fitting.whitening import WhitenedColumns, Whitener, whitened_columns
 from draglag.recording import FloatArray
 
-CALM = 4.0  # standard deviations: Huber's corner
+HUBER_K = 4.0  # standard deviations: Huber's corner
 
 
 def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: FloatArray) -> tuple[float, FloatArray]:
@@ -34,8 +34,8 @@ def likelihoods(
     both = np.column_stack([design, residual])
 
     @cache
-    def banded(edge_mm: float, speed: float, tremor_mm_s: float) -> tuple[Seen, FloatArray]:
-        through = seen(parts, Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0), both)
+    def banded(edge_mm: float, speed: float, tremor_mm_s: float) -> tuple[WhitenedColumns, FloatArray]:
+        through = whitened_columns(parts, Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0), both)
         return through, through.columns.T @ through.columns
 
     @cache
@@ -72,7 +72,7 @@ def likeliest(
 def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:
     """Huber's cost after the best nuisances: a step must not be refused for what they would take up."""
     left, own_cost = _without_nuisances(white, state, use)
-    return _calm_cost(left) + own_cost
+    return _huber_cost(left) + own_cost
 
 
 @dataclass(frozen=True)
@@ -97,14 +97,14 @@ def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
     """The way down from a point, far edges pulling but not with their square (Huber)."""
     left, own_cost = _without_nuisances(white, state, use)
     sought = white.apply(state.design[use])
-    calm = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / CALM))
-    whole = sought * calm[:, None]
-    normal, moment = whole.T @ whole, whole.T @ (left * calm)
+    huber = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / HUBER_K))
+    whole = sought * huber[:, None]
+    normal, moment = whole.T @ whole, whole.T @ (left * huber)
     own = _nuisances(state)
     given = np.linalg.inv(normal[own, own] + np.diag(state.prior[own])) @ normal[own]
     curvature = normal - normal[:, own] @ given
     curvature[own], curvature[:, own], moment[own] = 0.0, 0.0, 0.0
-    return Downhill(curvature, moment, _calm_cost(left) + own_cost)
+    return Downhill(curvature, moment, _huber_cost(left) + own_cost)
 
 
 def _nuisances(state: State) -> slice:
@@ -119,12 +119,12 @@ def _without_nuisances(white: Whitener, state: State, use: np.ndarray) -> tuple[
     precision: FloatArray = state.prior[own]
     left: FloatArray = b
     for _ in range(2):
-        calm = a / np.maximum(1.0, np.abs(left) / CALM)[:, None]
-        size = np.linalg.solve(calm.T @ a + np.diag(precision), calm.T @ b)
+        huber = a / np.maximum(1.0, np.abs(left) / HUBER_K)[:, None]
+        size = np.linalg.solve(huber.T @ a + np.diag(precision), huber.T @ b)
         left = np.asarray(b - a @ size, float)
     return left, 0.5 * float(size**2 @ precision)
 
 
-def _calm_cost(z: FloatArray) -> float:
+def _huber_cost(z: FloatArray) -> float:
     size = np.abs(z)
-    return float(np.sum(np.where(size < CALM, 0.5 * size**2, CALM * size - 0.5 * CALM**2)))
+    return float(np.sum(np.where(size < HUBER_K, 0.5 * size**2, HUBER_K * size - 0.5 * HUBER_K**2)))

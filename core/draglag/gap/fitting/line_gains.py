@@ -6,7 +6,7 @@ import numpy as np
 
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.noise import Scatter
-from draglag.gap.fitting.whitening import seen
+from draglag.gap.fitting.whitening import whitened_columns
 from draglag.recording import FloatArray
 from draglag.simulation.residual import LineGains
 
@@ -19,7 +19,7 @@ def line_gains(fit: Fit, parts: Scatter) -> LineGains:
     left = fit.residual_mm - fit.design @ np.linalg.lstsq(design, target, rcond=None)[0]
 
     def gains(columns: FloatArray) -> FloatArray:
-        through = seen(parts, white.components, np.column_stack([columns, left]))
+        through = whitened_columns(parts, white.components, np.column_stack([columns, left]))
         x, common = through.columns, through.common(white.components)[0]
         moment = (x.T @ x[:, -1] - common.T @ common[:, -1])[:-1].reshape(-1, 2)
         size = (np.sum(x**2, axis=0) - np.sum(common**2, axis=0))[:-1].reshape(-1, 2)

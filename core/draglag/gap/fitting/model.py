@@ -1,4 +1,4 @@
-"""The model a session is held against: a latency law, a beam, and the effects added so far."""
+"""The model of a session: a latency law, a beam, and the effects added so far."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 
 @dataclass(frozen=True)
 class LawParameters:
-    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is held; 0 = none."""
+    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is constant; 0 = none."""
 
     a1_s: float
     a2_s_mm: float
@@ -61,7 +61,7 @@ class LawParameters:
         return np.column_stack(out)
 
     def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """The speed that counts: held at the plateau's below it."""
+        """The law's argument: not below the plateau's speed."""
         return self._held(speed_mm_s)[0] if self.plateau_mm_s > 0 else speed_mm_s
 
     def _held(self, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -102,7 +102,7 @@ class LawParameters:
 
 
 def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:
-    """Eq. 5 through the runs' own latencies, each less what the effects say (per run, s). Raises EstimateError."""
+    """Eq. 5 through the runs' own latencies, each less the effects' latency (per run, s). Raises EstimateError."""
     rows = []
     for k, data in enumerate(runs):
         e = data.estimate

@@ -62,8 +62,8 @@ BETWEEN = tuple(product(RUN_S, RUN_MM))
 
 def touch_variances(runs: tuple[RunData, ...], placed: Placed) -> FloatArray:
     """Variance (mm²) of every placed edge from the touch noise alone, (m,)."""
-    across, beside = _touch_rows(runs, placed, np.ones(placed.run.size, bool))
-    return np.asarray((across.power(2) + beside.power(2)).sum(axis=1), float).ravel()
+    across, along = _touch_rows(runs, placed, np.ones(placed.run.size, bool))
+    return np.asarray((across.power(2) + along.power(2)).sum(axis=1), float).ravel()
 
 
 def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> tuple[csr_matrix, csr_matrix]:
@@ -74,10 +74,10 @@ def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> t
     leverage = velocity[:, 1] * placed.slope_s2_mm * placed.stretch
     along_y, along_x = (leverage * velocity[:, axis] / shown for axis in (1, 0))
     place = diags(placed.traces.noise_mm[use]) @ placed.position_rows[use]
-    across, beside = (
-        diags((placed.traces.noise_mm * along)[use]) @ placed.velocity_rows[use] for along in (along_y, along_x)
+    across, along = (
+        diags((placed.traces.noise_mm * cosine)[use]) @ placed.velocity_rows[use] for cosine in (along_y, along_x)
     )
-    rows = place + across, beside
+    rows = place + across, along
     spread = _spread(runs)
     return rows if spread is None else (rows[0] @ spread, rows[1] @ spread)
 

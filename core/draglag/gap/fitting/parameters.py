@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from draglag.gap.fitting.jackknife import jackknife_sd
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
-from draglag.gap.fitting.run_by_run import run_by_run_sd
 from draglag.gap.fitting.state import Term
 from draglag.simulation.effects import column_of, effect_class
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters
@@ -28,7 +28,7 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
 
 
 def _fitted(term: Term, fit: Fit, own: slice) -> FittedTerm:
-    se = np.maximum(np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0)), run_by_run_sd(fit)[own])
+    se = np.maximum(np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0)), jackknife_sd(fit)[own])
     return FittedTerm(fit, term, own, effect_class(term.effect).whole_sizes(term, fit), se)
 
 

@@ -1,9 +1,9 @@
 """Where Eq. 5's rates, and a plateau's speed, would best be sought: over a grid, all else linear.
 
-Gauss–Newton walks along the valley of two exponentials only as far as its start allows. Seen from one placing of the
-edges the residual is linear in everything but the rates and the plateau, and every pair of rates shares its columns
-with the others: white columns of a dozen rates give all pairs at the price of one step (variable projection, Golub and
-Pereyra 1973).
+Gauss–Newton walks along the valley of two exponentials only as far as its start allows. Linearised about one placing
+of the edges the residual is linear in everything but the rates and the plateau, and every pair of rates shares its
+columns with the others: white columns of a dozen rates give all pairs at the cost of one step (variable projection,
+Golub and Pereyra 1973).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.gap.fitting.likelihood import CALM
+from draglag.gap.fitting.likelihood import HUBER_K
 from draglag.gap.fitting.model import LEAST_AMPLITUDE_S, LawParameters
 from draglag.gap.fitting.state import State
 from draglag.gap.fitting.whitening import Whitener
@@ -27,7 +27,7 @@ class WithoutLaw:
     """White residuals of m edges that a law as a whole has yet to explain, and what is common to all laws.
 
     Attributes: target (m,), others (m, q): the asymptote and all that is no law; spread (q, q): their covariance;
-    moment (q,) of the target; v_n (m,) mm/s across; speed_mm_s (m,); calm (m, 1): weights that hold far edges back.
+    moment (q,) of the target; v_n (m,) mm/s across; speed_mm_s (m,); huber (m, 1): weights of Huber's loss.
     """
 
     target: FloatArray
@@ -36,7 +36,7 @@ class WithoutLaw:
     moment: FloatArray
     v_n: FloatArray
     speed_mm_s: FloatArray
-    calm: FloatArray
+    huber: FloatArray
     white: Whitener
 
 
@@ -65,20 +65,23 @@ def without_law(
 ) -> WithoutLaw:
     """Take the present law out of residuals (m,). rest: (m, p) columns that are no law's, prior (p,) theirs."""
     whole = white.apply(np.column_stack([residual_mm - v_n * law(speed_mm_s), -v_n, rest]))
-    calm = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(residual_mm)) / CALM))[:, None]
-    target, others = whole[:, 0] * calm[:, 0], whole[:, 1:] * calm
+    huber = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(residual_mm)) / HUBER_K))[:, None]
+    target, others = whole[:, 0] * huber[:, 0], whole[:, 1:] * huber
     ridge = np.concatenate([[1e-9], prior])
     spread = np.asarray(np.linalg.pinv(others.T @ others + np.diag(ridge), hermitian=True))
-    return WithoutLaw(target, others, spread, others.T @ target, v_n, speed_mm_s, calm, white)
+    return WithoutLaw(target, others, spread, others.T @ target, v_n, speed_mm_s, huber, white)
 
 
-def pairs_at(told: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArray) -> Pairs:
+def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArray) -> Pairs:
     """Every pair of rates, its amplitudes at their best, what is common to all laws projected off."""
-    held = LawParameters(1.0, 1.0, 0.0, 1.0, 0.0, plateau_mm_s).counted_mm_s(told.speed_mm_s)
-    slow = told.white.apply(-told.v_n[:, None] * np.exp(-held[:, None] * rates_s_mm)) * told.calm
-    cross = told.others.T @ slow
-    gram = slow.T @ slow - cross.T @ told.spread @ cross
-    pull = slow.T @ told.target - cross.T @ told.spread @ told.moment
+    counted_mm_s = LawParameters(1.0, 1.0, 0.0, 1.0, 0.0, plateau_mm_s).counted_mm_s(white_system.speed_mm_s)
+    slow = (
+        white_system.white.apply(-white_system.v_n[:, None] * np.exp(-counted_mm_s[:, None] * rates_s_mm))
+        * white_system.huber
+    )
+    cross = white_system.others.T @ slow
+    gram = slow.T @ slow - cross.T @ white_system.spread @ cross
+    pull = slow.T @ white_system.target - cross.T @ white_system.spread @ white_system.moment
     own = np.diag(gram) + 1e-9
     i, j = np.triu_indices(rates_s_mm.size, 1)
     both = own[i] * own[j] - gram[i, j] ** 2
@@ -98,15 +101,15 @@ def best_rates(state: State, white: Whitener, use: np.ndarray) -> tuple[LawParam
     n_law = 6 if law.plateau_mm_s > 0 else 5
     v_n = state.placed.v_mm_s[use, 1] * state.placed.stretch[use]
     rest, prior = state.design[use][:, n_law:], state.prior[n_law:]
-    told = without_law(law, state.placed.speed_mm_s[use], v_n, state.residual[use], rest, prior, white)
+    white_system = without_law(law, state.placed.speed_mm_s[use], v_n, state.residual[use], rest, prior, white)
     best: tuple[float, LawParameters, FloatArray] | None = None
     for plateau in [s * law.plateau_mm_s for s in PLATEAUS] if law.plateau_mm_s > 0 else [0.0]:
-        found = pairs_at(told, plateau, RATES_S_MM)
+        found = pairs_at(white_system, plateau, RATES_S_MM)
         k = int(np.argmax(found.gain))
         if not np.isfinite(found.gain[k]) or (best is not None and found.gain[k] <= best[0]):
             continue
         i, j, (slow, fast) = found.first[k], found.second[k], found.sizes[k]
-        left = told.spread @ (told.moment - found.cross[:, [i, j]] @ found.sizes[k])
+        left = white_system.spread @ (white_system.moment - found.cross[:, [i, j]] @ found.sizes[k])
         rates = float(RATES_S_MM[i]), float(RATES_S_MM[j])
         new = LawParameters(float(slow), rates[0], float(fast), rates[1], float(left[0]), plateau)
         best = float(found.gain[k]), new, np.concatenate([np.zeros(n_law), left[1:]])

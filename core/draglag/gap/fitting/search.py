@@ -1,4 +1,4 @@
-"""What the search of the joint fit asks of a point: its cost beside another, and the best law near it."""
+"""What the search of the joint fit needs of a point: its cost relative to another, and the best law near it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from draglag.gap.traces.run_data import RunData
 MAY_STRAY = 0.1  # of the edges
 
 
-def cost_beside(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
+def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
     """Cost of a state, and which of the used edges (m,) cannot be placed there: these cost what they did before, so
     that nothing is refused or taken for a few. Infinite where they are many."""
     strayed = use & ~(state.placed.ok & np.isfinite(state.residual))
@@ -35,5 +35,5 @@ def at_best_rates(
     if found is None:
         return state, use
     there = stepped(state, found[1], runs, width, found[0])
-    cost, strayed = cost_beside(white, there, state, use)
+    cost, strayed = cost_relative_to(white, there, state, use)
     return (there, use & ~strayed) if cost < cost_without_nuisances(white, state, use) else (state, use)

@@ -29,9 +29,9 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
     t = placed.since_start_s
     span = max(float(np.ptp(t)), 1.0)
     speed = np.maximum(placed.speed_mm_s, 1.0)
-    # Beside a hole in the trace a fit may lie anywhere: no effect of the place is asked for far off the panel.
+    # Next to a hole in the trace a fit may lie anywhere: effects of the place are not evaluated far off the panel.
     x_mm = np.clip(placed.xy_mm[:, 0], -BESIDE * width_mm, (1 + BESIDE) * width_mm)
-    # Where the model says the edge was: the measured y holds the residual itself.
+    # Where the model says the edge was: the measured y contains the residual itself.
     line = geometry.slope * x_mm + geometry.intercept_mm + 0.5 * geometry.diameter_mm * side_of(placed)
     return View(
         x_mm,
@@ -149,8 +149,8 @@ def jumps(v: View) -> list[tuple[str, str, Signature]]:
 def unnamed_columns(v: View, covariate: str, role: str, theta: tuple[float, ...]) -> FloatArray:
     """Residual columns of what ``shape_free`` and ``jumps`` offer. Raises KeyError where neither does."""
     if theta:
-        asked = covariate, role, theta
-        found = (made.columns(v) for along, name, made in jumps(v) if (along, name, made.theta) == asked)
+        wanted = covariate, role, theta
+        found = (made.columns(v) for along, name, made in jumps(v) if (along, name, made.theta) == wanted)
         columns = next(found, None)
         if columns is None:
             raise KeyError(f"no {role} in {covariate} at {theta}")

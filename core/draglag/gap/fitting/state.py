@@ -1,4 +1,4 @@
-"""One point of the joint fit's search: parameters, and the session seen from there."""
+"""One point of the joint fit's search: parameters, and the session linearised there."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from draglag.gap.fitting.law_form import FORM_SD_S, LAW_FORM, LawForm
 from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.fitting.noise import timing_mm, touch_variances
 from draglag.gap.fitting.signatures import view_of
-from draglag.gap.traces.asked import NOW, Asked
 from draglag.gap.traces.edges import Placed, place
+from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay
 from draglag.gap.traces.run_data import RunData
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, effect_class
@@ -22,7 +22,7 @@ from draglag.simulation.residual import Signature, View
 FREE = 1e-12  # precision of an effect's size: none
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
 FAR_S = 0.001  # moved by more, an edge lies where an effect of its place is another
-STRAYED_S = 0.005  # placed by so much more or less than the place itself asks for, it has not come to an end
+STRAYED_S = 0.005  # placed by so much more or less than the model at that place, it has not converged
 FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 
@@ -49,7 +49,7 @@ def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray
 
 @dataclass(frozen=True)
 class State:
-    """One point of the search: parameters, and the session seen from there."""
+    """One point of the search: parameters, and the session linearised there."""
 
     law: LawParameters
     geometry: Geometry
@@ -63,7 +63,7 @@ class State:
     blur_mm: FloatArray
 
 
-def look(
+def linearise(
     runs: tuple[RunData, ...],
     law: LawParameters,
     geometry: Geometry,
@@ -72,15 +72,15 @@ def look(
     before: State | None,
 ) -> State:
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
-    asked = (effect_class(t.effect).asked(t.theta) for t in terms)
-    when = next((one for one in asked if one is not None), NOW)
-    placed = _placed_anew(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
+    delays = (effect_class(t.effect).asked(t.theta) for t in terms)
+    when = next((one for one in delays if one is not None), NO_DELAY)
+    placed = _placed_by_law(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
     view = view_of(placed, law, geometry, width_mm)
     for term in terms:
         view = effect_class(term.effect).view_with(term.theta, view)
     signatures = tuple(term_signature(t, view) for t in terms)
     if extra is not None:
-        # What an edge was placed by has to hold where it came to lie; beside a hole it may have come from anywhere.
+        # The shift by which an edge was placed has to be the model's at its place; next to a hole it may lie anywhere.
         strayed = np.abs(total(signatures, terms, view, "latency") - extra) > STRAYED_S
         placed = replace(placed, ok=placed.ok & ~strayed)
     residual = residual_mm(placed, geometry) - total(signatures, terms, view, "offset")
@@ -96,9 +96,9 @@ def look(
 
 
 @lru_cache(maxsize=2)
-def _placed_anew(runs: tuple[RunData, ...], law: LawParameters, asked: Asked) -> Placed:
-    """The same for the same law, whichever terms are tried beside it."""
-    return place(runs, law, asked=asked)
+def _placed_by_law(runs: tuple[RunData, ...], law: LawParameters, delay: SpeedDelay) -> Placed:
+    """Cached by law: many sets of terms are tried with one."""
+    return place(runs, law, delay=delay)
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
@@ -137,10 +137,10 @@ def stepped(
         theta = effect_class(t.effect).theta_at(t.theta, sizes)
         terms.append(replace(t, sizes=sizes, theta=theta))
         n += k
-    there = look(runs, law, geometry, terms, width_mm, state)
+    there = linearise(runs, law, geometry, terms, width_mm, state)
     if terms and np.max(np.abs(there.placed.latency_s - state.placed.latency_s), initial=0) > FAR_S:
-        # What the terms add was told where the edges had been.
-        there = look(runs, law, geometry, there.terms, width_mm, there)
+        # What the terms add was evaluated where the edges had been.
+        there = linearise(runs, law, geometry, there.terms, width_mm, there)
     return there
 
 
@@ -152,7 +152,7 @@ def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
     local = touch_variances(runs, placed) + state.blur_mm**2
     sd = np.sqrt(local + 0.05**2 + (0.02 * follows * placed.speed_mm_s) ** 2 + timing_mm(placed) ** 2)
     use &= sd < FAR_MM
-    # A run that mostly starts and stops is no witness to a law: its few edges left would speak for those that went.
+    # A run that mostly starts and stops is no evidence on a law: its few edges left would stand for those excluded.
     for k, data in enumerate(runs):
         own = placed.run == k
         if not data.steady and np.count_nonzero(use & own) < 0.5 * np.count_nonzero(own):
@@ -184,23 +184,23 @@ def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarr
         columns = [np.ones_like(v), v / size, side, np.abs(v) / size, side * v / size, side * np.sign(v)]
         design = np.column_stack(columns) if own.size > 20 else np.column_stack(columns[:2])
         z, design = residual[own] / sd[own], design / sd[own][:, None]
-        left, held = _left_by_levels(z, design)
-        # The one edge near a standstill holds a level of its own: what it leaves is little, wherever it lies, and
+        left, leverage = _residual_after_levels(z, design)
+        # An edge that alone has a level of its own has leverage 1: what it leaves is little, wherever it lies, and
         # others are judged without it.
-        alone = (held > ALL_BUT_ITS_OWN) & (left > most)
+        alone = (leverage > ALL_BUT_ITS_OWN) & (left > most)
         keep[own[alone]] = False
-        keep[own[~alone][_left_by_levels(z[~alone], design[~alone])[0] > most]] = False
+        keep[own[~alone][_residual_after_levels(z[~alone], design[~alone])[0] > most]] = False
     return keep
 
 
-def _left_by_levels(z: FloatArray, design: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _residual_after_levels(z: FloatArray, design: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What robust levels leave of each edge, in robust standard deviations of what they leave of it, and the share of
-    its own level that each edge holds, (m,)."""
+    leverage of each edge, (m,)."""
     weight = np.ones(z.size)
     for _ in range(5):
         beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
         left = np.abs(z - design @ beta)
         scale = max(1.4826 * float(np.median(left)), 0.5)
         weight = np.sqrt(np.minimum(1.0, 2 * scale / np.maximum(left, 1e-9)))
-    held = np.sum(np.linalg.qr(design * weight[:, None])[0] ** 2, axis=1)
-    return left / (scale * np.sqrt(np.maximum(1 - held, 1e-3))), held
+    leverage = np.sum(np.linalg.qr(design * weight[:, None])[0] ** 2, axis=1)
+    return left / (scale * np.sqrt(np.maximum(1 - leverage, 1e-3))), leverage

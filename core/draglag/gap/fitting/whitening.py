@@ -42,25 +42,25 @@ class Whitener:
         if not columns.size:
             return np.zeros(values.shape)
         x = dtbtrs(self.banded, np.asfortranarray(columns), uplo="L")[0]
-        white = self._less_common(x, self.common, self.lead, -1) / self.step[:, None]
+        white = self._without_common(x, self.common, self.lead, -1) / self.step[:, None]
         return np.asarray(white, np.float64).reshape(values.shape)
 
     def colour(self, white: FloatArray) -> FloatArray:
         """Residuals (m, k) of this covariance from white ones: the inverse of ``apply``."""
-        x = self._less_common(white * self.step[:, None], self.lead / self.step[:, None] ** 2, self.common, 1)
+        x = self._without_common(white * self.step[:, None], self.lead / self.step[:, None] ** 2, self.common, 1)
         out = np.zeros_like(x)
         for j, band in enumerate(self.banded):
             out[j:] += band[: x.shape[0] - j, None] * x[: x.shape[0] - j]
         return out
 
-    def _less_common(self, x: FloatArray, seen: FloatArray, shown: FloatArray, sign: int) -> FloatArray:
-        """x ± Σ_r shown_r · (sum of seen_r · x over the run's earlier edges), x (m, k)."""
+    def _without_common(self, x: FloatArray, inner: FloatArray, outer: FloatArray, sign: int) -> FloatArray:
+        """x ± Σ_r outer_r · (sum of inner_r · x over the run's earlier edges), x (m, k)."""
         out = x.copy(order="F")
         total = np.zeros((x.shape[1], x.shape[0] + 1))
-        for r in np.flatnonzero(shown.any(axis=0)):
-            np.cumsum(x.T * seen[:, r], axis=1, out=total[:, 1:])
+        for r in np.flatnonzero(outer.any(axis=0)):
+            np.cumsum(x.T * inner[:, r], axis=1, out=total[:, 1:])
             sums = total[:, :-1] - total.take(self.begin, axis=1, mode="clip")
-            sums *= sign * shown[:, r]
+            sums *= sign * outer[:, r]
             out += sums.T
         return out
 
@@ -88,8 +88,8 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """Columns (m, k) seen through B, for inner products under every C that has it: xᵀ C⁻¹ y is that of ``columns``
+class WhitenedColumns:
+    """Columns (m, k) whitened by B = LLᵀ, for inner products under every C that has it: xᵀ C⁻¹ y is that of ``columns``
     less that of ``common``'s rows (Woodbury).
 
     Attributes:
@@ -111,7 +111,7 @@ class Seen:
         return rows, self.log_det + 2 * float(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2))))
 
 
-def seen(parts: Scatter, components: Components, columns: FloatArray) -> Seen:
+def whitened_columns(parts: Scatter, components: Components, columns: FloatArray) -> WhitenedColumns:
     """Columns (m, k) through the banded part of a scatter; of its components only those of single edges and of the
     speed matter.
 
@@ -125,7 +125,9 @@ def seen(parts: Scatter, components: Components, columns: FloatArray) -> Seen:
     begins = np.flatnonzero(np.diff(parts.run, prepend=-1))
     for own in (slice(*ends) for ends in pairwise([*begins, parts.run.size])):
         inner[parts.run[own.start]] = through[own, :3].T @ through[own]
-    return Seen(parts, through[:, 3:], 2 * float(np.sum(np.log(factor[0]))), inner[:, :, 3:], inner[:, :, :3])
+    return WhitenedColumns(
+        parts, through[:, 3:], 2 * float(np.sum(np.log(factor[0]))), inner[:, :, 3:], inner[:, :, :3]
+    )
 
 
 def _banded(parts: Scatter, components: Components) -> FloatArray:

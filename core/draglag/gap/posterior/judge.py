@@ -15,7 +15,7 @@ from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, compared, unsound_share
-from draglag.gap.proposing.own_way import own_way
+from draglag.gap.proposing.of_effect import refit_module
 from draglag.gap.proposing.proposals import refits_with, shown_by_edges, shown_by_traces
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, effect_class
@@ -176,7 +176,7 @@ def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]
     own, whichever explanation leads by columns. Those that the touch events show by themselves are among them."""
     gains = _gains(pool, allowed)
     least = max(PROMISING, HOPELESS * max(gains.values(), default=0.0))
-    changing = (name for name, gain in gains.items() if gain > least and own_way(name) is not None)
+    changing = (name for name, gain in gains.items() if gain > least and refit_module(name) is not None)
     return tuple(dict.fromkeys((*changing, *(name for name in gains if shown_by_traces(first, name)))))
 
 

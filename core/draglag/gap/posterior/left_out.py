@@ -1,7 +1,7 @@
 """What a hypothesis pays for edges that it cannot be judged by: none may choose its data.
 
 All explanations are compared on the edges that all of them use. An edge that one of them leaves open, because its
-effect says no more than that the edge lies within a range, counts against it by the density that it gives the edge:
+effect leaves an edge anywhere within a range, is penalised by the density that it gives the edge:
 a uniform range, widened by the noise, against the noise alone.
 """
 
@@ -19,7 +19,7 @@ from draglag.gap.proposing.left_open import open_mm
 from draglag.recording import FloatArray
 
 
-def left_open_nats(fit: Fit, base: Fit) -> float:
+def freedom_nats(fit: Fit, base: Fit) -> float:
     """Nats that a fit pays for the edges of ``base`` that its effects leave open; 0 where they leave none."""
     if fit.only is None or fit.use.size != base.use.size:
         return 0.0

@@ -22,7 +22,7 @@ class Part:
 PARTS = {
     # Edges by themselves, mm: comparator, chatter, what the local fits leave.
     "edge_mm": Part((0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45), 0.15, 0.14),
-    # Relative error of the speed that the law is asked at.
+    # Relative error of the law's argument, a speed.
     "speed": Part((0.0, 0.003, 0.006, 0.01, 0.015, 0.022, 0.03, 0.045), 0.02, 0.022),
     # Error of that speed by tremor, mm/s: 0.1 mm at 9 Hz is 5 mm/s.
     "tremor_mm_s": Part((0.0, 1.0, 2.0, 3.0, 4.5, 6.5, 9.0), 4.0, 6.5),
@@ -39,7 +39,7 @@ PARTS = {
 (facts on hands, digitisers and sensors), checked on sound sessions of two generators."""
 
 UNSURE_AGE_SD_S = 0.002
-"""Prior standard deviation of both latenesses where the streams show held or rounded stamps: a tick is 8 to 16 ms."""
+"""Prior standard deviation of both latenesses where the stamps are sampled or rounded: a tick is 8 to 16 ms."""
 
 
 @dataclass(frozen=True)

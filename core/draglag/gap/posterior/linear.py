@@ -1,4 +1,4 @@
-"""A session seen from one fit: the residual is linear in everything that may explain it.
+"""A session linearised about one fit: the residual is linear in everything that may explain it.
 
 r = A b + T t + Σ X_j g_j + e: law, beam and nuisances b with their priors; tolerance t, everything smooth that is too
 small to matter; members j, g_j ~ N(0, s² I) in columns of 1 mm RMS; e the noise. Evidence has b, t and g integrated
@@ -63,7 +63,7 @@ class Normal:
 def linearised(
     fit: Fit, allowed: Sequence[str] | frozenset[str], unsure_ages: bool = False, edges: np.ndarray | None = None
 ) -> Linear:
-    """The session seen from a fit. edges: mask over all placed edges, those to judge by; None for all of the fit's."""
+    """The session linearised about a fit. edges: mask over all placed edges, those to judge by; None: the fit's."""
     keep = np.ones(fit.residual_mm.size, bool) if edges is None else edges[fit.use]
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     members = [*_own(fit), *members_of(fit, parts, allowed)]

@@ -12,7 +12,7 @@ from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, effects_in, effects_in_law
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.posterior.law_shape import falling_share
-from draglag.gap.posterior.left_out import left_open_nats
+from draglag.gap.posterior.left_out import freedom_nats
 from draglag.gap.posterior.levels import Levels
 from draglag.gap.posterior.linear import Linear, Normal, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import UNNAMED
@@ -100,7 +100,7 @@ def compared(
 ) -> Pool:
     """Everything that may explain the session, at each of its fits; the first is the one without effects.
 
-    A set that holds an effect of some fit is judged there too; a fit with an effect says nothing of sets without it.
+    A set that holds an effect of some fit is judged there too; a fit with an effect does not judge sets without it.
     before: a pool of some of these fits, whose levels of the noise are taken over.
     """
     edges = np.logical_and.reduce([fit.use for fit in fits])
@@ -117,7 +117,7 @@ def compared(
     found: dict[Names, Found] = {}
     searches = [searched(linear, _normals(linear, tuple(levels)), without, most) for linear in linears]
     for search in searches:
-        open_nats = left_open_nats(search.linear.fit, fits[0])
+        open_nats = freedom_nats(search.linear.fit, fits[0])
         for names, one in _by_names(search, open_nats).items():
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
@@ -141,8 +141,8 @@ def _likely_levels(
     if not out:
         found = likeliest_levels(linear)
         # A single run that lies off makes all runs seem to scatter: it is judged where the others scatter little, too.
-        calm = found.at(run_s=min(found.run_s, Levels().run_s))
-        out |= dict.fromkeys((*_and_sound(linear, found), *_and_sound(linear, calm)))
+        sound = found.at(run_s=min(found.run_s, Levels().run_s))
+        out |= dict.fromkeys((*_and_sound(linear, found), *_and_sound(linear, sound)))
     best = _own_best(searched(linear, _normals(linear, tuple(out)), without, most))
     if best is not None and best.members:
         levels = likeliest_levels(linear, best.members, best.scales_mm, next(iter(out)))

@@ -117,9 +117,9 @@ def _extended(
     gains = np.empty((len(normals), len(linear.members), SCALES_MM.size))
     bases = np.empty(len(normals))
     for n, one in enumerate(normals):
-        bases[n], held = _given(linear, one, explanation)
+        bases[n], given = _given(linear, one, explanation)
         for which, at in groups:
-            gains[n, which] = _gain(one, held, at)
+            gains[n, which] = _gain(one, given, at)
     each = logsumexp(bases[:, None, None] + gains, axis=0)  # (members, scales)
     prior = sum(linear.members[i].log_prior for i in explanation.members)
     spent = explanation.size * np.log(SCALES_MM.size)  # of the members before: their scales are at their best
@@ -174,9 +174,9 @@ def _given(
     return value, (at, np.linalg.solve(root, np.diag(scale)), half)
 
 
-def _gain(one: Normal, held: tuple[IntArray, FloatArray, FloatArray], at: IntArray) -> FloatArray:
-    """Log evidence that members (c,) of columns ``at`` (c, k) add to those held, for each scale, (c, scales)."""
-    own, root, half = held
+def _gain(one: Normal, given: tuple[IntArray, FloatArray, FloatArray], at: IntArray) -> FloatArray:
+    """Log evidence that members (c,) of columns ``at`` (c, k) add to those in the set, for each scale, (c, scales)."""
+    own, root, half = given
     gram = one.gram[at[:, :, None], at[:, None, :]]
     moment = one.moment[at]
     if own.size:

@@ -1,4 +1,4 @@
-"""What the posterior says: quiet, a set of names, or something without one; and how sure that is."""
+"""The posterior's answer: no gap, a set of names, or something without one; and how sure that is."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ REPORTED = 0.95  # of the mass
 
 
 @dataclass(frozen=True)
-class Said:
+class Answer:
     """The verdict of a pool.
 
     Attributes: verdict: no_gap | explained | unexplained. effects: those named. unexplained_by: covariate. probability:
@@ -33,7 +33,7 @@ class Said:
     tolerated: tuple[tuple[str, float, float], ...]
 
 
-def said(pool: Pool) -> Said:
+def answer_of(pool: Pool) -> Answer:
     """What of a pool is of interest."""
     sets: dict[Names, float] = {}
     leading: dict[Names, Names] = {}
@@ -65,7 +65,7 @@ def said(pool: Pool) -> Said:
     # Where more follows what an effect follows, and has no name, the whole of it has none.
     nameless = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
     effects = tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in nameless)
-    return Said(verdict, effects, by, min(p, constants.STATED_AT_MOST), tuple(shown), _tolerated(pool, names))
+    return Answer(verdict, effects, by, min(p, constants.STATED_AT_MOST), tuple(shown), _tolerated(pool, names))
 
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from draglag.gap.fitting.state import Term
-from draglag.gap.proposing.own_way import own_way
+from draglag.gap.proposing.of_effect import refit_module
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
 
@@ -16,7 +16,7 @@ def open_mm(placed: Placed, terms: Sequence[Term]) -> FloatArray:
     """By how much the terms leave open where each edge lies that they cannot be judged by, (m,) mm either way."""
     out = np.zeros(len(placed))
     for term in terms:
-        own = own_way(term.effect)
+        own = refit_module(term.effect)
         if own is not None and hasattr(own, "open_mm"):
             out += own.open_mm(placed, term)
     return out

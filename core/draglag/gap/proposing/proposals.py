@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.state import Term
-from draglag.gap.proposing.own_way import own_way
+from draglag.gap.proposing.of_effect import refit_module
 from draglag.gap.proposing.plain import refit
 from draglag.recording import Session
 
@@ -14,7 +14,7 @@ def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, 
 
     theta: the setting at which its columns explain most.
     """
-    own = own_way(effect)
+    own = refit_module(effect)
     if own is not None and hasattr(own, "refits"):
         return [fit for fit in own.refits(session, before, theta) if fit is not None]
     fit = refit(session, before, [*before.terms, Term(effect, theta)])
@@ -23,17 +23,17 @@ def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, 
 
 def shown_by_traces(before: Fit, effect: str) -> bool:
     """Whether the touch events show the effect by themselves: then a refit is worth it whatever the edges say."""
-    own = own_way(effect)
+    own = refit_module(effect)
     return own is not None and hasattr(own, "shown_by_traces") and bool(own.shown_by_traces(before))
 
 
 def possible_in(before: Fit, effect: str) -> bool:
     """Whether the touch events leave room for the effect: thousands of events exclude what a hundred edges cannot."""
-    own = own_way(effect)
+    own = refit_module(effect)
     return own is None or not hasattr(own, "possible_in") or bool(own.possible_in(before))
 
 
 def shown_by_edges(before: Fit, effect: str) -> bool:
     """Whether single edges show what the effect's columns do not: worth a refit where something has no name."""
-    own = own_way(effect)
+    own = refit_module(effect)
     return own is not None and hasattr(own, "shown_by_edges") and bool(own.shown_by_edges(before))

@@ -18,11 +18,11 @@ from draglag.simulation.effects import effect_class
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
-    """The law of a joint fit as a curve, its covariance beside beam and effects: Eq. 5, with a plateau if it has one.
+    """The law of a joint fit as a curve: Eq. 5, with a plateau if it has one; beam and effects are marginalised.
 
     The plateau's corner, which the fit rounds by what a speed is unsure by, is sharp here.
 
-    rms_s and between_runs_s are of the runs' own latencies about the law and the effects beside it.
+    rms_s and between_runs_s are of the runs' own latencies about the law plus the effects.
     """
     plateau = fit.law.plateau_mm_s > 0
     form = FORMS["double_exponential_plateau" if plateau else "double_exponential"]
@@ -75,7 +75,7 @@ def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
 
 
 def _undone_s(fit: Fit) -> FloatArray:
-    """How much later every placed edge was shown than the trace says after effects were undone in it, (m,) s."""
+    """How much later every placed edge was shown than in the trace from which effects were removed, (m,) s."""
     out = np.zeros(len(fit.placed))
     for term in fit.terms:
         out += effect_class(term.effect).undone_s(term, fit.placed)

@@ -1,4 +1,4 @@
-"""The stylus' own path behind a measured trace, as the present model has it."""
+"""The stylus' own path, recovered from a measured trace under the present model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROUNDS_UNSTEADY = 10
 def hand_motion(
     rig: Rig, data: RunData, latency_s: FloatArray, effects: Sequence[Effect], origin_s: float
 ) -> tuple[Motion, float]:
-    """The stylus' own motion behind a measured trace, on the simulation's grid, and when it begins (host time, s).
+    """The stylus' own motion behind a trace, on the simulation's grid, and when it begins (host time, s).
 
     At each moment t the trace is read at t + L(t), smoothed as the fit smooths it, and freed of what the model adds to
     the position. L and that displacement come from the forward chain itself, a few times over.
@@ -68,7 +68,7 @@ def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, Cubic
     """The trace as the fit smooths it (mm) and its velocity (mm/s), as functions of the trace's own time (s).
 
     One fit for each point of the coarse grid: between two of them, a fifth of an event's interval, a fit changes by
-    nothing but its own motion.
+    its own motion only.
     """
     grid_s = np.linspace(data.t_s[0], data.t_s[-1], int(np.ptp(data.t_s) * GRID_HZ / COARSE) + 2)
     near = local_fit(data.t_s, data.xy_mm, grid_s, data.half_s)

@@ -23,7 +23,7 @@ def named_effects(fit: Fit) -> dict[str, dict[str, float]]:
 
 
 def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = None) -> tuple[Effect, ...]:
-    """Effects as the simulation has them; a size beyond the bounds of its class is held at the bound."""
+    """Effects as the simulation has them; a size beyond the bounds of its class is clipped to the bound."""
     named = named_effects(fit) if named is None else named
     out: list[Effect] = []
     for name, numbers in named.items():
@@ -37,7 +37,7 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 
 
 def made(name: str, numbers: Mapping[str, float]) -> Effect:
-    """An effect of the library from its numbers; what is not given is typical, what is out of bounds is held."""
+    """An effect of the library from its numbers; what is not given is typical, what is out of bounds is clipped."""
     cls = EFFECTS[name]
     return cls(*(min(max(numbers.get(p.name, p.typical), p.lower), p.upper) for p in cls.parameters))
 
@@ -93,8 +93,8 @@ def rig_with_law(
     own = {name: value for name, value in parameters.items() if name not in homes}
     if not own.keys() <= zero.keys():
         raise DataError(f"a law of the form {form} cannot be simulated", "Save a model with --form double_exponential")
-    held = ((homes[name], value) for name, value in parameters.items() if name in homes and value)
-    effect = next((made(home.id, {home.parameters[0].name: value}) for home, value in held), None)
+    known = ((homes[name], value) for name, value in parameters.items() if name in homes and value)
+    effect = next((made(home.id, {home.parameters[0].name: value}) for home, value in known), None)
     law = LatencyLaw(**{**zero, **own})
     law = replace(law, a7_ms=law.a7_ms - 1e3 * held_s(effects))
     later_s = 1e-3 * (law.a7_ms - rig.law.a7_ms)

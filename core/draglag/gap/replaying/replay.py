@@ -68,7 +68,7 @@ class Replay:
     """A session simulated again.
 
     Attributes:
-        effects: what the simulation held. session: the simulated session.
+        effects: what was simulated. session: the simulated session.
         runs: one a run of the fit, in order.
         run, measured_s, simulated_s, falling: (m,) the edges the fit uses, and when the simulation has them (NaN where
         it has no such edge); time of the host's clock.
@@ -115,7 +115,7 @@ class Replay:
 
     @property
     def rms_ms_ci95(self) -> tuple[float, float]:
-        """95 % interval of ``rms_ms`` from the scatter between runs (runs drawn anew)."""
+        """95 % interval of ``rms_ms`` from the scatter between runs (bootstrap over runs)."""
         return _between_runs(self.run, self.difference_mm, self.across_mm_s)
 
     def latencies_ms(self) -> list[tuple[str, float, float, float, float, float]]:
@@ -172,20 +172,20 @@ def replay(
         fit: the model: law, beam, and the edges to judge by.
         named: effect id → parameters; None = the terms of the fit. Effects of the stream (a holding loop, batches) and
             of the clock come only from here.
-        reference: the model both are held against in ``measured`` and ``simulated``; None = ``fit``.
+        reference: the model whose residuals are ``measured`` and ``simulated``; None = ``fit``.
         raw: the measured runs before their streams were repaired, where the fit is of repaired ones: both estimates of
-            a run are then of streams as they come.
+            a run are then of unrepaired streams.
 
     Raises EstimateError where no run can be simulated.
     """
-    tell = progress or (lambda fraction, text: None)
+    report_progress = progress or (lambda fraction, text: None)
     reference = reference or fit
     effects = effects_of_fit(fit, named)
     rig = rig_of(session, fit, effects)
     origin_s = min(data.t_s[0] for data in fit.runs)
     simulated_runs = []
     for k, data in enumerate(as_shown(fit.runs)):
-        tell(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
+        report_progress(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
         own = np.interp(data.edge_t_s, *_sorted(fit, k))
         motion, start_s = hand_motion(rig, data, own, effects, origin_s)
         simulated_runs.append(_simulated(rig, data, motion, start_s, effects, origin_s, k))
@@ -193,16 +193,16 @@ def replay(
     again = replace(session, name=name, runs=tuple(simulated_runs), beam=rig.beam, taps=None)
     if not any(run.laser.t_s.size for run in again.runs):
         raise EstimateError(f"{session.name}: the simulated hand never crosses the beam", "Check beam and calibration")
-    tell(0.85, "estimating the simulated runs")
+    report_progress(0.85, "estimating the simulated runs")
     # Batches, coarse clocks and the like are repaired before anything is estimated, in the simulation as in the
-    # measurement; a loop's delay is seen in the streams as they come.
+    # measurement; a loop's delay is estimated in unrepaired streams.
     repaired = any(effect.undone_in == "stream" and not effect.estimated_with for effect in effects)
-    seen = gather(inspect(again)[1] if repaired else again)
+    again_runs = gather(inspect(again)[1] if repaired else again)
     measured = {data.run.id: data.estimate for data in (raw if raw is not None else fit.runs)}
-    estimates = {data.run.id: data.estimate for data in seen}
+    estimates = {data.run.id: data.estimate for data in again_runs}
     runs = tuple(RunReplay(d.run.id, d.run.protocol, measured.get(d.run.id), estimates.get(d.run.id)) for d in fit.runs)
     if any(effect.estimated_with for effect in effects):
-        seen = gather(inspect(again)[1])
+        again_runs = gather(inspect(again)[1])
     measured_s = fit.placed.t_s[fit.use]
     falling = fit.placed.falling[fit.use]
     simulated_s = np.full(measured_s.size, np.nan)
@@ -211,7 +211,7 @@ def replay(
             mine = np.flatnonzero((fit.run_index == k) & (falling == falls))
             theirs = run.laser.t_s[run.laser.light == (0 if falls else 1)]
             simulated_s[mine] = _nearest(measured_s[mine], np.sort(theirs))
-    tell(1.0, "done")
+    report_progress(1.0, "done")
     return Replay(
         effects,
         again,
@@ -222,20 +222,20 @@ def replay(
         falling,
         fit.placed.v_mm_s[fit.use, 1],
         Overlay(reference.residual_mm, reference.run_index.astype(np.int64), reference.view),
-        _overlay(seen, reference),
+        _overlay(again_runs, reference),
         fit.whiteners[fit.best].components.run_s,
     )
 
 
 @one_blas_thread
 def replays(session: Session, report: GapReport, progress: Progress | None = None) -> tuple[Replay, ...]:
-    """The present model's replay, and one with each step of a gap report added, all held against the present model.
+    """The present model's replay, and one with each step of a gap report added, all compared with the present model.
 
     Raises EstimateError for a report without a verdict, or where no run can be simulated.
     """
     if report.first is None or report.last is None:
         raise EstimateError(f"{report.session}: there is no model to simulate with", "; ".join(report.missing))
-    tell = progress or (lambda fraction, text: None)
+    report_progress = progress or (lambda fraction, text: None)
     session = report.judged(session)
     raw = gather(session) if any(effect_class(step.effect).estimated_with for step in report.steps) else None
     fits = [report.first]
@@ -247,7 +247,7 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
         named = {s.effect: {name: value for name, (value, _) in s.parameters.items()} for s in report.steps[:k]}
 
         def part(fraction: float, text: str, k: int = k) -> None:
-            tell((k + fraction) / len(fits), text)
+            report_progress((k + fraction) / len(fits), text)
 
         out.append(replay(session, fit, named, report.first, part, raw))
     return tuple(out)
@@ -272,10 +272,12 @@ def _simulated(
         session_start_s=origin_s,
     )  # fmt: skip
     touch = run.touch
-    seen = (touch.t_s >= data.t_s[0]) & (touch.t_s <= data.t_s[-1])
+    in_contact = (touch.t_s >= data.t_s[0]) & (touch.t_s <= data.t_s[-1])
     for begin, end in contact_losses(data.t_s):
-        seen &= (touch.t_s <= begin) | (touch.t_s >= end)
-    kept = TouchTrace(touch.t_s[seen], touch.x_mm[seen], touch.y_mm[seen], touch.contact_id[seen])
+        in_contact &= (touch.t_s <= begin) | (touch.t_s >= end)
+    kept = TouchTrace(
+        touch.t_s[in_contact], touch.x_mm[in_contact], touch.y_mm[in_contact], touch.contact_id[in_contact]
+    )
     was = data.run
     return replace(
         run, touch=kept, protocol=was.protocol, nominal_speed_mm_s=was.nominal_speed_mm_s, radius_mm=was.radius_mm

@@ -20,7 +20,7 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True)
 class StreamEffect:
-    """One effect seen in a stream: its size with a 95 % interval, where it shows, and the evidence in words.
+    """One effect detected in a stream: its size with a 95 % interval, where it shows, and the evidence in words.
 
     ``undone``: whether the repaired session is free of what it does to the edges. ``also``: its other numbers.
     ``rivals``: effects of which the stream could be as well.
@@ -61,7 +61,7 @@ class Streams:
     _known: dict[Callable[..., Any], Any] = field(default_factory=dict, repr=False)
 
     def of(self, detect: Callable[[Streams], Found]) -> Found:
-        """What a detector finds in these streams, asked once: rivals ask for each other's."""
+        """What a detector finds in these streams, computed once: rivals use each other's."""
         if detect not in self._known:
             self._known[detect] = detect(self)
         found: Found = self._known[detect]

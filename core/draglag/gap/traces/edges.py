@@ -10,18 +10,18 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from draglag.events import in_contact, sample_interval_s
-from draglag.gap.traces.asked import NOW, Asked, asked_speeds, speed_apart
+from draglag.gap.traces.dewarped import DewarpedKinematics
+from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay, delayed_speed_difference, delayed_speeds
 from draglag.gap.traces.local_fits import Traces, traces_of
 from draglag.gap.traces.run_data import RunData
-from draglag.gap.traces.unwarped import Unwarped
 from draglag.inversion import slope_of, stylus_speed, stylus_time_s
 from draglag.motion import speed_half_widths_s
 from draglag.recording import FloatArray, IntArray
 
 Law = Callable[[FloatArray], FloatArray]
-STRAIGHT_S = 0.001  # so near, a velocity and its rate of change say what a new fit would
-NEAR_S = 0.004  # further, they say nothing
-FEW_TO_BEND = 8  # edges of a run, below which its median curvature says less than each of its own
+STRAIGHT_S = 0.001  # so near, a velocity and its rate of change predict a new fit
+NEAR_S = 0.004  # further, they do not
+FEW_TO_BEND = 8  # edges of a run, below which its median curvature is less accurate than each edge's own
 ROUNDS, STEPS = 8, 6  # a step is at most 20 ms: a law may lie far off where a fit begins
 EXACT_S = 2e-5
 FEW = 0.002  # of all edges
@@ -64,7 +64,7 @@ class Placed:
     position_at_s: FloatArray
     speed_at_s: FloatArray
     traces: Traces
-    trace: Unwarped
+    trace: DewarpedKinematics
 
     def __len__(self) -> int:
         return int(self.t_s.size)
@@ -85,10 +85,10 @@ def place(
     law: Law,
     extra_s: FloatArray | None = None,
     start: Placed | None = None,
-    asked: Asked = NOW,
+    delay: SpeedDelay = NO_DELAY,
 ) -> Placed:
     """Solve L = law(v) + extra at every edge. extra_s: (m,) from effects. start: a previous placing to begin from.
-    asked: of which moment v is."""
+    delay: of which moment v is."""
     traces = traces_of(runs)
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
@@ -97,14 +97,14 @@ def place(
         latency = np.where(np.isfinite(start.latency_s), start.latency_s, start.speed_at_s - edge_s)
     else:
         latency, half_s = _begun(traces, law)
-    asked_at = _asked(traces, law, asked)
+    law_speeds = _law_speeds(traces, law, delay)
     latency, speed, step = latency.copy(), np.zeros(edge_s.size), np.zeros(edge_s.size)
     made = np.empty((edge_s.size, 8))
     open_ = traces.edges
     for _ in range(ROUNDS):
         made[open_] = traces.speeds.at(edge_s[open_] + latency[open_], half_s[open_], open_)
         latency[open_], speed[open_], step[open_] = _solved(
-            traces, open_, made[open_], latency[open_], law, added_s[open_], asked_at
+            traces, open_, made[open_], latency[open_], law, added_s[open_], law_speeds
         )
         open_ = open_[np.abs(edge_s[open_] + latency[open_] - made[open_, 0]) >= STRAIGHT_S]
         if open_.size <= (0 if start is None else FEW * edge_s.size):
@@ -140,7 +140,7 @@ def place(
         speed_mm_s=speed,
         xy_mm=xy_mm,
         v_mm_s=v_mm_s,
-        a_mm_s2=_calm_acceleration(run, ok & traces.steady, v_mm_s, a_mm_s2, change, len(runs)),
+        a_mm_s2=_run_acceleration(run, ok & traces.steady, v_mm_s, a_mm_s2, change, len(runs)),
         accel_mm_s2=along,
         accel_apart_mm_s2=apart,
         slope_s2_mm=slope,
@@ -151,11 +151,11 @@ def place(
         position_at_s=there[:, 0],
         speed_at_s=made[:, 0],
         traces=traces,
-        trace=Unwarped(runs, run, t_s + latency),
+        trace=DewarpedKinematics(runs, run, t_s + latency),
     )
 
 
-def _calm_acceleration(
+def _run_acceleration(
     run: IntArray, steady: np.ndarray, v_mm_s: FloatArray, a_mm_s2: FloatArray, change_mm_s2: FloatArray, n_runs: int
 ) -> FloatArray:
     """Accelerations (m, 2) of steady runs from the trace's change of speed and the run's median curvature.
@@ -193,20 +193,20 @@ def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True)
-class _AskedAt:
-    """Over all traces: the speed that the law is asked at where a run keeps moving, and what is added to the edge's own
+class _LawSpeeds:
+    """Over all traces: the law's argument where a run keeps moving, and what is added to the edge's own
     speed elsewhere; None where the edge's own is meant."""
 
     followed: tuple[FloatArray, FloatArray]
     apart: tuple[FloatArray, FloatArray] | None
 
 
-def _asked(traces: Traces, law: Law, asked: Asked) -> _AskedAt:
+def _law_speeds(traces: Traces, law: Law, delay: SpeedDelay) -> _LawSpeeds:
     each = list(zip(traces.runs, traces.shift_s, strict=True))
-    moving = asked_speeds([data for data, _ in each if data.keeps_moving], law, asked)
+    moving = delayed_speeds([data for data, _ in each if data.keeps_moving], law, delay)
     followed = [(t + by, v) for (t, v), by in zip(moving, [by for d, by in each if d.keeps_moving], strict=True)]
-    apart = [(speed_apart(d, law, asked), by) for d, by in each if not d.keeps_moving and asked[1]]
-    return _AskedAt(_joined(followed) or (np.zeros(1), np.zeros(1)), _joined([(t + by, v) for (t, v), by in apart]))
+    apart = [(delayed_speed_difference(d, law, delay), by) for d, by in each if not d.keeps_moving and delay[1]]
+    return _LawSpeeds(_joined(followed) or (np.zeros(1), np.zeros(1)), _joined([(t + by, v) for (t, v), by in apart]))
 
 
 def _joined(parts: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray] | None:
@@ -223,11 +223,11 @@ def _solved(
     latency: FloatArray,
     law: Law,
     added_s: FloatArray,
-    asked_at: _AskedAt,
+    law_speeds: _LawSpeeds,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Latency, stylus' speed and last step, (q,) each, of L = law(v) + added at some edges, traces taken for straight.
 
-    fast: (q, 8) rows of the speeds' fits. An edge that has left what its fit can tell waits for another.
+    fast: (q, 8) rows of the speeds' fits. An edge that has left where its fit is valid waits for another.
     """
     latency, step, speed = latency.copy(), np.zeros(edges.size), np.zeros(edges.size)
     edge_s, followed = traces.edge_t_s[edges], traces.keeps_moving[edges]
@@ -235,13 +235,13 @@ def _solved(
     moving = np.arange(edges.size)
     for _ in range(STEPS):
         at_s = edge_s[moving] + latency[moving]
-        now = np.interp(at_s, *asked_at.followed)
+        now = np.interp(at_s, *law_speeds.followed)
         changing = np.flatnonzero(~followed[moving])
         if changing.size:
             rows = fast[moving[changing]]
             own = stylus_speed(law, _moved(rows, at_s[changing])[1], rows[:, 5:7])
-            if asked_at.apart is not None:
-                own = np.maximum(own + np.interp(at_s[changing], *asked_at.apart), 0.0)
+            if law_speeds.apart is not None:
+                own = np.maximum(own + np.interp(at_s[changing], *law_speeds.apart), 0.0)
             now[changing] = own
         by_s = share[moving] * (law(now) + added_s[moving] - latency[moving]).clip(-0.02, 0.02)
         by_s = np.where(fast[moving, 7] > 0, by_s, 0.0)
@@ -254,7 +254,7 @@ def _solved(
 
 
 def _moved(rows: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity of fits a little beside where they were made, (m, 2) each."""
+    """Position and velocity of fits a little away from where they were made, (m, 2) each."""
     apart_s = (at_s - rows[:, 0])[:, None]
     change = rows[:, 5:7] * apart_s
     return rows[:, 1:3] + (rows[:, 3:5] + 0.5 * change) * apart_s, rows[:, 3:5] + change

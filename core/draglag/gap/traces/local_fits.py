@@ -20,7 +20,7 @@ from draglag.motion import FitWeights, local_fit
 from draglag.recording import FloatArray, IntArray
 
 BETWEEN_S = 10.0  # longer than any window
-POSITION_STEP_S, SPEED_STEP_S = 0.0004, 0.001  # within half of it, a fit's own motion says what a new fit would
+POSITION_STEP_S, SPEED_STEP_S = 0.0004, 0.001  # within half of it, a fit's own motion predicts a new fit
 CHANGE_STEP_S = 0.004  # so near, the accelerations of a hand are the same
 # Half the span of a change of speed and half the window of each speed: beyond the reach of a position's own window; a
 # hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
@@ -33,7 +33,7 @@ Fitted = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 
 
 class Kept:
-    """Rows of numbers about edges at times of a grid, each row made where it is first asked for.
+    """Rows of numbers about edges at times of a grid, each row computed at its first use.
 
     make: of times (q,) s, half widths (q,) s and edges (q,), the rows (q, c); the first column is the time.
     """
@@ -104,7 +104,7 @@ class Traces:
     half_s: FloatArray
 
     def __getstate__(self) -> dict[str, object]:
-        """To another process go the traces; what is kept about them is made anew there."""
+        """To another process go the traces; caches are computed again there."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
@@ -170,8 +170,8 @@ class Traces:
     def _change(self, at_s: FloatArray, edges: IntArray) -> FloatArray:
         """Change of speed about each time, (q,) mm/s², as the trace shows it, with an error that is not the position's.
 
-        Taken from speeds, not from bent positions, which a fast circle bends far more; each from a window beside the
-        position's own, so that the two share no noise, and smooth enough that a tremor, which the law turns into an
+        Taken from speeds, not from bent positions, which a fast circle bends far more; each from a window apart from
+        the position's, so that the two share no noise, and smooth enough that a tremor, which the law turns into an
         error of the position, is not taken for a change of speed.
         """
         apart_s, width_s = (reach[edges] for reach in self._reach[:2])
@@ -183,7 +183,7 @@ class Traces:
     def _catching_up(self, at_s: FloatArray, edges: IntArray) -> np.ndarray:
         """Times close to a sudden start or stop, where fresh positions overtake late ones and no law holds, (q,) bool.
 
-        Where L falls faster than time passes a digitiser cannot report in order; what it sends then is its own affair.
+        Where L falls faster than time passes a digitiser cannot report in order; what it sends then is not modelled.
         """
         out = np.zeros(at_s.size, bool)
         unsteady = np.flatnonzero(~self.steady[edges])

@@ -11,8 +11,8 @@ from scipy.sparse import csr_matrix
 
 from draglag.errors import EstimateError
 from draglag.events import contact_losses, sample_interval_s
+from draglag.gap.traces.dewarped import Shown, shown_speed
 from draglag.gap.traces.steep import wide_enough
-from draglag.gap.traces.unwarped import Shown, shown_speed
 from draglag.latency.estimate import RunEstimate, estimate_run, prepare
 from draglag.motion import best_half_width_s, local_fit, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
@@ -51,7 +51,7 @@ class RunData:
 
     @property
     def keeps_moving(self) -> bool:
-        """Whether its speed is that of a hand which follows on; after a rest, a panel catches up in its own way."""
+        """Whether its speed is that of a hand which follows on; after a rest, a panel's catching up is not modelled."""
         return self.steady or self.run.protocol in ("chirp", "multisine")
 
     @cached_property
@@ -67,7 +67,7 @@ class RunData:
 
     @cached_property
     def quick(self) -> tuple[FloatArray, FloatArray]:
-        """Times (g,) s, evenly spaced, and the speed that the trace shows there, as quick as it can be told."""
+        """Times (g,) s, evenly spaced, and the trace's speed there, with the shortest window that noise allows."""
         step_s = max(sample_interval_s(self.t_s), QUICK_S)
         grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
         fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))

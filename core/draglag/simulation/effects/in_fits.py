@@ -142,7 +142,7 @@ class InFits:
 
     @classmethod
     def asked(cls, theta: Theta) -> tuple[float, float] | None:
-        """(which, delay_s) of the speed that the law is asked at, as ``gap.traces.asked`` has it; None: the edge's."""
+        """(which, delay_s) of the law's speed, a ``SpeedDelay`` of ``gap.traces.law_speed``; None: the edge's own."""
         return None
 
     @classmethod

@@ -9,25 +9,25 @@ import numpy as np
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.likelihood import profile
 from draglag.gap.fitting.noise import scatter
-from draglag.gap.fitting.state import Term, look
+from draglag.gap.fitting.state import Term, linearise
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.proposing.plain import refit
-from draglag.gap.traces.asked import Asked
+from draglag.gap.traces.law_speed import SpeedDelay
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects.lagging_law import LaggingLaw, Setting
 from draglag.simulation.law import USUAL_LATENCY_S
 
 # A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
-USUAL: tuple[Asked, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
+USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
 CLEARLY = 10.0  # deviance: 5 nats, what a promising effect gains alone
 LONGEST_S = 0.3
 PAST_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
-OTHER: tuple[Asked, ...] = (
+OTHER: tuple[SpeedDelay, ...] = (
     *((0.0, s) for s in PAST_S),
     (0.0, -0.035),
     (1.0, -0.5 * USUAL_LATENCY_S),
 )
-FEW: tuple[Asked, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, -0.035), OTHER[-1])  # enough to see that it is another
+FEW: tuple[SpeedDelay, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, -0.035), OTHER[-1])  # enough to see that it is another
 LEAST_LEFT_S = 0.003  # of a delay: the placing is true to that
 LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
 KEPT = 0.9  # of the edges of steady runs, that a delay has to place
@@ -76,7 +76,7 @@ def _delay_s(term: Term) -> float:
     return Setting(*term.theta).delay_s or 0.0
 
 
-def delay_profile(fit: Fit, options: Sequence[Asked]) -> FloatArray:
+def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
     """Twice the log-likelihood of the edges of steady runs with the law asked at each option's speed, (k,).
 
     Law and all else are adjusted linearly, the delay is held. −inf where too few edges can be placed.
@@ -86,10 +86,10 @@ def delay_profile(fit: Fit, options: Sequence[Asked]) -> FloatArray:
     rest = [t for t in fit.terms if t.effect != own]
     out = np.full(len(options), -np.inf)
     steady = fit.use & fit.placed.steady  # sudden changes of speed are too rough a test to choose by
-    now = look(fit.runs, fit.law, fit.geometry, [*rest, Term(own, (0.0, 0.0), (0.0,))], fit.width_mm, None)
+    now = linearise(fit.runs, fit.law, fit.geometry, [*rest, Term(own, (0.0, 0.0), (0.0,))], fit.width_mm, None)
     weighed: tuple[np.ndarray, Whitener] | None = None
     for k, asked in enumerate(options):
-        state = look(fit.runs, fit.law, fit.geometry, [*rest, Term(own, asked, (0.0,))], fit.width_mm, now)
+        state = linearise(fit.runs, fit.law, fit.geometry, [*rest, Term(own, asked, (0.0,))], fit.width_mm, now)
         use = steady & state.placed.ok & np.isfinite(state.residual)
         if np.count_nonzero(use) < KEPT * np.count_nonzero(steady):
             continue

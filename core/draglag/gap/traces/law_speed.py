@@ -1,7 +1,7 @@
-"""The speed that the law is asked at, behind the speed that a trace shows: of the same moment, or of another.
+"""The speed that is the law's argument, from the speed that a trace shows: of the same moment, or of another.
 
 An event at t + L(w) runs 1 + L′ ẇ times slower than the stylus: the trace shows u = v / (1 + L′ ẇ), where the stylus
-has the speed v and the law is asked at w, v itself or that of d before. As functions of the event's time that is
+has the speed v and the law's argument is w, v itself or that of d before. As functions of the event's time that is
 v + τ ẇ = u with τ = −v L′(w): where d = 0, a first-order low-pass of the shown speed whose time constant follows the
 speed.
 """
@@ -22,39 +22,39 @@ if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
 Law = Callable[[FloatArray], FloatArray]
-Asked = tuple[float, float]
+SpeedDelay = tuple[float, float]
 """(which, delay_s): the speed of ``delay_s`` before, 0; or 1, of that times the latency over the usual one, so that
 minus the usual latency is the speed of the moment of the report."""
-NOW: Asked = (0.0, 0.0)
+NO_DELAY: SpeedDelay = (0.0, 0.0)
 CHANGING_STEP_S, PASSES = 0.01, 3
 DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # no hand changes its speed faster
 PADDED_S = 1.0
 LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it is taken for noise
 
 
-def asked_speeds(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
-    """For each of some runs that keep moving, times (g,) s on its trace and the speed that the law is asked at there,
+def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
+    """For each of some runs that keep moving, times (g,) s on its trace and the speed that is the law's argument there,
     (g,) mm/s."""
-    if asked[1] and runs:
-        return _delayed(runs, law, asked)
+    if delay[1] and runs:
+        return _delayed(runs, law, delay)
     return [_now(data, law) if data.steady else _changing(data, law) for data in runs]
 
 
-def speed_apart(data: RunData, law: Law, asked: Asked) -> tuple[FloatArray, FloatArray]:
-    """Times (g,) s on the trace and by how much the speed that the law is asked at differs from the one of that moment,
+def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tuple[FloatArray, FloatArray]:
+    """Times (g,) s on the trace and by how much the law's argument differs from the one of that moment,
     (g,) mm/s, in a run of changing speed: to first order, as smooth as a hand's speed changes."""
     shown = data.shown
     around = np.maximum(shown.speed_mm_s, 1.0)
     slope = law(around + 0.5) - law(around - 0.5)
     change = np.gradient(shown.speed_mm_s, shown.step_s)
     own = shown.speed_mm_s * (1 + np.clip(slope * change, -0.3, 0.3))
-    then = np.interp(shown.grid_s - before_s(asked, law(own)), shown.grid_s, own)
+    then = np.interp(shown.grid_s - before_s(delay, law(own)), shown.grid_s, own)
     return shown.grid_s, then - own
 
 
-def before_s(asked: Asked, latency_s: FloatArray) -> FloatArray:
+def before_s(delay: SpeedDelay, latency_s: FloatArray) -> FloatArray:
     """How long before each edge the speed is taken, (m,) s; negative: after it."""
-    which, delay_s = asked
+    which, delay_s = delay
     return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
 
 
@@ -88,8 +88,8 @@ def _changing(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
     return grid_s, speed
 
 
-def _delayed(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[FloatArray, FloatArray]]:
-    """v + τ ẇ = u of all runs at once, w being v of ``asked`` before, as smooth as it has to be.
+def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
+    """v + τ ẇ = u of all runs at once, w being v of ``delay`` before, as smooth as it has to be.
 
     At some frequencies the delay turns τ ẇ against v, at ω d = 3π/2, or −π/2 where w is later: there u holds little of
     v and much noise, so that the least squares also ask for little v̈.
@@ -106,13 +106,13 @@ def _delayed(runs: Sequence[RunData], law: Law, asked: Asked) -> list[tuple[Floa
     latency_s = law(knots)
     at = np.arange(u.size)
     v = u
-    delay_s = before_s(asked, np.interp(u, knots, latency_s))
+    delay_s = before_s(delay, np.interp(u, knots, latency_s))
     smooth_s4 = LITTLE_SHOWN * (delay_s / np.where(delay_s > 0, 1.5 * np.pi, 0.5 * np.pi)) ** 4
     for _ in range(DELAYED_PASSES):
-        back = before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S
+        back = before_s(delay, np.interp(v, knots, latency_s)) / DELAYED_STEP_S
         tau = v * np.interp(np.interp(at - back, at, v), knots, falls)
         v = np.maximum(_solved(u, tau / (2 * DELAYED_STEP_S), back, smooth_s4), 0.0)
-    w = np.interp(at - before_s(asked, np.interp(v, knots, latency_s)) / DELAYED_STEP_S, at, v)
+    w = np.interp(at - before_s(delay, np.interp(v, knots, latency_s)) / DELAYED_STEP_S, at, v)
     ends = np.cumsum([part.size for part in shown])
     out = []
     for t_s, part, end in zip(times, shown, ends, strict=True):

@@ -1,4 +1,4 @@
-"""How sure the numbers of a fit are as its runs differ, whatever the noise is said to be."""
+"""Standard deviation of a fit's numbers by the jackknife over runs, whatever its noise model."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from draglag.gap.fitting.joint import Fit
 from draglag.recording import FloatArray
 
 ALONE = 10.0  # times the variance without a run: it alone knows the number
-LEAST_RUNS = 5  # that tell
+LEAST_RUNS = 5  # of a jackknife
 
 
-def run_by_run_sd(fit: Fit) -> FloatArray:
+def jackknife_sd(fit: Fit) -> FloatArray:
     """Standard deviation of every number of the linear model as the runs themselves show it, (p,): the jackknife that
-    leaves out one run at a time (Efron & Stein 1981). A run without which a number is not known tells nothing of it.
+    leaves out one run at a time (Efron & Stein 1981). A run without which a number is undefined is left out.
 
-    The fit's covariance knows of runs what its components can say; a latency that follows the place or the hour from
-    run to run, or noise that lasts for a whole pass, is in here too. Zero where too few runs tell.
+    The fit's covariance knows of runs only its components; a latency that follows the place or the hour from
+    run to run, or noise that lasts for a whole pass, is in here too. Zero with too few runs.
     """
     white = fit.whiteners[fit.best]
     a, b = white.apply(fit.design), white.apply(fit.residual_mm)

@@ -1,4 +1,4 @@
-"""The stylus' own acceleration behind a trace that an effect of the acceleration has warped.
+"""The stylus' own acceleration from a trace that an effect of the acceleration has warped.
 
 When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ). About a mean speed v₀ that is
 the shown speed u = v − v₀ c·ȧ, where a is the change of the speed as the panel's tracker smooths it, G v̇: changes of
@@ -40,14 +40,14 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Unwarped:
+class DewarpedKinematics:
     """Where m edges lie on their runs' traces. run: (m,) index. at_s: (m,) touch time."""
 
     runs: tuple[RunData, ...]
     run: np.ndarray
     at_s: FloatArray
 
-    def __getitem__(self, use: np.ndarray) -> Unwarped:
+    def __getitem__(self, use: np.ndarray) -> DewarpedKinematics:
         return replace(self, run=self.run[use], at_s=self.at_s[use])
 
     def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:

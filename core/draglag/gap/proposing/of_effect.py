@@ -7,7 +7,7 @@ from types import ModuleType
 from draglag.simulation.effects import effect_class
 
 
-def own_way(effect: str) -> ModuleType | None:
+def refit_module(effect: str) -> ModuleType | None:
     """It may have ``refits(session, before, theta)``, ``shown_by_traces(before)``, ``shown_by_edges(before)`` and
     ``open_mm(placed, term)``."""
     home = effect_class(effect)
