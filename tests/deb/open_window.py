@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import sys
 
-from draglag_app.cli import main
-from draglag_app.windows.window import OperatorWindow
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication
+
+from draglag_app.cli import main
+from draglag_app.windows.window import OperatorWindow
 
 LOOK_EVERY_MS = 100
 

@@ -1,4 +1,4 @@
-"""What is published, an sdist and its wheel, works without a checkout; the wheel is the library and the command line alone.
+"""What is published, an sdist and its wheel, works without a checkout; the wheel is library and command line alone.
 
 Most is tried on the oldest and the newest Python found, one analysis on each between.
 """
