@@ -82,8 +82,8 @@ def test_the_metainfo_is_of_this_version_and_names_the_other_parts(
 
 @pytest.mark.skipif(shutil.which("appstreamcli") is None, reason="appstreamcli is not installed")
 def test_the_metainfo_is_valid() -> None:
-    checks = ["--no-net", "--override=cid-desktopapp-is-not-rdns=info"]  # no domain to reverse yet
-    command = ["appstreamcli", "validate", *checks, PARTS / "draglag.metainfo.xml"]
+    overrides = (PARTS / "metainfo-overrides").read_text("utf-8").strip()
+    command = ["appstreamcli", "validate", "--no-net", f"--override={overrides}", PARTS / "draglag.metainfo.xml"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
 
