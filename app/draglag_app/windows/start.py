@@ -36,7 +36,7 @@ def obstacles(space: Workspace) -> tuple[list[str], bool]:
             problems.append(tr("No {device} is chosen: choose one on the Bench page.").format(device=name))
             hopeless = True
     if protocol.taps is not None and not rig.walt and rig.addresses():
-        problems.append(tr("The protocol has taps, but no WALT is chosen: taps would be left out."))
+        problems.append(tr("The protocol has taps, but no WALT is chosen: taps would be skipped."))
         hopeless = hopeless or not protocol.runs
     if not rig.addresses() and not problems:
         problems.append(tr("No instruments are chosen: choose them on the Bench page."))

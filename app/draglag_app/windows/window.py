@@ -190,7 +190,7 @@ class OperatorWindow(QMainWindow):
             if hopeless:
                 self.tell("error", " ".join(problems))
                 return
-            question = " ".join(problems) + "\n\n" + self.tr("Start nevertheless?")
+            question = " ".join(problems) + "\n\n" + self.tr("Start anyway?")
             if QMessageBox.question(self, "draglag", plain(question), defaultButton=QMessageBox.StandardButton.No) != (
                 QMessageBox.StandardButton.Yes
             ):

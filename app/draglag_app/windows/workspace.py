@@ -146,14 +146,14 @@ class Workspace(QObject):
         """Leave a run out of the curve. Can be undone."""
         before = self.options
         after = replace(before, exclude={**before.exclude, run_id: reason}, include=before.include - {run_id})
-        self._change_runs(self.tr("leave out {run}").format(run=run_id), before, after)
+        self._change_runs(self.tr("exclude {run}").format(run=run_id), before, after)
 
     def include(self, run_id: str) -> None:
         """Take a run into the curve that was left out by hand, or for how it went. Can be undone."""
         before = self.options
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})
-        self._change_runs(self.tr("take {run} in again").format(run=run_id), before, after)
+        self._change_runs(self.tr("include {run}").format(run=run_id), before, after)
 
     def _change_runs(self, what: str, before: AnalysisOptions, after: AnalysisOptions) -> None:
         def to(runs: AnalysisOptions) -> None:

@@ -127,7 +127,7 @@ NORMAL = FakeScreen(1536, 864, Qt.ScreenOrientation.LandscapeOrientation)  # sca
 def test_a_panel_that_is_not_as_the_screen_stands_is_told() -> None:
     assert placement.shape_problem(LYING, NORMAL) == ""
     assert placement.shape_problem(UPRIGHT, ON_SIDE) == ""
-    assert "press Turn" in placement.shape_problem(LYING, ON_SIDE)
+    assert "press Rotate 90°" in placement.shape_problem(LYING, ON_SIDE)
     assert "correct the numbers" in placement.shape_problem(Screen("", 300.0, 300.0, 900, 900), NORMAL)
 
 
@@ -167,7 +167,7 @@ def test_start_asks_when_the_screen_stands_on_its_side_and_turn_mends_it(
 
     monkeypatch.setattr(QMessageBox, "question", question)
     window.start()
-    assert "press Turn" in asked[0]
+    assert "press Rotate 90°" in asked[0]
     assert not window.space.recording.active
 
     page = window.geometry_page
