@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from draglag.recording import Beam, Screen, Stylus, TouchCalibration
@@ -18,4 +19,5 @@ class SessionOptions:
     countdown_s: float = 3.0
     name: str = ""
     note: str = ""
+    details: Mapping[str, str] = field(default_factory=dict)
     calibration: TouchCalibration | None = None
