@@ -44,9 +44,11 @@ def check_template(template: str, fields: Iterable[str] = ()) -> str:
     """The template itself, if file names can be made from it. Raises DataError."""
     known = {*_GIVEN, *STANDARD, *fields}
     try:
-        places = [place for _, place, _, _ in string.Formatter().parse(template) if place is not None]
+        parts = [part for part in string.Formatter().parse(template) if part[1] is not None]
     except ValueError:
         raise DataError("a bracket of the file name is not closed", "Write fields as {participant}") from None
+    # Widths and conversions would make names that nobody foresees: they are refused with the field.
+    places = [f"{name}{':' + spec if spec else ''}{'!' + turn if turn else ''}" for _, name, spec, turn in parts]
     unknown = [place for place in places if place not in known]
     if unknown:
         raise DataError(f"the file name asks for {{{unknown[0]}}}", "Known are " + ", ".join(sorted(known)))

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 from draglag.recording import Beam, Screen, Stylus, TouchCalibration
 
+COUNTDOWN_S = 3.0
+"""A target stands still for so long before it moves."""
+
 
 @dataclass(frozen=True)
 class SessionOptions:
@@ -16,7 +19,7 @@ class SessionOptions:
     stylus: Stylus = field(default_factory=lambda: Stylus(7.0))
     beam: Beam | None = None
     seed: int | None = None
-    countdown_s: float = 3.0
+    countdown_s: float = COUNTDOWN_S
     name: str = ""
     note: str = ""
     details: Mapping[str, str] = field(default_factory=dict)

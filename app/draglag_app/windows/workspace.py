@@ -18,6 +18,7 @@ from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.store import PARTIAL, add_analysis, read_session
 from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.parts.recent_menu import remembered
 from draglag_app.windows.parts.tasks import Progress, Tasks
 from draglag_app.windows.recording.calibrating import Calibrating
 from draglag_app.windows.recording.live_estimates import LiveEstimates
@@ -29,7 +30,7 @@ from draglag_app.windows.wording.library_words import in_words
 class Edit(QUndoCommand):
     """One undoable change: what to do and how to take it back."""
 
-    def __init__(self, text: str, do: Callable[[], None], undo: Callable[[], None]) -> None:
+    def __init__(self, text: str, do: Callable[[], object], undo: Callable[[], object]) -> None:
         super().__init__(text)
         self._do = do
         self._undo = undo
@@ -112,6 +113,7 @@ class Workspace(QObject):
 
         def take(got: tuple[Session, Path]) -> None:
             self.take(*got)
+            self.change_settings(recent=tuple(remembered(path, self.settings.recent)))
             if done is not None:
                 done()
 

@@ -153,7 +153,7 @@ def test_a_window_larger_than_the_screen_fills_it_and_hides_nothing(qapp: QAppli
         window.deleteLater()
 
 
-def test_start_asks_when_the_screen_stands_on_its_side_and_turn_mends_it(
+def test_start_asks_when_the_screen_stands_on_its_side_and_rotating_mends_it(
     open_window: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(rig={"touch": "replay:x.h5", "laser": "replay:x.h5", "walt": "sim:", "display": "screen 1"})
@@ -171,9 +171,9 @@ def test_start_asks_when_the_screen_stands_on_its_side_and_turn_mends_it(
     assert not window.space.recording.active
 
     page = window.geometry_page
-    page.turn.click()
+    page.rotate.click()
     panel = window.space.settings.panel.screen()
     assert (panel.width_mm, panel.height_mm, panel.width_px, panel.height_px) == (286.4, 509.2, 1080, 1920)
-    assert start.obstacles(window.space) == ([], False)
+    assert start.obstacles(window.space) == []
     window.ask("undo")
     assert window.space.settings.panel == PanelSettings()

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
-from draglag_app.apart import close_gap_of, run_apart
+from draglag_app.apart import close_gap_of, run_apart, write_gap_of
 from draglag_app.windows.pages.parts.gap_picture import GapPicture
 from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks
 from draglag_app.windows.parts.ask_files import ask_save
@@ -211,6 +211,26 @@ class GapPage(QWidget):
 
         start = Path(self._space.settings.folder) / "model.json"
         ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"), write)
+
+    def write_report(self) -> None:
+        """Write the page with figures of what was found."""
+        session, found = self._space.session, self._report.get("report") if self._report else None
+        if session is None or found is None:
+            self._space.noticed.emit("info", self.tr("Explain the gap first: there is nothing to report yet."))
+            return
+
+        def begin(path: Path) -> None:
+            said = self.tr("Saved: {path}").format(path=path)
+            self._space.tasks.start(
+                self.tr("Writing the report"),
+                lambda progress: run_apart(write_gap_of, (session, found, path), progress),
+                lambda result: self._space.noticed.emit("info", said),
+                self._space.fault,
+            )
+
+        stem = self._space.path.stem if self._space.path is not None else "session"
+        start = Path(self._space.settings.folder) / f"{stem}-gap.html"
+        ask_save(self, self.tr("Write gap report"), start, "*.html", begin)
 
     def _tasks_changed(self) -> None:
         """A cancelled task reports nothing: the buttons come back here."""
