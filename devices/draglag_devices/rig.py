@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from draglag.recording import Screen
 from draglag.touch_events.frames import Mapping2D
-from draglag_devices.addresses import Address, open_source, parse_address
+from draglag_devices.addresses import Address, parse_address
+from draglag_devices.opening import open_source
 from draglag_devices.source import DeviceError, Source
 from draglag_devices.stage import Stage
 from draglag_devices.timebase import HostTime, SteppedTime

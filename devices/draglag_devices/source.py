@@ -102,7 +102,7 @@ class Source(Protocol):
 class Concludes(Protocol):
     """A source that has something left to say when nobody will read it any more."""
 
-    def last_words(self) -> tuple[Notice, ...]:
+    def final_notices(self) -> tuple[Notice, ...]:
         """What has not been said yet; called once between the last ``read`` and ``close``, from the reading thread."""
         ...
 

@@ -65,10 +65,10 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
 
     done: list[Validation] = []
     problems: list[str] = []
-    with progress("Validating") as tell:
+    with progress("Validating") as on_progress:
         for k, run in enumerate(runs):
-            if tell:
-                tell(k / len(runs), run.id)
+            if on_progress:
+                on_progress(k / len(runs), run.id)
             try:
                 ready = prepare(run, data.stylus.diameter_mm)
                 done.append(validate_run(ready, law, model.speed_range_mm_s, smoothed))

@@ -70,7 +70,7 @@ def run_session(
     finished = False
     try:
         recorder.start()
-        conductor.everything(plan)
+        conductor.run_plan(plan)
         finished = True
     finally:
         rig.stage.stop()

@@ -96,13 +96,13 @@ class ReaderThread(threading.Thread):
             except Exception as error:  # whatever a driver raises ends this source, not the session
                 self._put_waiting(Lost(self._source.role, as_device_error(self._source, error)))
                 return
-            self._hand_on(self._order.kept(batch))
+            self._forward(self._order.kept(batch))
         if isinstance(self._source, Concludes):
-            notices = self._source.last_words()
+            notices = self._source.final_notices()
             with suppress(queue.Full):  # whoever saves has ended as well
                 self._queue.put(Reported(self._source.role, Batch(-np.inf, notices=notices)), timeout=READ_TIMEOUT_S)
 
-    def _hand_on(self, batch: Batch) -> None:
+    def _forward(self, batch: Batch) -> None:
         if not self._realtime:
             self._put_waiting(Reported(self._source.role, batch))
             return

@@ -52,7 +52,7 @@ class CurveDifference:
 
         Raises DraglagError where matplotlib is not installed.
         """
-        from draglag.report.drawn import draw_difference, own_axes
+        from draglag.drawing.results import draw_difference, own_axes
 
         axes = own_axes(ax)
         draw_difference(axes, self)

@@ -116,7 +116,7 @@ class CurveFit:
 
         Raises DraglagError where matplotlib is not installed.
         """
-        from draglag.report.drawn import draw_curve, own_axes
+        from draglag.drawing.results import draw_curve, own_axes
 
         axes = own_axes(ax)
         draw_curve(axes, self)

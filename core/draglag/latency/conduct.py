@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate, estimate_run
+from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate
+from draglag.latency.run import estimate_run
 from draglag.recording import FloatArray, Run, Session
 
 # Source of the entry in a run's log that says that the recording program, or its computer, stood still.

@@ -10,7 +10,8 @@ import numpy as np
 from draglag.clocks import WARN_S, clock_warnings, fit_clocks, remapped_within
 from draglag.errors import DataError
 from draglag.latency.budget import widened
-from draglag.latency.estimate import WINDOW_S, RunEstimate, estimate_run
+from draglag.latency.estimate import WINDOW_S, RunEstimate
+from draglag.latency.run import estimate_run
 from draglag.recording import ClockBounds, FloatArray, Run, Session, Taps
 
 # Comparisons this long before and after a run still tell of its clock: over longer times no quartz is a straight line.

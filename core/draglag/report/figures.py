@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from draglag.analysis import Analysis
+from draglag.drawing import style
+from draglag.drawing.results import TAP_STYLE, draw_latency
 from draglag.latency.estimate import Alignment
 from draglag.recording import Run, Session
-from draglag.report import style
-from draglag.report.drawn import TAP_LOOK, draw_latency
 
 _TITLE_LETTERS = 60  # that go on a line above a small figure
 
@@ -91,7 +91,7 @@ def taps_figure(analysis: Analysis) -> Any:
     rng = np.random.default_rng(0)  # spreads the points, so that equal ones stay visible
     for place, name in enumerate(names):
         latency_ms = 1e3 * analysis.taps[name].latency_s
-        colour, marker, _ = TAP_LOOK[name]
+        colour, marker, _ = TAP_STYLE[name]
         axes.boxplot(
             [latency_ms],
             positions=[place],

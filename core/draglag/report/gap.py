@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing.style import FIGURE_CSS, house_style, sign, themed
 from draglag.errors import DataError, DraglagError
 from draglag.gap.provisional import Provisional
 from draglag.gap.replaying.replay import Replay, replays
@@ -28,7 +29,6 @@ from draglag.provenance import Source, source_of
 from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
-from draglag.report.style import FIGURE_CSS, house_style, sign, themed
 from draglag.temporary import new_file
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
 from draglag.gap.replaying.replay import Overlay, Replay
 from draglag.gap.results import GapReport
 from draglag.recording import FloatArray
-from draglag.report.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
 from draglag.simulation.effects import effect_class
 
 BINS = 12

@@ -69,12 +69,12 @@ def further_seeds(seeds: Sequence[int], progress: Progress | None = None) -> Fur
     """Measure Table 2 with every seed and count; None without seeds. About half a second a row."""
     if not seeds:
         return None
-    tell = progress or (lambda fraction, text: None)
+    on_progress = progress or (lambda fraction, text: None)
     found: dict[tuple[str, str], list[Coefficient]] = {}
     done = 0
     for seed in seeds:
         for screen in TABLE_2:
-            tell(done / (len(seeds) * len(TABLE_2)), f"{screen}: further seed {seed}")
+            on_progress(done / (len(seeds) * len(TABLE_2)), f"{screen}: further seed {seed}")
             for coefficient in measured_row(screen, seed).coefficients:
                 found.setdefault((screen, coefficient.name), []).append(coefficient)
             done += 1

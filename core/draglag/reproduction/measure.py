@@ -100,25 +100,25 @@ def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 
 
     ``n_further``: how many further seeds, the next ones, measure Table 2 again to count what its intervals hold.
     """
-    tell = progress or (lambda fraction, text: None)
+    on_progress = progress or (lambda fraction, text: None)
     rows = []
     for k, screen in enumerate(TABLE_2):
-        tell(0.02 * k, f"{screen}: sweep")
+        on_progress(0.02 * k, f"{screen}: sweep")
         row = measured_row(screen, seed)
         rows.append(replace(row, held_rms_ms=held_rms_ms(row)))
     further = further_seeds(
-        range(seed + 1, seed + 1 + n_further), lambda fraction, text: tell(0.06 + 0.29 * fraction, text)
+        range(seed + 1, seed + 1 + n_further), lambda fraction, text: on_progress(0.06 + 0.29 * fraction, text)
     )
     cells: list[Cell3] = []
     sessions: dict[str, Session] = {}
     for k, screen in enumerate(TABLE_3):
         row = next(r for r in rows if r.screen == ("Screen 1" if screen == "Screen 1" else "Screen 2 (corrected)"))
-        tell(0.35 + 0.2 * k, f"{screen}: validation")
+        on_progress(0.35 + 0.2 * k, f"{screen}: validation")
         session, found = _cells(screen, row, seed)
         sessions[screen] = session
         cells += found
-    gap = own_gap(seed, progress=lambda fraction, text: tell(0.75 + 0.25 * fraction, f"own gap: {text}"))
-    tell(1.0, "done")
+    gap = own_gap(seed, progress=lambda fraction, text: on_progress(0.75 + 0.25 * fraction, f"own gap: {text}"))
+    on_progress(1.0, "done")
     return Reproduction(tuple(rows), tuple(cells), sessions, seed, gap, further)
 
 

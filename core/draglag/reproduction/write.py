@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.provenance import Source
-from draglag.report import figures, style
+from draglag.report import figures
 from draglag.reproduction.curves import Coefficient
 from draglag.reproduction.drawings import (
     embed,

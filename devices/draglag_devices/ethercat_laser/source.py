@@ -24,8 +24,8 @@ from draglag_devices.ethercat_laser.helper import start
 from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
 
 STREAM = "laser"
-_OPEN_PATIENCE_S = 20.0
-_CLOSE_PATIENCE_S = 3.0
+_OPEN_TIMEOUT_S = 20.0
+_CLOSE_TIMEOUT_S = 3.0
 _MOST_RESPAWNS = 3
 _NS = 1e-9
 
@@ -90,7 +90,7 @@ class EthercatLaser:
         """Refused cycles since it was first opened, by reason."""
         return dict(self._disturbances.total)
 
-    def last_words(self) -> tuple[Notice, ...]:
+    def final_notices(self) -> tuple[Notice, ...]:
         """See ``draglag_devices.source.Concludes``: disturbed cycles that were counted and not yet reported."""
         rest = self._disturbances.rest(time.monotonic())
         return () if rest is None else (rest,)
@@ -109,7 +109,7 @@ class EthercatLaser:
         self._zero_ns, self._epoch, self._respawns, self._died_s = None, 0, 0, None
         self._early = _Gathered()
         self._spawn()
-        patience_s = time.monotonic() + _OPEN_PATIENCE_S
+        patience_s = time.monotonic() + _OPEN_TIMEOUT_S
         try:
             while time.monotonic() < patience_s:
                 messages = self._messages(0.5)
@@ -155,12 +155,12 @@ class EthercatLaser:
                     with contextlib.suppress(OSError):
                         pipe.close()
             try:
-                process.wait(_CLOSE_PATIENCE_S)
+                process.wait(_CLOSE_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 with contextlib.suppress(OSError):  # a launcher with capabilities may not be ours to signal
                     process.kill()
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(_CLOSE_PATIENCE_S)
+                    process.wait(_CLOSE_TIMEOUT_S)
         if self._complaints is not None:
             self._complaints.close()
             self._complaints = None

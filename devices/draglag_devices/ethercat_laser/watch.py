@@ -32,12 +32,12 @@ class Found:
     Attributes:
         edges: (stamp ns, level) in order of time.
         missed: how many more are known to be lost.
-        doubt_ns: from–to in host time in which edges may be lost that nothing tells of, or None.
+        unverified_ns: from–to in host time in which edges may be lost that nothing tells of, or None.
     """
 
     edges: list[tuple[int, int]]
     missed: int = 0
-    doubt_ns: tuple[int, int] | None = None
+    unverified_ns: tuple[int, int] | None = None
 
 
 @dataclass
@@ -95,7 +95,7 @@ class Epoch:
             found = Found([])
         else:
             edges, missed = self.edges.take(sample)
-            found = Found(edges, missed, self._doubt(self.last, cycle.pair, edges, missed))
+            found = Found(edges, missed, self._unverified(self.last, cycle.pair, edges, missed))
             pause_ns = cycle.pair.dc_ns - self.last.dc_ns
             if pause_ns > STALL_NS:
                 self.pauses_ns.append(pause_ns)
@@ -105,7 +105,7 @@ class Epoch:
         self.last = cycle.pair
         return found
 
-    def _doubt(self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int) -> tuple[int, int] | None:
+    def _unverified(self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int) -> tuple[int, int] | None:
         """The stretch between two cycles, told by the bus's own clock, in which edges may have been overwritten.
 
         A latch keeps the last edge of its direction. Where at most one of the two has a new stamp, that edge was the

@@ -22,7 +22,7 @@ class Wire:
         os.set_blocking(out, False)
         self._waiting = bytearray()
 
-    def tell(self, kind: str, **content: Any) -> None:
+    def send(self, kind: str, **content: Any) -> None:
         """Queue and send a message. Raises ReaderGone."""
         self.pass_on(json.dumps({"m": kind, **content}).encode())
 

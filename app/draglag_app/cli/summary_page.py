@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
-from draglag_app.batch import Outcome, Sparkline
+from draglag_app.cli.batch import Outcome, Sparkline
 
 WIDTH, HEIGHT, EDGE = 160, 36, 3  # of a picture, CSS pixels
 
