@@ -39,7 +39,7 @@ class Fit:
     spread: FloatArray
     residual: FloatArray
     tau_mm: float
-    calm: float
+    p_no_scatter: float
     log_likelihood: float
 
 
@@ -89,8 +89,8 @@ def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter
     total = float(share.sum())
     share /= total
     mean = share @ estimates
-    apart = estimates - mean
-    together = np.einsum("t,tpq->pq", share, spreads) + (apart * share[:, None]).T @ apart
+    deviation = estimates - mean
+    together = np.einsum("t,tpq->pq", share, spreads) + (deviation * share[:, None]).T @ deviation
     best = mean / scale
     return Fit(
         best,

@@ -30,7 +30,7 @@ class SpeedAdaptiveFilter(Effect):
     )
     follows: ClassVar[str] = "speed"
     where: ClassVar[str] = "where the speed changes"
-    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    separated_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fmin_hz", "Hz", 0.1, 50.0, 1.0),
         Parameter("beta_per_mm", "1/mm", 0.0, 1.0, BETA_PER_MM),
@@ -63,7 +63,7 @@ class SpeedAdaptiveFilter(Effect):
         return each_contact(events, lambda t_s, xy_mm: _smoothed(t_s, xy_mm, self.value, self.beta_per_mm))
 
     @classmethod
-    def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
+    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Exact, sample by sample; noise and rounding grow by the inverse of the filter's gain, 2 to 20 times."""
         fmin_hz, beta_per_mm = (*theta, BETA_PER_MM)[:2]
         shown, out = xy_mm.tolist(), xy_mm.copy()

@@ -18,7 +18,7 @@ LEAST_HOLE, LONGEST_HOLE = 6, 60  # frames from one event to the next, where oth
 UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open which frame a stamp is of
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Missing frames, where stamps are those of frames; nobody can repair them."""
     coarse = streams.of(clock_in)
     identifiable = streams.of(loop_in) is None if coarse is None else not coarse.undone

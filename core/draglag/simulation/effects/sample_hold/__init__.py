@@ -24,8 +24,8 @@ class SampleHold(Effect):
     undone_in: ClassVar[str] = "stream"
     uneven_ages: ClassVar[bool] = True
     estimated_with: ClassVar[bool] = True
-    seen_by: ClassVar[str] = "draglag.simulation.effects.sample_hold.stream"
-    looked_for: ClassVar[int] = 4
+    detected_by: ClassVar[str] = "draglag.simulation.effects.sample_hold.stream"
+    detection_order: ClassVar[int] = 4
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_hz", "Hz", 10.0, 2000.0, 100.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

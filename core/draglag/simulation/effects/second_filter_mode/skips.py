@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from draglag.motion import local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
-from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, followed, side_by_side
+from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, stack_runs, track_histories
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
@@ -33,7 +33,7 @@ LEAST_EACH = 8.0  # log-likelihood for each switch of a run; what a tremor makes
 LEAST_GAIN = 1000.0  # of all runs; other effects come to some 200
 DIRECTIONS = np.pi / 4 * np.arange(4)
 GRID_S, PANELS_S = 0.005, 0.05  # a panel's own smoothing of a speed, about
-TOLD = 0.85  # of both states, that a threshold of the speed's change has to tell apart
+MIN_ACCURACY = 0.85  # of both states, that a threshold of the speed's change has to tell apart
 ALIKE = 0.2  # of a run's events by place, direction or speed, within which lie …
 # … so many of its switches: those are no filter's. Of the trace's skips as they are it is more: of generated filters
 # 0.59 to 0.79, of split panels, asymmetries and slow runs' noise 0.84 to 1.
@@ -63,12 +63,12 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
     skip_s = _typical_skip_s([data for data in runs if data.keeps_moving])
     if skip_s is None:
         return None
-    tracks = side_by_side(runs)
+    tracks = stack_runs(runs)
     each = np.broadcast_to(UNSTEADY_MM2_S3, (len(runs), UNSTEADY_MM2_S3.size))
-    plain, _, left = followed(tracks, 0.0, each, FAR, 1)
+    plain, _, left = track_histories(tracks, 0.0, each, FAR, 1)
     best = np.argmin(np.abs(np.log(_medians(left, tracks.live) / (2 * np.log(2)))), axis=1)
     own = UNSTEADY_MM2_S3[best][:, None]
-    likely, states, _ = followed(tracks, skip_s, own, SWITCH, HISTORIES)
+    likely, states, _ = track_histories(tracks, skip_s, own, SWITCH, HISTORIES)
     gains = likely[:, 0] - plain[np.arange(len(runs)), best]
     switches = np.count_nonzero(np.diff(states[..., 0], axis=0), axis=0)
     sure = gains > LEAST_EACH * np.maximum(switches, 1)
@@ -83,7 +83,7 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
 
 
 @lru_cache(maxsize=4)
-def change_behind(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
+def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
     """Above which change of speed, mm/s², the filter is there, if that tells its stretches from the rest.
 
     Args:
@@ -102,9 +102,9 @@ def change_behind(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> floa
     change, later = np.concatenate(changes), np.concatenate(states)
     order = np.argsort(change)
     on = later[order]
-    apart = np.cumsum(~on) / max(np.count_nonzero(~on), 1) - np.cumsum(on) / max(np.count_nonzero(on), 1)
-    best = int(np.argmax(apart))
-    return float(change[order[best]]) if 0.5 + 0.5 * apart[best] > TOLD else None
+    separation = np.cumsum(~on) / max(np.count_nonzero(~on), 1) - np.cumsum(on) / max(np.count_nonzero(on), 1)
+    best = int(np.argmax(separation))
+    return float(change[order[best]]) if 0.5 + 0.5 * separation[best] > MIN_ACCURACY else None
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
@@ -156,7 +156,7 @@ def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[
     Args:
         at: indices of the events that switch, each run's.
     """
-    told = []
+    shares = []
     for data, events in zip(runs, at, strict=True):
         if events.size:
             v = np.gradient(data.smooth_mm, data.t_s, axis=0)
@@ -164,6 +164,6 @@ def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[
             covariates = np.column_stack([data.smooth_mm, ways, np.hypot(*v.T)])
             rank = np.argsort(np.argsort(covariates, axis=0), axis=0) / len(covariates)
             ends = [np.searchsorted(one, one + ALIKE, side="right") for one in np.sort(rank[events], axis=0).T]
-            told.append(np.max(np.array(ends) - np.arange(events.size), axis=1) / events.size)
+            shares.append(np.max(np.array(ends) - np.arange(events.size), axis=1) / events.size)
     own = [weight for weight, events in zip(weights, at, strict=True) if events.size]
-    return float(np.max(np.average(told, axis=0, weights=own)))
+    return float(np.max(np.average(shares, axis=0, weights=own)))

@@ -13,7 +13,7 @@ from draglag.simulation.kinematics import Kinematics
 
 
 @dataclass(frozen=True)
-class LookingBack(FittedShape):
+class CausalWindow(FittedShape):
     """value: its time constant, s."""
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:

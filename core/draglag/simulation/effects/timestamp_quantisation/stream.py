@@ -15,7 +15,7 @@ from draglag.simulation.effects.timestamp_quantisation import TimestampQuantisat
 EXACT = 2e-3  # of a tick: stamps are written to 1 µs; frames of the sample sessions jitter by 6e-3 of their interval
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """A coarse clock, and runs with the stamps of an even one."""
     coarse = streams.of(clock_in)
     return coarse, runs if coarse is None else tuple(replace(r, touch=evened(r.touch, coarse.value)) for r in runs)
