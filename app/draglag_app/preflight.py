@@ -142,7 +142,7 @@ def _watch(
     clock, lost = rig.stage.time_base, dict[str, DraglagError]()
     start_s = clock.now()
     if rig.stage.players:
-        # Simulated people must be told to draw; real ones may touch the screen while it is watched.
+        # A simulated hand draws only on request; real ones may touch the screen while it is watched.
         circle = Circle(150.0, 120.0, 40.0, 250.0, duration_s=watch_s)
         rig.stage.begin_run(PlannedRun("check", circle, 250.0, 40.0), start_s, "check")
     while len(lost) < len(opened) and clock.now() < start_s + watch_s:

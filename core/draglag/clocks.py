@@ -18,7 +18,7 @@ from draglag.recording import ClockBounds, FloatArray, IntArray, Run, concatenat
 
 # No quartz in an instrument is further off; it bounds the band while the bounds span little time.
 LARGEST_DRIFT = 300e-6
-# An uncertainty above this matters to a latency and is told to the operator.
+# An uncertainty above this matters to a latency and is reported to the operator.
 WARN_S = 1e-3
 # The paper's hardware comparison: below 1 ms in 60 s.
 PAPER_DRIFT = 1e-3 / 60.0

@@ -1,4 +1,4 @@
-"""What an extended model names besides its law, taken out of recorded streams: by the effects' own forward hooks.
+"""Effects of an extended model, its law excepted, taken out of recorded streams by their forward hooks.
 
 Every effect of the simulation says what it adds to a latency, a position, a shadow, an edge or a clock. That is taken
 off again, evaluated on the movement that the touch trace shows under the model's law. Nothing here changes raw data:
@@ -124,7 +124,7 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
 
 
 def without_effects(session: Session, effects: Sequence[Effect], law: Law) -> Session:
-    """A session with effects of laser, clock, beam and place taken out of its streams; the law tells the motion."""
+    """The session without effects of laser, clock, beam and position; the law gives the motion from the trace."""
     if not effects:
         return session
     starts = [run.touch.t_s[0] for run in session.runs if run.touch.t_s.size]

@@ -30,7 +30,7 @@ POSITION_HALF_S = 0.05
 JUMP_LAG_S = 0.08  # a drop of the lag by more than this within one event is no movement of a hand that could be seen
 JUMP_SPEEDS = 1.2  # a jump is so much faster than what is before and after it
 JUMP_NOISES = 7.0
-NEIGHBOURS = 4  # events beside a jump that tell speed and direction there
+NEIGHBOURS = 4  # events on either side of a jump, for speed and direction there
 SETTLED_S = 0.03
 USUAL_MM_S = 200.0  # where no speed is known
 
@@ -213,7 +213,7 @@ def _landed(
     """The lag after a jump: that of a movement from one end to the other whose velocity changes evenly.
 
     With v₁ and v₂ the speeds at the ends, D the jump along the movement after it and c the cosine of the turn,
-    D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 tells v₂.
+    D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 gives v₂.
     """
     jump = xy_mm[after[0]] - xy_mm[before[-1]]
     came = xy_mm[before[-1]] - xy_mm[before[-min(NEIGHBOURS, before.size)]]

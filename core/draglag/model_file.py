@@ -242,21 +242,21 @@ def _wrong_effect(model: LatencyModel) -> str:
         if not effect.parameters and effect.shape is None and EFFECTS[effect.id].parameters:
             return f"the effect {effect.id} has no size"
         for spec in EFFECTS[effect.id].parameters:
-            value, apart = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
-            if not spec.lower - apart <= value <= spec.upper + apart:
+            value, extent = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
+            if not spec.lower - extent <= value <= spec.upper + extent:
                 bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
                 return f"the effect {effect.id} has {spec.name} {value:g}; the library knows {bounds}"
     return ""
 
 
 def other_screen(model: LatencyModel, screen: str) -> str:
-    """In words that a model was fitted on another screen than the one named; empty where it was not, or is not told."""
+    """In words that a model was fitted on another screen than the one named; empty where it was not, or is unknown."""
     of = model.provenance.screen
     return f"the model was fitted on {of}, this is {screen}" if of and screen and of != screen else ""
 
 
 def left_unexplained(model: LatencyModel) -> str:
-    """In words that the model's own session holds a gap without a name; empty where it does not, or is not told."""
+    """In words that the model's own session holds a gap without a name; empty where it does not, or is unknown."""
     if model.provenance.verdict != "unexplained":
         return ""
     gap = "" if model.provenance.gap_mm is None else f" of {model.provenance.gap_mm[1]:.3f} mm"

@@ -25,20 +25,20 @@ _LAGS_S = np.linspace(0.0, 0.4, 21)
 
 
 def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: Screen) -> Orientation | None:
-    """How the touches of a run are mirrored against its target; None where they are not, or where it cannot be told.
+    """How the touches of a run are mirrored against its target; None where they are not, or the data do not decide.
 
-    Told only where the touches are far from the target at any plausible lag and close to one mirror image of it: a
-    target that is its own image (through the middle of the screen) and a hand elsewhere tell nothing.
+    Decided only where the touches are far from the target at any plausible lag and close to one mirror image of it: a
+    target that is its own image (through the middle of the screen) and a hand elsewhere decide nothing.
 
     Args:
         touch: events of the run, any number; those before ``start_s`` are left out.
         target: what was shown; it began to move at ``start_s`` on the same clock.
     """
     t_s = touch.t_s - start_s
-    held = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
-    if np.count_nonzero(held) < FEWEST_TOUCHES:
+    usable = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
+    if np.count_nonzero(usable) < FEWEST_TOUCHES:
         return None
-    t_s, x, y = t_s[held], touch.x_mm[held], touch.y_mm[held]
+    t_s, x, y = t_s[usable], touch.x_mm[usable], touch.y_mm[usable]
     if _distance_mm(t_s, x, y, target) < _OFF_MM:
         return None
     other_x, other_y = screen.width_mm - x, screen.height_mm - y

@@ -97,7 +97,7 @@ def plan(
     Args:
         protocol, screen: presets, or objects of one's own; the screen's law and noise are assumed.
         human: who will drag; the simulated participant if None.
-        progress: told the share done and the run at hand, before each; may raise to end the work.
+        progress: called before each run with the share done and the run's id; may raise to end the work.
         known: predictions of earlier calls, used and added to, so that an edit costs only the runs it changed.
 
     Raises DataError for unknown presets or targets that do not fit.

@@ -63,7 +63,7 @@ def make_rig(
 
 
 def give_panel(sources: Iterable[Source], screen: Screen) -> None:
-    """Tell sources that ask for it (``use_panel``) how large the panel under test is; before they are opened.
+    """Give the panel's size to sources that accept it (``AcceptsPanel``); before they are opened.
 
     A touchscreen that does not say how many units make a millimetre has no other way to know.
     """
@@ -74,21 +74,21 @@ def give_panel(sources: Iterable[Source], screen: Screen) -> None:
 
 
 def give_calibration(rig: Rig, mapping: Mapping2D, device: str, rms_mm: float) -> bool:
-    """Have the touchscreen map its units to mm this way, before it is opened. False where it cannot be told.
+    """Have the touchscreen map its units to mm this way, before it is opened. False where no source accepts one.
 
     ``device``: name of the touchscreen that was calibrated; another one refuses when it is opened.
     """
-    told = False
+    accepted = False
     for source in rig.sources:
         use = getattr(source, "use_calibration", None)
         if use is not None:
             use(mapping, device, rms_mm)
-            told = True
+            accepted = True
         elif source.role == "touch" and source.address.startswith("sim:"):
             # The simulated digitiser belongs to the world, which has no name to compare.
             getattr(rig.stage.players["sim"], "use_calibration")(mapping)  # noqa: B009
-            told = True
-    return told
+            accepted = True
+    return accepted
 
 
 def _agreed(addresses: list[Address], option: str, default: str) -> str:

@@ -112,7 +112,7 @@ def test_shapes_of_models_saved_so_far_are_read_as_their_effects(
 def test_a_term_without_a_setting_leaves_traces_and_law_as_they_are(name: str) -> None:
     home, term = EFFECTS[name], Term(name, (), (0.01,))
     assert home.undoing(term, ()) == (None, term)
-    assert home.asked(()) is None
+    assert home.speed_delay(()) is None
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def test_an_unplugged_panel_is_told_looked_for_by_name_and_place_and_comes_back(
     first = FakeDevice(down(100.0, 3, 1000, 500), Gone("No such device"))
     second = FakeDevice(down(103.0, 3, 1200, 500))
     seen: list[EventDevice] = [EventDevice("/dev/input/event2", "Another panel", "usb-9", "", True)]
-    source, clock = touch_source([first, second], look=lambda: seen)
+    source, clock = touch_source([first, second], find_devices=lambda: seen)
     source.open()
     batches = [source.read(0.1) for _ in range(20)]
     assert "close" in first.calls

@@ -35,7 +35,7 @@ CHECKS_AFTER_S = (1.5, 4.0, 10.0)
 TOUCHED_AFTER_S = 4.0
 
 _TURNED = (
-    "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and begin anew."
+    "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and start again."
 )
 _SILENT = "check that the stylus is on the screen under test and that this is the touchscreen in use."
 NO_TOUCH = "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them."
@@ -233,7 +233,7 @@ class Conductor:
         return None
 
     def _follow(self, planned: PlannedRun, start_s: float, end_s: float) -> Signal | None:
-        """The target moves: the sooner a turned touchscreen is told the better, but a hand may come late."""
+        """Record while the target moves; a turned touchscreen is reported as early as the touches allow."""
         reported = False
         for after_s in CHECKS_AFTER_S:
             signal = self._watch.wait_until(min(start_s + after_s, end_s), RUN_ROLES, frames=True)
@@ -245,7 +245,7 @@ class Conductor:
         return self._watch.wait_until(end_s, RUN_ROLES, frames=True)
 
     def _check_orientation(self, planned: PlannedRun, start_s: float) -> bool:
-        """Tell of touches that are mirrored against the target: the panel was turned after its calibration."""
+        """Report touches that are mirrored against the target: the panel was turned after its calibration."""
         run = self._saver.call(self._saver.so_far)
         wrong = None if run is None else wrong_way_round(run.touch, planned.target, start_s, self._options.screen)
         if wrong is not None:
@@ -259,7 +259,7 @@ class Conductor:
             self._watch.log("warning", "touch", words)
 
     def _preview(self, end_s: float) -> None:
-        """Tell what the run holds, without waiting for the longest latency that may yet come."""
+        """Emit a preview of the run without waiting for the longest possible latency."""
         self._time.advance_to(end_s + PREVIEW_S)
         patience_s = TAIL_S if self._time.realtime else STUCK_S
         if self._saver.wait_past(end_s + PREVIEW_S, RUN_ROLES, patience_s):

@@ -43,7 +43,7 @@ class OpenFaults(DeviceError):
 
 
 def open_all(sources: tuple[Source, ...]) -> dict[str, SourceInfo]:
-    """Open every source. Raises OpenFaults that tells all faults at once, with the others closed again."""
+    """Open every source. Raises OpenFaults with all faults, after closing the others."""
     opened: list[Source] = []
     infos: dict[str, SourceInfo] = {}
     faults: list[DeviceError] = []

@@ -1,4 +1,4 @@
-"""The writer thread: the only one that touches the file. What arrives is saved first and told afterwards."""
+"""The writer thread: the only one that touches the file. Data are saved before events about them are emitted."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from draglag.errors import EstimateError
 from draglag.recording import FloatArray
 from draglag.shown import table_html
 
-FEWEST_SPEEDS = 5  # as many as Eq. 5 has coefficients: fewer cannot tell a decay from anything else
+FEWEST_SPEEDS = 5  # as many as Eq. 5 has coefficients: fewer do not identify a decay
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
 
 
@@ -36,7 +36,7 @@ class CurveFit:
         covariance: of ``values``; zero rows for parameters at a bound.
         rms_s: RMS of L − L̂ over the points, unweighted (the paper's Table 2).
         between_runs_s: scatter of runs about the curve beyond their own standard errors.
-        tied_asymptote_s: the tap latency a7 was held at, or None.
+        tied_asymptote_s: the tap latency a7 was fixed at, or None.
     """
 
     form: str

@@ -75,11 +75,11 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
         axes.legend(loc="upper right")
 
 
-def draw_difference(axes: Any, apart: CurveDifference) -> None:
+def draw_difference(axes: Any, difference: CurveDifference) -> None:
     """By how much one curve is above another, ms, against speed, with its 95 % band."""
-    band = (1e3 * apart.low_s, 1e3 * apart.high_s)
-    axes.fill_between(apart.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
-    axes.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=style.BLUE)
+    band = (1e3 * difference.low_s, 1e3 * difference.high_s)
+    axes.fill_between(difference.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
+    axes.plot(difference.speed_mm_s, 1e3 * difference.difference_s, color=style.BLUE)
     axes.axhline(0, color=style.BLACK, linewidth=0.8)
     axes.set(xlabel="drag speed, mm/s", ylabel="difference of latencies, ms")
 

@@ -20,7 +20,7 @@ from draglag.latency.arrival import Arrival, set_back
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
-from draglag.latency.path import APART_S
+from draglag.latency.path import INDEPENDENT_S
 from draglag.latency.pauses import NONE, Pauses, without_pauses
 from draglag.latency.scan import Scan, scan
 from draglag.latency.track import Track, track_of
@@ -29,7 +29,7 @@ from draglag.recording import FloatArray
 
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
 SCATTER_LASTS_S = 0.03
-CONVERGED_S = 3e-5  # a step from here ends closer than any interval tells
+CONVERGED_S = 3e-5  # smaller steps are far below any interval
 SCATTER_CERTAIN = 0.2  # nothing calls for another explanation of the edges
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
 LARGEST_SE_RATIO = 3.0  # a place this many times less sure than the median is none
@@ -87,7 +87,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     solutions.sort(key=lambda s: -s.log_likelihood / max(s.edges.t_s.size, 1))
     best = solutions[0]
     if track.tremor is not None and best.p_no_scatter < SCATTER_CERTAIN:
-        # Where a steep law re-times the trace, what looks like tremor is not where the stylus was: the edges tell.
+        # Where a steep law re-times the trace, apparent tremor is not movement of the stylus: the edges decide.
         plain = _on_track(best, replace(track, with_tremor=False))
         if plain.log_likelihood > best.log_likelihood:
             best = plain
@@ -235,7 +235,7 @@ def _design(
 def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
     """What scatters edges beyond what is known lasts tens of milliseconds: two edges of a fast crossing share it."""
     m = edge_t_s.size
-    reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + APART_S) - np.arange(m)))
+    reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + INDEPENDENT_S) - np.arange(m)))
     row = np.arange(reach)[:, None] + np.arange(m)[None, :]
     inside = row < m
     row = np.minimum(row, m - 1)

@@ -29,7 +29,7 @@ SEGMENT_S = 8.0
 KNOTS_PER_PERIOD = 10.0  # of the corner frequency
 LONGEST_FILL = 3  # missing events that interpolation bridges without harm
 NOISE_UP_TO_HZ = 7.0  # between the path and tremor there is only noise
-APART_S = 3.0  # edges further apart share no error
+INDEPENDENT_S = 3.0  # edges further apart share no error
 LAG_STEP_S, LAG_POINTS = 0.005, 2048  # of the table of covariances
 QUIET_FROM_HZ = 14.0  # and above tremor
 FILTERS_HZ = (2.0, 4.0, 8.0, 16.0)
@@ -323,8 +323,8 @@ def looked_up(table: FloatArray, position: FloatArray) -> FloatArray:
 
 
 def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
-    """A table of autocovariances, zero from APART_S on, still a covariance (Parzen's window)."""
-    u = step_s * np.arange(int(APART_S / step_s) + 2) / APART_S
+    """A table of autocovariances, zero from INDEPENDENT_S on, still a covariance (Parzen's window)."""
+    u = step_s * np.arange(int(INDEPENDENT_S / step_s) + 2) / INDEPENDENT_S
     window = np.where(u < 0.5, 1 - 6 * u**2 * (1 - u), 2 * np.maximum(1 - u, 0.0) ** 3)
     out = np.zeros(u.size)
     k = min(u.size, by_lag.size)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from draglag.latency.path import APART_S, Events, Path, looked_up, tapered
+from draglag.latency.path import INDEPENDENT_S, Events, Path, looked_up, tapered
 from draglag.recording import FloatArray
 
 BAND_HZ = (7.0, 14.0)
@@ -98,7 +98,7 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None
     rest = 1.0 if under is None else 1 - under.keeps(f_hz)
     fine = irfft(transform[:2] * (gain * rest), size * finer).T * finer
     step_s = events.dt_s / finer
-    points = 2 ** int(np.ceil(np.log2(2 * APART_S / step_s)))
+    points = 2 ** int(np.ceil(np.log2(2 * INDEPENDENT_S / step_s)))
     lag_hz = np.arange(points // 2 + 1) / (points * step_s)
     to_lag = 0.5 * lag_hz[1] * points
     unobserved, whole = (

@@ -103,7 +103,7 @@ def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter
 
 
 def likely_scatter_mm(residual: FloatArray) -> FloatArray:
-    """The scatters τ that can have weight beside residuals (m,).
+    """The scatters τ with non-negligible weight, given residuals (m,).
 
     From three times their size on the likelihood falls with τ^(m/2 − 5) or faster (edges in pairs, five parameters);
     what is 10¹¹ times less likely than there is left out.

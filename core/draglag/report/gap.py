@@ -151,7 +151,7 @@ def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, st
 
 
 def _left_out(report: GapReport) -> str:
-    """That edges are no longer judged by, about the switches of a second filter or beside holes, if any."""
+    """Sentence on edges left out near switches of a second filter or near holes; empty if none."""
     if report.first is None or report.last is None or report.first.use.size != report.last.use.size:
         return ""
     lost = np.count_nonzero(report.first.use & ~report.last.use)

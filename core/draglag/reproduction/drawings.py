@@ -154,11 +154,11 @@ def _in_colours(curves: Sequence[tuple[str, CurveFit, Source]]) -> Any:
         upper.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=name + mark(source))
         upper.fill_between(speed, *(1e3 * v for v in curve.band_s(speed)), color=colour, alpha=0.2, linewidth=0)
     for (name, curve, _), (colour, _) in zip(curves[1:], (MARKERS * 4)[1:], strict=False):
-        apart = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
-        if apart is not None:
-            band = (1e3 * apart.low_s, 1e3 * apart.high_s)
-            lower.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=colour, label=name)
-            lower.fill_between(apart.speed_mm_s, *band, color=colour, alpha=0.2, linewidth=0)
+        difference = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
+        if difference is not None:
+            band = (1e3 * difference.low_s, 1e3 * difference.high_s)
+            lower.plot(difference.speed_mm_s, 1e3 * difference.difference_s, color=colour, label=name)
+            lower.fill_between(difference.speed_mm_s, *band, color=colour, alpha=0.2, linewidth=0)
     lower.axhline(0, color=style.BLACK, linewidth=0.8)
     upper.set(ylabel="latency, ms")
     lower.set(xlabel="drag speed, mm/s", ylabel=f"minus {curves[0][0]}, ms")
@@ -171,10 +171,13 @@ def _difference_cells(curves: Sequence[tuple[str, CurveFit, Source]]) -> list[li
 
     rows = []
     for name, curve, _ in curves[1:]:
-        apart = curve_difference(curves[0][1], curve)
-        for k in range(0 if apart is None else apart.speed_mm_s.size):
-            assert apart is not None
-            values = (apart.speed_mm_s[k], *(1e3 * v[k] for v in (apart.difference_s, apart.low_s, apart.high_s)))
+        difference = curve_difference(curves[0][1], curve)
+        for k in range(0 if difference is None else difference.speed_mm_s.size):
+            assert difference is not None
+            values = (
+                difference.speed_mm_s[k],
+                *(1e3 * v[k] for v in (difference.difference_s, difference.low_s, difference.high_s)),
+            )
             rows.append([name, "{:.0f}".format(*values), f"{values[1]:.2f}", f"{values[2]:.2f} to {values[3]:.2f}"])
     return rows
 
@@ -198,7 +201,7 @@ def table_html(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def page(title: str, body: str) -> str:
     """One self-contained page."""
-    look = (
+    css = (
         ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;"
         "padding:0 1rem}table{border-collapse:collapse;font-variant-numeric:tabular-nums}th,td{padding:.3rem .7rem;"
         "border-bottom:1px solid #8884;text-align:right}th:first-child,td:first-child{text-align:left}"
@@ -206,5 +209,5 @@ def page(title: str, body: str) -> str:
     )
     return (
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f"<style>{look}</style></head><body><h1>{html.escape(title)}</h1>{body}</body></html>"
+        f"<style>{css}</style></head><body><h1>{html.escape(title)}</h1>{body}</body></html>"
     )

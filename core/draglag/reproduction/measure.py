@@ -1,4 +1,4 @@
-"""Simulate the paper's screens, measure them as it does, and set the numbers beside its own."""
+"""Simulate the paper's screens, measure them as it does, and compare the numbers with the published ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from draglag.inversion import Law
 from draglag.latency.estimate import prepare
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
-from draglag.reproduction.curves import Row2, effects_of, held_rms_ms, measured_row
+from draglag.reproduction.curves import Row2, effects_of, measured_row, sample_hold_rms_ms
 from draglag.reproduction.further import FurtherSeeds, further_seeds
 from draglag.reproduction.own_gap import OwnGap, own_gap
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2, TABLE_3
@@ -60,7 +60,7 @@ class Reproduction:
                     "screen": row.screen,
                     "rms_ms": row.rms_ms,
                     "paper_rms_ms": row.paper_rms_ms,
-                    "rms_held_at_100_hz_ms": row.held_rms_ms,
+                    "rms_held_at_100_hz_ms": row.sample_hold_rms_ms,
                     "rms_no_worse": row.rms_ms <= row.paper_rms_ms,
                     "coefficients": [
                         {
@@ -105,7 +105,7 @@ def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 
     for k, screen in enumerate(TABLE_2):
         on_progress(0.02 * k, f"{screen}: sweep")
         row = measured_row(screen, seed)
-        rows.append(replace(row, held_rms_ms=held_rms_ms(row)))
+        rows.append(replace(row, sample_hold_rms_ms=sample_hold_rms_ms(row)))
     further = further_seeds(
         range(seed + 1, seed + 1 + n_further), lambda fraction, text: on_progress(0.06 + 0.29 * fraction, text)
     )

@@ -130,7 +130,7 @@ class Bus:
         if any(vendor == 0 or product == 0 for vendor, product in found):
             raise Refusal(
                 "unsteady",
-                f"the EtherCAT devices on {self.interface} do not tell what they are: answers get lost",
+                f"the EtherCAT devices on {self.interface} do not identify themselves: answers get lost",
                 "check the cable and the supply of the coupler",
             )
         if not places or not any((BECKHOFF, coupler) in found for coupler in COUPLERS):

@@ -36,7 +36,7 @@ _SILENCE_S = (1.0, 1.0, 2.0, 2.0, 4.0, 8.0, 30.0)
 _LONG_S = 2.0
 _DEAD_GAP_NS = 1_000_000_000
 _POLL_S = 0.1
-# A bus that runs tells of itself every 10 ms.
+# A running bus reports every 10 ms.
 _STUCK_S = 3.0
 _EXIT_TIMEOUT_S = 1.0
 _PR_SET_PDEATHSIG = 1
@@ -70,7 +70,7 @@ class Keeper:
         self.interface, self.wire, self._life = interface, wire, life
         self.number = first_epoch
         self._first = first_epoch == 0
-        self._until: int | None = None  # host time up to which all edges have been told
+        self._until: int | None = None  # host time up to which all edges have been reported
         self._level: int | None = None
         self._dead_from: int | None = None
         self._lost_at: int | None = None
@@ -103,9 +103,9 @@ class Keeper:
         asked = 0
         while True:
             self._still_dead()
-            with contextlib.suppress(Refusal, OSError):  # the loss has been told, and the next try comes
+            with contextlib.suppress(Refusal, OSError):  # the loss has been reported, and the next try comes
                 preflight.check_interface(self.interface)
-                # SOEM takes many seconds to give up on a line that is dead or slow; two frames tell sooner.
+                # SOEM takes many seconds to give up on a line that is dead or slow; two frames show it sooner.
                 if all(count_slaves(self.interface, _PROMPT_S, (2 * asked + k) % 128) for k in (0, 1)):
                     return
             self.wire.check(_PROBE_PAUSES_S[min(asked, len(_PROBE_PAUSES_S) - 1)])
@@ -145,7 +145,7 @@ class Keeper:
             child.end()
 
     def _take(self, message: dict[str, Any], line: bytes) -> End | None:
-        """Pass on what the child tells, and take note of it; its end where it tells that."""
+        """Forward the child's messages and update the state from them; its end where it reports one."""
         kind = message["m"]
         if kind == "over":
             if message["dead_from"] is not None:

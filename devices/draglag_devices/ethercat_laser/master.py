@@ -21,7 +21,7 @@ _INHERIT_S = 3.0
 
 
 def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, position: int = 0) -> int:
-    """Check, claim, bring up, run. Tells a refusal on the wire and returns 1, or 0 when the reader went."""
+    """Check, claim, bring up, run. Sends a refusal on the wire and returns 1, or 0 when the reader went."""
     lock = None
     try:
         if first_epoch == 0:

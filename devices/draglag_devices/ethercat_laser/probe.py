@@ -84,7 +84,7 @@ def _ethernet(interface: str) -> bool:
 def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_INDEX) -> int:
     """Working counter of one broadcast read of the two type bytes, 0 without an answer in time.
 
-    ``index`` tells the answer from a late one to an earlier question.
+    ``index`` separates the answer from a late one to an earlier question.
     """
     with contextlib.suppress(OSError), _Line(interface, within_s, index) as line:
         return line.exchange(_BRD, 0, _TYPE, bytes(2))[0]

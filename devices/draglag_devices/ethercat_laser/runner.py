@@ -32,7 +32,7 @@ class Restart(Exception):
 
 
 def live(interface: str, channel: int, position: int, number: int, wire: Wire) -> None:
-    """Bring the bus up and run it until it is lost. Tells "up" as the bring-up goes on, then what ``Runner`` tells,
+    """Bring the bus up and run it until it is lost. Sends "up" meanwhile, then the messages of ``Runner``,
     and "over" or "failed" in the end. Raises ReaderGone."""
     try:
         bus = Bus(interface, position, lambda: wire.send("up"))
@@ -79,7 +79,7 @@ class Runner:
         next_ns = time.monotonic_ns()
         state_ns, clock_ns = next_ns + _STATE_NS, next_ns + _CLOCK_NS
         tick_ns, summary_ns = next_ns, next_ns + _SUMMARY_NS
-        doubts = 0
+        suspicious = 0
         while True:
             found = epoch.take(bus.cycle())
             now = time.monotonic_ns()
@@ -106,8 +106,8 @@ class Runner:
             # Where cycles fail already, they say more than a question about the state would.
             if now >= state_ns and not epoch.bad:
                 trouble = self._trouble(bus)
-                doubts = doubts + 1 if trouble else 0
-                if doubts >= 2:
+                suspicious = suspicious + 1 if trouble else 0
+                if suspicious >= 2:
                     self.dead_from = self._sound_ns
                     raise Restart(trouble)
                 if not trouble:
@@ -150,13 +150,13 @@ class Runner:
         self._report_clock(epoch)
 
     def _check_terminal_clock(self, bus: Bus, epoch: Epoch) -> None:
-        """Stamps are the terminal's, comparisons the bus's: told once when the two clocks go apart."""
+        """Stamps are the terminal's, comparisons the bus's: reported once when the two clocks diverge."""
         if self._divergence_reported:
             return
         try:
             offset_ns = epoch.clock.offset_ns(bus.terminal_clock())
         except pysoem.WkcError:
-            return  # the cycles tell
+            return  # the cycles report it
         if offset_ns > _DIVERGENCE_NS:
             self._divergence_reported = True
             self._notice(

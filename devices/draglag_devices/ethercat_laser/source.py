@@ -1,4 +1,4 @@
-"""The laser on an EtherCAT bus as a source: reads what the bus process tells and maps its stamps to the host."""
+"""The laser on an EtherCAT bus as a source: reads the bus process's messages and maps their stamps to the host."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class EthercatLaser:
         return () if rest is None else (rest,)
 
     def synchronise(self) -> threading.Event:
-        """See ``draglag_devices.source.Synchronises``. The bus compares in every cycle and tells the best of each
+        """See ``draglag_devices.source.Synchronises``. The bus compares in every cycle and sends the best of each
         quarter of a second: it is the next one that counts."""
         done = threading.Event()
         self._asked.append((time.monotonic(), done))

@@ -1,4 +1,4 @@
-"""What the bus process tells its reader: one JSON object a line, written without ever waiting."""
+"""Messages of the bus process to its reader: one JSON object a line, written without ever waiting."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ _PROP_DIRECT = 0x01
 
 @dataclass(frozen=True)
 class EventDevice:
-    """An event device as sysfs tells it."""
+    """An event device as sysfs describes it."""
 
     path: str
     name: str

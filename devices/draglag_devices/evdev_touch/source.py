@@ -48,7 +48,7 @@ _UNGRAB_TIMEOUT_S = 1.0
 
 
 class EvdevTouch:
-    """Reads one touchscreen; a lost one is told and looked for, by name and place, until it is back."""
+    """Reads one touchscreen; a lost one is reported and searched for, by name and port, until it is back."""
 
     realtime = True
     role = "touch"
@@ -57,7 +57,7 @@ class EvdevTouch:
         self,
         address: Address,
         open_device: Callable[[str], TouchDevice] = KernelTouch,
-        look: Callable[[], list[EventDevice]] = event_devices,
+        find_devices: Callable[[], list[EventDevice]] = event_devices,
         now: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -66,7 +66,7 @@ class EvdevTouch:
         self._exclusive = address.choice("exclusive", ("0", "1"), "0") == "1"
         self._panel_mm = (address.number("width_mm"), address.number("height_mm"))
         self._calibration = address.options.get("calibration")
-        self._open_device, self._look, self._now, self._pause = open_device, look, now, pause
+        self._open_device, self._find_devices, self._now, self._pause = open_device, find_devices, now, pause
         self._device: TouchDevice | None = None
         self._decoder = FrameDecoder()
         self._follower = ContactFollower()
@@ -225,7 +225,7 @@ class EvdevTouch:
         return self._batch(touch=touch, alive=back)
 
     def _come_back(self) -> None:
-        for seen in self._look():
+        for seen in self._find_devices():
             if (seen.name, seen.phys, seen.uniq) != self._identity:
                 continue
             try:
@@ -296,7 +296,7 @@ class EvdevTouch:
             self._report("warning", f"The touchscreen is not used exclusively: {why}.")
             return
         if _is_down(device):  # since the look before: let go at once, and wait for its end
-            with contextlib.suppress(OSError):  # one that is gone is told by the next read
+            with contextlib.suppress(OSError):  # a lost device is reported by the next read
                 device.grab(False)
             return
         self._grabbed = True

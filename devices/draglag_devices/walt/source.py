@@ -74,7 +74,7 @@ class _Device:
 class WaltSource:
     """Role "walt": shocks, polled; role "laser": edges of the WALT's own laser, sent by it.
 
-    An unplugged or hanging WALT is told and looked for until it is back; its clock then begins a new epoch.
+    An unplugged or hanging WALT is reported and searched for until it is back; its clock then begins a new epoch.
     """
 
     realtime = True
@@ -101,7 +101,7 @@ class WaltSource:
         self._next_poll_s = 0.0
         self._next_try_s = 0.0
         self._last_shock_s = -np.inf
-        self._pending_shocks: list[Taps] = []  # shocks told while clocks were compared
+        self._pending_shocks: list[Taps] = []  # shocks reported while clocks were compared
         self._asked: deque[threading.Event] = deque()  # filled by other threads
         self._compared: list[threading.Event] = []
 
@@ -274,7 +274,7 @@ class WaltSource:
 
     def _restart_clock(self, device: _Device) -> None:
         self._notices.append(
-            Notice(self._now(), "warning", "The WALT's clock jumped; it was set and compared anew from here on.")
+            Notice(self._now(), "warning", "The WALT's clock jumped; it was set and compared again from here on.")
         )
         self._epoch += 1
         device.epoch, device.contradictions = self._epoch, 0

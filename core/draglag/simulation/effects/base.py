@@ -219,7 +219,7 @@ class Effect(InFits):
 
     @classmethod
     def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:
-        """Times (n,) of events before the effect, as far as the events alone tell; None where they do not."""
+        """Times (n,) of events before the effect, from the events alone; None where they do not determine them."""
         return None
 
     @classmethod
@@ -231,7 +231,7 @@ class Effect(InFits):
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         """How the effect moves the residual of each edge, at every setting of what it is not linear in.
 
-        Empty where residuals do not show it. ``gains`` tells which of many settings are worth looking at.
+        Empty where residuals do not show it. ``gains`` selects which of many settings to compute.
         """
         return []
 

@@ -97,11 +97,11 @@ def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
 def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
     """Step of coordinates that are whole steps but rarely the same; 0 where they are none."""
     values = np.unique(np.round(np.concatenate([touch.x_mm for touch in touches]), 6))
-    apart = np.diff(values)
-    if not apart.size or apart.min() < FINEST_MM:
+    spacing = np.diff(values)
+    if not spacing.size or spacing.min() < FINEST_MM:
         return 0.0
-    steps = apart / apart.min()
-    return float(apart.min()) if np.mean(np.abs(steps - np.round(steps)) < WHOLE) > SHARE_WHOLE else 0.0
+    steps = spacing / spacing.min()
+    return float(spacing.min()) if np.mean(np.abs(steps - np.round(steps)) < WHOLE) > SHARE_WHOLE else 0.0
 
 
 def _of_share(stood: int, moved: int) -> float:

@@ -79,7 +79,7 @@ def _delay_s(term: Term) -> float:
 def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
     """Twice the log-likelihood of the edges of steady runs with the law asked at each option's speed, (k,).
 
-    Law and all else are adjusted linearly, the delay is held. −inf where too few edges can be placed.
+    Law and all else are adjusted linearly, the delay is fixed. −inf where too few edges can be placed.
     """
     components = fit.whiteners[fit.best].components
     own = LaggingLaw.id

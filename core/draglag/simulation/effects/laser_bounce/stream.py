@@ -40,7 +40,7 @@ def chatter(session: Session) -> StreamEffect | None:
     extra, edges = (int(sum(group[k] for group in groups)) for k in (1, 2))
     if edges == 0 or extra < max(5, 0.02 * edges) or not each:
         return None
-    # Of the time in which it may chatter the longest tells: of n edges' last of two flips, one lies within its last
+    # The longest chatter bounds the time in which it may: of n edges' last of two flips, one lies within its last
     # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
     longest = 2 * float(np.median([span for _, span in each]))
     spans = sorted(span for _, span in each if span <= longest)
@@ -49,7 +49,7 @@ def chatter(session: Session) -> StreamEffect | None:
         spans.pop()
     span_s = spans[-1]
     # Chatter that outlasts what is near in a fast run falls apart there; where it does so in every run, the slowest
-    # tells at least.
+    # gives a lower bound.
     whole_in = [group for group in groups if group[0] >= span_s]
     near_least_s = span_s if whole_in else max(group[0] for group in groups)
     used, of = (int(sum(group[k] for group in groups if group[0] >= near_least_s)) for k in (1, 2))

@@ -13,7 +13,7 @@ from draglag.simulation.effects.loss_of_contact import LossOfContact
 from draglag.simulation.effects.sample_hold.stream import loop_in
 
 LEAST_EVENTS = 60  # of a run
-AROUND = 61  # events whose usual bend is told
+AROUND = 61  # events over which the usual bend is averaged
 SMOOTH, SPEEDS = 7, 24  # events, and speeds of a session, over which a bend is averaged
 LARGE_MM2 = 1e6  # where nothing is known
 QUANTILE, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
@@ -30,15 +30,15 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def filled_losses(
-    runs: tuple[Run, ...], held: bool, resolution_mm: float = 0.0
+    runs: tuple[Run, ...], uneven_ages: bool, resolution_mm: float = 0.0
 ) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in.
 
-    ``held``: positions are of uneven age, so that only the straightness can tell, and has to last longer.
+    uneven_ages: positions are of uneven age: only straightness is evidence, and has to last longer.
     resolution_mm: of coordinates that are whole steps. A line of those bends, too, if less than the noise: a stretch
     then has to be likelier a line than chance makes any.
     """
-    least = 4 if held else 3
+    least = 4 if uneven_ages else 3
     n_events = sum(run.touch.t_s.size for run in runs)
     length_s: list[float] = []
     total_s = 0.0
@@ -53,7 +53,7 @@ def filled_losses(
         share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
         off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
         bend = np.hypot(*off)
-        if held:
+        if uneven_ages:
             # Positions of uneven age lie unevenly along the line, but on it.
             chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
             bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
@@ -67,7 +67,7 @@ def filled_losses(
             if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
                 out.append(run)  # where a slow path stays on one step, anything is a line
                 continue
-            if not held:
+            if not uneven_ages:
                 straight = _likelier_lines(np.array(off), usual_mm2, even, resolution_mm, n_events)
         total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from draglag.simulation.effects.fitted_shape import FittedShape
 
 PITCHES_TRIED = 8
-PITCH_UNKNOWN = 0.015  # of a pitch: neighbouring ones of PITCHES_MM are 0.4 % apart, and edges hardly tell several
+PITCH_UNKNOWN = 0.015  # of a pitch: neighbouring ones of PITCHES_MM are 0.4 % apart, and edges hardly separate several
 
 
 class Setting(NamedTuple):

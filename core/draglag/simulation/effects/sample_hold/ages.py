@@ -11,16 +11,16 @@ UNEVEN_AGE = 0.03  # of the interval between stamps
 REMAINING = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay
 
 
-def ages_remain(held: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
+def ages_remain(recorded: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
     """Whether positions of uneven age are hardly evener after their ages were undone."""
-    before_s = uneven_age_s(held)
+    before_s = uneven_age_s(recorded)
     return before_s > UNEVEN_AGE * period_s and uneven_age_s(even) > REMAINING * before_s
 
 
 def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
-    """By how much the age of the positions varies from stamp to stamp, s (median over runs fast enough to tell; or 0).
+    """Standard deviation of the positions' age from stamp to stamp, s; median over runs that are fast enough, or 0.
 
-    A position of another age lies further along the path, not beside it: what third differences scatter by along the
+    A position of another age lies further along the path, not across it: what third differences scatter by along the
     motion beyond what they do across it, less what the stamps themselves scatter by.
     """
     ages = []

@@ -1,4 +1,4 @@
-"""Touch events that a host's loop held: stamps of its ticks, on positions that repeat or are of uneven age."""
+"""Detector of sample-and-hold by a host's loop: stamps of its ticks, positions that repeat or are of uneven age."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ STEPS = 3.0  # of its coordinates that a run advances by from event to event, wh
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """A loop, and runs with the positions of even age, or without those that repeat."""
-    held = streams.of(loop_in)
-    if held is None or streams.of(batches_in) is not None or streams.of(clock_in) is not None:
+    loop = streams.of(loop_in)
+    if loop is None or streams.of(batches_in) is not None or streams.of(clock_in) is not None:
         return None, runs  # a grid of stamps without repeated positions is a coarse clock's
     first = [first_of_repeats(r.touch) for r in runs]
-    even = undo_sample_hold(first, 1 / held.value)
-    if even is not None and ages_remain(first, even, 1 / held.value):
+    even = undo_sample_hold(first, 1 / loop.value)
+    if even is not None and ages_remain(first, even, 1 / loop.value):
         even = None  # another beat was taken for theirs
     repaired = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
     repeat = max(float(np.mean(repeats(touch))) for touch in streams.touches)
-    return of_the_bus(replace(held, undone=even is not None), repeat), repaired
+    return of_the_bus(replace(loop, undone=even is not None), repeat), repaired
 
 
-def of_the_bus(held: StreamEffect, repeat: float) -> StreamEffect:
+def of_the_bus(loop: StreamEffect, repeat: float) -> StreamEffect:
     """A loop as polls of the bus, where it reports each position once and at an interval that buses are polled at.
 
     repeat: share of positions that repeat: a poll without a new report sends none.
     """
-    period_s = 1 / held.value
+    period_s = 1 / loop.value
     if repeat > FEW_REPEATS or not any(abs(period_s / bus_s - 1) < BUS_CLOCK for bus_s in BUS_S):
-        return held
-    ci95_s = (1 / held.ci95[1], 1 / held.ci95[0])
-    named = replace(held, effect=PollGrid.id, parameter="period_s", value=period_s, ci95=ci95_s, where="every stamp")
+        return loop
+    ci95_s = (1 / loop.ci95[1], 1 / loop.ci95[0])
+    named = replace(loop, effect=PollGrid.id, parameter="period_s", value=period_s, ci95=ci95_s, where="every stamp")
     return replace(named, rivals=(SampleHold.id,))
 
 

@@ -28,7 +28,7 @@ THRESHOLDS = {By.SPEED: "threshold_mm_s", By.ACCELERATION: "threshold_mm_s2"}
 LOWEST, HIGHEST = 0.8, 1.25  # of a threshold: edges lie at speeds that far apart
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
-SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed beside a skip
+SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed next to a skip
 
 
 @dataclass(frozen=True)

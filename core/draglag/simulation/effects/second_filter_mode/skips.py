@@ -1,7 +1,7 @@
 """A filter that comes and goes as touch events show it: its trace stands still when it takes over, and skips as far
 ahead when it lets go.
 
-The lateness is one for all runs: in time, whatever their speed. Which switches are likeliest, a tracker tells.
+The lateness is one for all runs: in time, whatever their speed. A tracker finds the likeliest switches.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
-QUICKER = 9  # events over which a step is compared with those beside it: a skip takes one or two
+QUICKER = 9  # events over which a step is compared with its neighbours: a skip takes one or two
 SLOWEST_MM_S = 60.0  # slower, a skip of some milliseconds is within the noise
 LEAST_SKIP_S, SURE = 0.003, 6.0  # and robust deviations of the run's own steps
 OF_AN_INTERVAL = 0.5  # more or less, frames were lost or held back, not the stylus
@@ -33,7 +33,7 @@ LEAST_EACH = 8.0  # log-likelihood for each switch of a run; what a tremor makes
 LEAST_GAIN = 1000.0  # of all runs; other effects come to some 200
 DIRECTIONS = np.pi / 4 * np.arange(4)
 GRID_S, PANELS_S = 0.005, 0.05  # a panel's own smoothing of a speed, about
-MIN_ACCURACY = 0.85  # of both states, that a threshold of the speed's change has to tell apart
+MIN_ACCURACY = 0.85  # balanced accuracy with which a threshold of the speed's change separates both states
 ALIKE = 0.2  # of a run's events by place, direction or speed, within which lie …
 # … so many of its switches: those are no filter's. Of the trace's skips as they are it is more: of generated filters
 # 0.59 to 0.79, of split panels, asymmetries and slow runs' noise 0.84 to 1.
@@ -84,7 +84,7 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
 
 @lru_cache(maxsize=4)
 def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
-    """Above which change of speed, mm/s², the filter is there, if that tells its stretches from the rest.
+    """Above which change of speed, mm/s², the filter is active, if such a threshold separates its stretches; else None.
 
     Args:
         runs: with the lateness undone. times_s: (2 k,) of ``Skips``.
@@ -108,10 +108,10 @@ def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
-    """By how much events are ahead of those beside them where the trace skips, in runs where it stands still as well;
+    """By how much events are ahead of their neighbours where the trace skips, in runs where it stands still as well;
     None where it does not, or where all of that is at one place, direction or speed (to follow the events takes
     seconds). A start from rest looks like a skip, a stop like a standstill, and neither is one."""
-    skips, stands, at = [], 0, []
+    skips, standstills, at = [], 0, []
     for data in runs:
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
         typical_s = float(np.median(apart_s))
@@ -125,9 +125,9 @@ def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
         at.append(np.flatnonzero(np.abs(ahead_s) > least_s) + 1 if still else np.empty(0, int))
         if still:
             skips.append(ahead_s[ahead_s > least_s])
-            stands += still
+            standstills += still
     all_s = np.concatenate(skips) if skips else np.empty(0)
-    if all_s.size < FEWEST or stands < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
+    if all_s.size < FEWEST or standstills < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
         return None
     return float(np.median(all_s))
 

@@ -83,7 +83,7 @@ def find_switching(fit: Fit) -> Switching | None:
 
 
 def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
-    """The times anew beside the law of a fit that has the switching in it: a run that never switches tells only by
+    """The times re-estimated with the law of a fit that contains the switching: a run that never switches shows only by
     the law which of the two levels is its own."""
     placed, late_s, sd_s, usable = _latencies(fit)
     late_s = late_s + size_s * within(setting.times_s, placed.since_start_s)
@@ -137,7 +137,7 @@ def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
 
 
 def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
-    """Where to begin anew: the law through each run's level in a fit that has the switching in it.
+    """Starting law of a refit: through each run's level in a fit that contains the switching.
 
     The runs' own estimates are of one level each, and a law begun there stays where it fits them. Raises EstimateError.
     """
@@ -152,7 +152,7 @@ def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
 
 
 def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
-    """Of every placed edge: how late it is beside the fit and its standard deviation, s, and whether it tells."""
+    """Of every placed edge: lateness relative to the fit and its standard deviation, s, and whether it is usable."""
     placed = fit.placed
     lever = fit_lever(fit)
     variance = touch_variances(fit.runs, placed) + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2
@@ -263,14 +263,14 @@ def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tu
         now = now / scale[i]
         forward[i] = now
     later = np.empty((m, *zero.shape[:-1]))
-    behind = np.ones_like(now)
+    backward = np.ones_like(now)
     for i in range(m - 1, -1, -1):
-        both = forward[i] * behind
+        both = forward[i] * backward
         later[i] = both[1] / (both[0] + both[1])
         if i:
             p = stay[..., i - 1]
-            ahead = behind * density[i]
-            behind = (p * ahead + (1 - p) * ahead[::-1]) / scale[i]
+            ahead = backward * density[i]
+            backward = (p * ahead + (1 - p) * ahead[::-1]) / scale[i]
     return np.log(scale).sum(axis=0) + top.sum(axis=-1), np.moveaxis(later, 0, -1)
 
 

@@ -1,6 +1,6 @@
 """A tracker that follows the touch events of all runs at once, with two levels of lateness and a switch at any event.
 
-Constant speed and turn between events, a hand's random acceleration beside it (Kalman); of all histories of switches
+Constant speed and turn between events, and a hand's random acceleration (Kalman); of all histories of switches
 the likeliest few are kept (beam search).
 """
 
@@ -17,10 +17,10 @@ from draglag.recording import FloatArray
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
-HISTORIES = 8  # three times as many tell the same
+HISTORIES = 8  # three times as many give the same
 SWITCH = 5.0  # log-likelihood that a switch costs
 OUTLIER = 50.0  # squared standard deviations; beyond it an event moves no tracker, but for too many of them
-LOST = 4  # so many events on end, and it begins anew
+LOST = 4  # outliers in a row after which it restarts
 FAR = 1e9  # what no switch is worth
 TURN_S, FASTEST_TURN = 0.05, 60.0  # rad/s: 1 m/s on a circle of 17 mm
 LEAST_WAY_MM = 1.5  # over which a direction is known
@@ -135,8 +135,8 @@ def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
     power = 2 * unsteady
     pp, pv, vv = noise, np.zeros(unsteady.shape), np.full(unsteady.shape, 1e5)
     out = np.empty((tracks.t_s.shape[0] - 1, 3, *unsteady.shape))
-    for i, apart in enumerate(np.minimum(np.diff(tracks.t_s, axis=0), 0.05)):
-        d = apart[:, None]
+    for i, interval_s in enumerate(np.minimum(np.diff(tracks.t_s, axis=0), 0.05)):
+        d = interval_s[:, None]
         pp = pp + 2 * d * pv + d**2 * vv + power * d**3 / 3
         pv = pv + d * vv + power * d**2 / 2
         vv = vv + power * d

@@ -76,7 +76,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
 
 def _reaches_further(touches: list[TouchTrace]) -> float:
     """How much of a longer interval the stylus uses to go further: 1 where frames are missing, 0 where stamps are
-    coarse; median over the runs fast enough to tell, 0 without any."""
+    coarse; median over the runs that are fast enough, 0 without any."""
     shares = []
     for touch in touches:
         dt = np.diff(touch.t_s)
