@@ -190,19 +190,19 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
     on_progress(1.0, "done")
     return Analysis(
-        session.name,
-        options,
-        tuple(estimates),
-        curve,
-        taps,
-        tuple(validation),
-        tuple(problems),
-        tuple(asymptote_check(curve, taps)) if curve is not None else (),
-        width,
-        tuple(clock_drifts(session)),
-        tuple(warnings),
-        excluded,
-        source_of(session),
+        session=session.name,
+        options=options,
+        runs=tuple(estimates),
+        curve=curve,
+        taps=taps,
+        validation=tuple(validation),
+        problems=tuple(problems),
+        asymptote=tuple(asymptote_check(curve, taps)) if curve is not None else (),
+        width=width,
+        clocks=tuple(clock_drifts(session)),
+        warnings=tuple(warnings),
+        excluded=excluded,
+        source=source_of(session),
     )
 
 

@@ -221,17 +221,17 @@ def _fit_epoch(epoch: int, device: FloatArray, low: FloatArray, high: FloatArray
     offset, drift = _centre(polygon)
     corners = polygon - np.array([offset, 0.0])
     return EpochClock(
-        epoch,
-        reference,
-        base + offset,
-        drift,
-        (float(polygon[:, 1].min()), float(polygon[:, 1].max())),
-        corners,
-        float(device.min()),
-        float(device.max()),
-        len(device),
-        slack,
-        uneven,
+        epoch=epoch,
+        reference_s=reference,
+        offset_s=base + offset,
+        drift=drift,
+        drift_interval=(float(polygon[:, 1].min()), float(polygon[:, 1].max())),
+        corners=corners,
+        first_s=float(device.min()),
+        last_s=float(device.max()),
+        n_bounds=len(device),
+        slack_s=slack,
+        uneven_s=uneven,
     )
 
 

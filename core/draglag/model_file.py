@@ -124,15 +124,15 @@ class LatencyModel(_Table):
         covariance = np.array(self.covariance, float)[np.ix_(order, order)]
         tied_s = None if self.tied_asymptote_ms is None else 1e-3 * self.tied_asymptote_ms
         return CurveFit(
-            self.form,
-            np.array([self.parameters[name] for name in names]),
-            covariance,
-            1e-3 * self.rms_ms,
-            self.speed_range_mm_s,
-            1e-3 * self.between_runs_ms,
-            self.n_points,
-            float("nan"),
-            float("nan"),
+            form=self.form,
+            values=np.array([self.parameters[name] for name in names]),
+            covariance=covariance,
+            rms_s=1e-3 * self.rms_ms,
+            speed_range_mm_s=self.speed_range_mm_s,
+            between_runs_s=1e-3 * self.between_runs_ms,
+            n_points=self.n_points,
+            aicc=float("nan"),
+            held_out_rms_s=float("nan"),
             tied_asymptote_s=tied_s,
         )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from draglag.recording import concatenate, empty_laser, empty_touch
 from draglag_app.session.orderly import Order
-from draglag_devices.source import Batch, Concludes, DeviceError, Source, SourceInfo
+from draglag_devices.source import Batch, Concludes, DeviceError, Paced, Source, SourceInfo
 
 READ_TIMEOUT_S = 0.1
 
@@ -83,7 +83,7 @@ class ReaderThread(threading.Thread):
         self._queue = post
         # Not ``_stop``: the thread class has a method of that name.
         self._stopping = stop
-        self._realtime = getattr(source, "realtime", True)
+        self._realtime = source.realtime if isinstance(source, Paced) else True
         self._order = Order()
         self._lost = 0
         self._gap_from_s: float | None = None

@@ -250,15 +250,15 @@ def _finish(
     # The runs' own standard errors are known; the scatter between runs is profiled, so both enter the likelihood.
     deviance = float(np.sum(error_s**2 / variance_s2 + np.log(variance_s2)))
     return CurveFit(
-        form.name,
-        values,
-        covariance,
-        float(np.sqrt(np.mean(error_s**2))),
-        (float(speed.min()), float(speed.max())),
-        between_s,
-        n,
-        deviance + penalty,
-        float("nan"),
+        form=form.name,
+        values=values,
+        covariance=covariance,
+        rms_s=float(np.sqrt(np.mean(error_s**2))),
+        speed_range_mm_s=(float(speed.min()), float(speed.max())),
+        between_runs_s=between_s,
+        n_points=n,
+        aicc=deviance + penalty,
+        held_out_rms_s=float("nan"),
         tied_asymptote_s=tied_s,
         points=points,
     )

@@ -170,19 +170,19 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
     parameters = fit.estimate.copy()
     parameters[0] = latency_s
     return Solution(
-        latency_s,
-        parameters,
-        fit.spread,
-        edges,
-        xy_mm,
-        v_mm_s,
-        side,
-        fit.residual,
-        fit.log_likelihood,
-        fit.tau_mm,
-        fit.p_no_scatter,
-        n_lost,
-        track,
+        latency_s=latency_s,
+        parameters=parameters,
+        covariance=fit.spread,
+        edges=edges,
+        xy_mm=xy_mm,
+        v_mm_s=v_mm_s,
+        side=side,
+        residual_mm=fit.residual,
+        log_likelihood=fit.log_likelihood,
+        tau_mm=fit.tau_mm,
+        p_no_scatter=fit.p_no_scatter,
+        n_outside=n_lost,
+        track=track,
     )
 
 
@@ -291,18 +291,18 @@ def _alignment(ready: Prepared, best: Solution) -> Alignment:
     touch = ready.touch
     raw = [np.interp(best.edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
     return Alignment(
-        best.edges.t_s,
-        raw[0],
-        raw[1],
-        best.xy_mm[:, 0],
-        best.xy_mm[:, 1],
-        best.side,
-        best.edges.falling,
-        best.residual_mm,
-        np.full(best.edges.t_s.size, best.latency_s),
-        best.speed_mm_s,
-        best.v_mm_s,
-        Lines(slope, slope, middle - half_mm, middle + half_mm),
+        edge_t_s=best.edges.t_s,
+        x_raw_mm=raw[0],
+        y_raw_mm=raw[1],
+        x_mm=best.xy_mm[:, 0],
+        y_mm=best.xy_mm[:, 1],
+        side=best.side,
+        falling=best.edges.falling,
+        residual_mm=best.residual_mm,
+        latency_s=np.full(best.edges.t_s.size, best.latency_s),
+        speed_mm_s=best.speed_mm_s,
+        v_mm_s=best.v_mm_s,
+        lines=Lines(slope, slope, middle - half_mm, middle + half_mm),
     )
 
 

@@ -387,4 +387,15 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
     # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.
     noise_dof = 0.5 * max(NOISE_UP_TO_HZ - corner_hz, 1.0) * float(t_s[-1] - t_s[0])
     noise_dof = max(noise_dof, 3.0)
-    return Path(start_s, step_s, coefficients, factor, noise_mm, rhythm_hz, corner_hz, noise_dof, events.dt_s, gather)
+    return Path(
+        start_s=start_s,
+        step_s=step_s,
+        coefficients=coefficients,
+        factor=factor,
+        noise_mm=noise_mm,
+        rhythm_hz=rhythm_hz,
+        corner_hz=corner_hz,
+        noise_dof=noise_dof,
+        dt_s=events.dt_s,
+        gather=gather,
+    )

@@ -145,16 +145,18 @@ def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
         share = {"diameter": 0.1, "radius": 0.2}.get(reading)
         cells.append(
             Cell3(
-                screen,
-                target,
-                reading,
-                float(np.mean([v.j0_per_edge_mm2 for v in same])),
-                float(np.mean([v.delta_j_percent for v in same])),
-                j0,
-                gained,
-                None if share is None else chirp_j0_mm2(lambda v: np.asarray(true_law.latency_s(v)), share * width_mm),
-                float(np.mean([_j0_about_corrected_lines(v) for v in same])),
-                tuple(same),
+                screen=screen,
+                target=target,
+                reading=reading,
+                j0_per_edge_mm2=float(np.mean([v.j0_per_edge_mm2 for v in same])),
+                delta_j_percent=float(np.mean([v.delta_j_percent for v in same])),
+                paper_j0_mm2=j0,
+                paper_delta_j_percent=gained,
+                expected_j0_mm2=None
+                if share is None
+                else chirp_j0_mm2(lambda v: np.asarray(true_law.latency_s(v)), share * width_mm),
+                j0_fixed_lines_mm2=float(np.mean([_j0_about_corrected_lines(v) for v in same])),
+                runs=tuple(same),
             )
         )
     return session, cells
