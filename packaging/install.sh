@@ -68,8 +68,8 @@ echo "Installed $home. The command is $link."
 if [ $# -eq 0 ]; then
     # shellcheck disable=SC2046 # names without blanks
     set -- $(clean "$home/bin/python" -I -c '
-from draglag_devices.ethercat_laser.probe import look_around
-print(*(seen["name"] for seen in look_around(send=False) if not seen["left_alone"]))')
+from draglag_devices.ethercat_laser.probe import scan_bus
+print(*(seen["name"] for seen in scan_bus(send=False) if not seen["left_alone"]))')
     [ $# -gt 0 ] || {
         echo "No EtherCAT helper: each wired interface has an address. Name the one of the bus: sudo ./run install eth1"
         exit 0

@@ -38,7 +38,7 @@ class Compensated:
         stylus_t_s: when the stylus was where the event shows it; never runs backwards.
         latency_s: t_s − stylus_t_s.
         speed_mm_s: of the stylus, at stylus_t_s.
-        x_stylus_mm, y_stylus_mm: where the stylus was at t_s itself, which later events tell.
+        x_stylus_mm, y_stylus_mm: where the stylus was at t_s itself, from later events.
         extrapolated: bool, the speed lies outside the model's measured range.
     """
 

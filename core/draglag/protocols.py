@@ -153,7 +153,17 @@ def _plan_run(plan: RunPlan, speed: float | None, screen: Screen, beam: Beam) ->
         assert speed is not None  # the model demands it
         target = Circle(x, middle, radius, speed, duration, drift, -math.pi / 2, plan.turn)
     elif plan.kind == "chirp":
-        target = Chirp(x, middle, radius, duration, plan.start_hz, plan.end_hz, drift, -math.pi / 2, plan.turn)
+        target = Chirp(
+            centre_x_mm=x,
+            centre_y_mm=middle,
+            radius_mm=radius,
+            duration_s=duration,
+            start_hz=plan.start_hz,
+            end_hz=plan.end_hz,
+            sideways_mm_s=drift,
+            phase_rad=-math.pi / 2,
+            turn=plan.turn,
+        )
     elif plan.kind == "multisine":
         scale = plan.peak_fraction * screen.height_mm / MULTISINE_PEAK
         target = MultiSine(x, middle, scale, duration, drift)

@@ -58,7 +58,7 @@ class Stylus:
 
 @dataclass(frozen=True)
 class Beam:
-    """The laser beam as the operator measured it: y = slope · x + intercept_mm. Estimates fit it anew."""
+    """The laser beam as the operator measured it: y = slope · x + intercept_mm. Estimates fit it themselves."""
 
     slope: float
     intercept_mm: float

@@ -68,7 +68,7 @@ def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> Non
     shoot(window, out / f"trouble-lost-{theme}.png")
     turned = (
         "The touches are turned by half a turn against the target: screen or touchscreen was turned after the "
-        "calibration. Stop, calibrate the touchscreen again, and begin anew."
+        "calibration. Stop, calibrate the touchscreen again, and start again."
     )
     bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "touch", turned))
     shoot(window, out / f"trouble-turned-{theme}.png")

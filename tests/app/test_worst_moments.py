@@ -223,8 +223,8 @@ def _true_latency_s() -> float:
 def test_two_devices_at_once_are_both_said(moment: str, tmp_path: Path) -> None:
     _, session = record(tmp_path, {"touch": ("unplugged", moment), "laser": ("resetting", moment)})
     sound(session)
-    everything = [entry for run in session.runs for entry in run.log] + list(session.notes)
-    assert {"touch", "laser"} <= {entry.source for entry in everything}
+    run_plan = [entry for run in session.runs for entry in run.log] + list(session.notes)
+    assert {"touch", "laser"} <= {entry.source for entry in run_plan}
 
 
 @pytest.mark.parametrize("moment", MOMENTS)

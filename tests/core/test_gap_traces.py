@@ -23,7 +23,7 @@ from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.pitch_ripple.lattice import Lattice, lattice_of
-from draglag.simulation.effects.smoothing_shrink.fitted import LookingBack, behind
+from draglag.simulation.effects.smoothing_shrink.fitted import CausalWindow, behind
 from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
 
 PITCH_MM = 5.3
@@ -105,8 +105,8 @@ def test_the_workflow_names_the_ripple_and_leaves_what_a_sound_session_has(sound
     assert report.last is not None
     (effect,) = effects_of_fit(report.last)
     assert effect.value == pytest.approx(value)
-    freed, _ = corrected(ripple, extended_model(ripple, report))
-    for was, now in zip(gather(sound), gather(freed), strict=True):
+    undone, _ = corrected(ripple, extended_model(ripple, report))
+    for was, now in zip(gather(sound), gather(undone), strict=True):
         assert now.noise_mm < 1.15 * was.noise_mm  # along the beam as well as across it
 
 
@@ -118,7 +118,7 @@ LOW_PASS = Sharpening(Setting(TIME_CONSTANT_S))
 def low_passed() -> Session:
     """The demo of seed 4 behind a low-pass, whose delay at rest the panel's latency holds already."""
     demo = load_protocol("demo")
-    effect = LookingBack(TIME_CONSTANT_S, (TIME_CONSTANT_S,), (TIME_CONSTANT_S**2,))
+    effect = CausalWindow(TIME_CONSTANT_S, (TIME_CONSTANT_S,), (TIME_CONSTANT_S**2,))
     return simulate_session("screen-1", demo, effects=[effect], seed=4)
 
 

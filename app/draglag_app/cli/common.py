@@ -125,11 +125,11 @@ def progress(label: str) -> Iterator[Progress | None]:
         return
     with click.progressbar(length=1000, label=label, file=sys.stderr, show_eta=False) as bar:
 
-        def tell(fraction: float, text: str) -> None:
+        def on_progress(fraction: float, text: str) -> None:
             bar.label = f"{label} {text}"
             bar.update(max(0, round(1000 * fraction) - bar.pos))
 
-        yield tell
+        yield on_progress
 
 
 def print_json(value: Mapping[str, Any]) -> None:

@@ -12,7 +12,7 @@ import click
 
 from draglag.errors import DataError
 from draglag.packages import need
-from draglag_app.batch import Outcome
+from draglag_app.cli.batch import Outcome
 from draglag_app.cli.common import number, print_json, progress, refuse_existing, table, written_whole
 from draglag_app.parallel import spread
 
@@ -150,7 +150,7 @@ def conclude(
     if out is not None:
         write_table([outcome.row for outcome in outcomes], columns, out)
     if summary is not None:
-        from draglag_app.summary_page import page
+        from draglag_app.cli.summary_page import page
 
         with written_whole(summary) as growing:
             growing.write_text(page(title, head, list(zip(outcomes, cells, strict=True)), legend), "utf-8")

@@ -37,8 +37,8 @@ BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
 @json_option
 def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, smoothed: bool, as_json: bool) -> None:
     """Apply the latency model of one session to the runs of another and say how much of the misalignment of their
-    edges it removes (the paper's Eq. 4), per run and averaged over repeats. What an extended model names besides its
-    law (a drifting clock, a skewed scan …) is taken out of the session first.
+    edges it removes (the paper's Eq. 4), per run and averaged over repeats. Effects of an extended model (a drifting
+    clock, a skewed scan …) are taken out of the session first.
 
     \b
     Examples:
@@ -65,10 +65,10 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
 
     done: list[Validation] = []
     problems: list[str] = []
-    with progress("Validating") as tell:
+    with progress("Validating") as on_progress:
         for k, run in enumerate(runs):
-            if tell:
-                tell(k / len(runs), run.id)
+            if on_progress:
+                on_progress(k / len(runs), run.id)
             try:
                 ready = prepare(run, data.stylus.diameter_mm)
                 done.append(validate_run(ready, law, model.speed_range_mm_s, smoothed))

@@ -36,7 +36,7 @@ def run_session(
     Args:
         rig: sources (not yet open) and their stage; sources with the roles "touch" and "laser" are needed for
             runs, "touch" and "walt" for taps.
-        listener: told of everything (see ``events``), from two threads.
+        listener: called with every event (see ``events``), from two threads.
         control: requests from other threads.
 
     Returns the path of the file. When a device is lost or the operator stops, the file is whole, holds what was
@@ -70,7 +70,7 @@ def run_session(
     finished = False
     try:
         recorder.start()
-        conductor.everything(plan)
+        conductor.run_plan(plan)
         finished = True
     finally:
         rig.stage.stop()

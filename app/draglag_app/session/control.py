@@ -151,14 +151,14 @@ class Control:
         with self._changed:
             return self._asks or self._spare is not None
 
-    def wait_for_place(self, heed_stop: bool) -> Place | None:
-        """Wait until a place is named; None where nobody will, or (``heed_stop``) once the session is to stop."""
+    def wait_for_place(self, stoppable: bool) -> Place | None:
+        """Wait until a place is named; None where nobody will, or (``stoppable``) once the session is to stop."""
         with self._changed:
             if self._spare is not None:
                 place, self._spare = Place(self._spare), None
                 return place
             self._place = None
-            self._changed.wait_for(lambda: self._place is not None or not self._asks or (heed_stop and self._stop))
+            self._changed.wait_for(lambda: self._place is not None or not self._asks or (stoppable and self._stop))
             return self._place
 
     def wait(self, timeout_s: float) -> None:

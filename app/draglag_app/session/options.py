@@ -1,4 +1,4 @@
-"""What a session is made of beside its protocol and its sources."""
+"""Options of a session in addition to its protocol and its sources."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COUNTDOWN_S = 3.0
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """What a session is made of beside its protocol. ``seed`` None leaves it to the protocol."""
+    """Options of a session in addition to its protocol. ``seed`` None: that of the protocol."""
 
     screen: Screen
     stylus: Stylus = field(default_factory=lambda: Stylus(7.0))

@@ -13,7 +13,7 @@ def left_out(session: Session, kind: str) -> tuple[str, ...]:
     if kind != "csv":
         return ()
     runs = session.runs
-    held = {
+    held_columns = {
         "screen": True,
         "stylus": True,
         "clock comparisons": bool(session.clocks) or any(run.sync for run in runs),
@@ -32,4 +32,4 @@ def left_out(session: Session, kind: str) -> tuple[str, ...]:
         "notes and logs": bool(session.notes) or any(run.log for run in runs),
         "counts of rejected taps": session.taps is not None and bool(session.taps.rejected),
     }
-    return tuple(what for what, there in held.items() if there)
+    return tuple(what for what, there in held_columns.items() if there)

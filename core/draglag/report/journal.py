@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from draglag.analysis import Analysis
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.recording import Session
-from draglag.report import figures, style
+from draglag.report import figures
 
 WIDTHS_MM = {"single": 85.0, "double": 180.0}
 """One and two columns of the common formats (Elsevier 90 and 190, Springer 84 and 174, IEEE 88 and 181 mm)."""

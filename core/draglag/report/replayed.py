@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
 from draglag.gap.replaying.replay import Overlay, Replay
 from draglag.gap.results import GapReport
 from draglag.recording import FloatArray
-from draglag.report.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
 from draglag.simulation.effects import effect_class
 
 BINS = 12
@@ -114,7 +114,7 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     """The beam at one crossing, and the differences of edge times by run."""
     figure = new_figure(7.2, 5.6)
     top, bottom = figure.subplots(2, 1, height_ratios=[1, 1.3])
-    k = _most_off(before)
+    k = _most_deviating_run(before)
     own = np.flatnonzero(before.run == k)
     name = before.runs[k].id
     # Two whole shadows in the middle of the run.
@@ -160,7 +160,7 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     return figure
 
 
-def _most_off(replay: Replay) -> int:
+def _most_deviating_run(replay: Replay) -> int:
     """The run whose edges the simulation misses most, as a distance."""
     ids = [int(k) for k in np.unique(replay.run) if np.count_nonzero(replay.run == k) >= 8]
     if not ids:

@@ -13,10 +13,11 @@ from typing import Any
 
 import draglag
 from draglag.analysis import Analysis
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.provenance import source_of
 from draglag.recording import Session
-from draglag.report import figures, style
+from draglag.report import figures
 from draglag.report.notes import citation, note_rows
 from draglag.store.schema import slug
 from draglag.temporary import publish, temporary_for

@@ -1,4 +1,4 @@
-"""The reproduction as a page: the paper's tables and figures, ours beside them, and the differences in words."""
+"""The reproduction as a page: published and reproduced tables and figures, and their differences in words."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.provenance import Source
-from draglag.report import figures, style
+from draglag.report import figures
 from draglag.reproduction.curves import Coefficient
 from draglag.reproduction.drawings import (
     embed,
@@ -157,11 +158,12 @@ def words(result: Reproduction) -> Iterator[str]:
 
 def _rms_words(result: Reproduction) -> Iterator[str]:
     """What holding the events at 100 Hz explains of the paper's RMS, and what it does not."""
-    several = [row for row in result.table_2 if row.held_rms_ms is not None]
+    several = [row for row in result.table_2 if row.sample_hold_rms_ms is not None]
     if not several:
         return
     each = "; ".join(
-        f"{row.screen} {row.rms_ms:.2f} ms here, {row.held_rms_ms:.2f} ms held, {row.paper_rms_ms:.2f} ms in the paper"
+        f"{row.screen} {row.rms_ms:.2f} ms here, {row.sample_hold_rms_ms:.2f} ms held, "
+        f"{row.paper_rms_ms:.2f} ms in the paper"
         for row in several
     )
     yield (

@@ -96,7 +96,7 @@ def layout_of(file: Any) -> dict[str, Any]:
     """An open session file as JSON: path → {"attributes": …, "columns": name → {"type", "units"}}."""
     groups: dict[str, Any] = {}
 
-    def look(name: str, item: Any) -> None:
+    def visit(name: str, item: Any) -> None:
         if hasattr(item, "shape"):
             parent, _, column = f"/{name}".rpartition("/")
             about = {"type": item.dtype.kind, "units": item.attrs["units"].decode(), "rank": len(item.shape)}
@@ -105,7 +105,7 @@ def layout_of(file: Any) -> dict[str, Any]:
             groups[f"/{name}"] = {"attributes": _attributes(item), "columns": {}}
 
     groups["/"] = {"attributes": _attributes(file), "columns": {}}
-    file.visititems(look)
+    file.visititems(visit)
     return groups
 
 

@@ -26,7 +26,7 @@ _SETTLING_CYCLES = 50
 # patience is free and spares frames that a busy machine handles late.
 _ANSWER_US = 5000
 _STATE_TIMEOUT_US = 100_000
-_STATE_PATIENCE_S = 1.0
+_STATE_TIMEOUT_S = 1.0
 # AL status: four bits of state and the error flag; above them a device may say more (identification loaded).
 _STATE, _STATE_AND_ERROR, _ERROR = 0x0F, 0x1F, 0x10
 _TRIES = 5
@@ -130,7 +130,7 @@ class Bus:
         if any(vendor == 0 or product == 0 for vendor, product in found):
             raise Refusal(
                 "unsteady",
-                f"the EtherCAT devices on {self.interface} do not tell what they are: answers get lost",
+                f"the EtherCAT devices on {self.interface} do not identify themselves: answers get lost",
                 "check the cable and the supply of the coupler",
             )
         if not places or not any((BECKHOFF, coupler) in found for coupler in COUPLERS):
@@ -178,7 +178,7 @@ class Bus:
     def _enter(self, state: int) -> None:
         """Bring all devices into a state; some take a while, and some want process data before they run."""
         master = self._master
-        until = time.monotonic() + _STATE_PATIENCE_S
+        until = time.monotonic() + _STATE_TIMEOUT_S
         while True:
             master.state = state
             master.write_state()

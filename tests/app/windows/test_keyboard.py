@@ -190,7 +190,7 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
             "noise_floor_mm": 0.1, "report": ("report", added)
         }  # fmt: skip
 
-    monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+    monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
     window = opened
     come_back(window, until)
     press(window, Key.Key_6, control=True)

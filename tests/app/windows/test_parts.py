@@ -398,7 +398,7 @@ class TestGap:
                 progress(0.0, "")
             return {**self.REPORT, "report": ("report", without)}
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
         page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
@@ -427,7 +427,7 @@ class TestGap:
             asked.append(arguments[1])
             return self.REPORT
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
         page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         page.table.selectRow(0)
@@ -445,7 +445,7 @@ class TestGap:
             while True:
                 progress(0.0, "")
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", endless)
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", endless)
         page.explain_button.click()
         assert not page.explain_button.isEnabled()
         opened.ask("cancel")
@@ -490,7 +490,7 @@ class TestGapByHand:
             report = {**TestGap.REPORT, "steps": [step, *extra], "overlay": self.OVERLAY, "model": None}
             return {**report, "report": ("report", without, added)}
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
         return page
 
     def test_an_effect_is_added_taken_back_and_added_again(
@@ -545,7 +545,7 @@ class TestGapByHand:
         def broken(function: object, arguments: tuple, progress: Progress) -> None:
             raise DataError("the model cannot be fitted with it", "Choose another effect")
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", broken)
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", broken)
         page.add_button.click()
         until(lambda: not opened.space.tasks.running)
         assert "cannot be fitted" in page.verdict.text()

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
-from draglag_app.apart import close_gap_of, run_apart, write_gap_of
+from draglag_app.in_subprocess import close_gap_of, run_in_subprocess, write_gap_of
 from draglag_app.windows.pages.parts.gap_picture import GapPicture
 from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks
 from draglag_app.windows.parts.ask_files import ask_save
@@ -139,7 +139,9 @@ class GapPage(QWidget):
         self._say("", self.tr("Fitting the model, looking at what is left …"))
 
         def work(progress: Progress) -> dict[str, Any]:
-            found: dict[str, Any] = run_apart(close_gap_of, (judged, without, added, kept, path, include), progress)
+            found: dict[str, Any] = run_in_subprocess(
+                close_gap_of, (judged, without, added, kept, path, include), progress
+            )
             return found
 
         def done(report: dict[str, Any]) -> None:
@@ -223,7 +225,7 @@ class GapPage(QWidget):
             said = self.tr("Saved: {path}").format(path=path)
             self._space.tasks.start(
                 self.tr("Writing the report"),
-                lambda progress: run_apart(write_gap_of, (session, found, path), progress),
+                lambda progress: run_in_subprocess(write_gap_of, (session, found, path), progress),
                 lambda result: self._space.noticed.emit("info", said),
                 self._space.fault,
             )

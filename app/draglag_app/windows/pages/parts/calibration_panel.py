@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from draglag.calibration import AffineFit, target_places
 from draglag.errors import DraglagError
 from draglag.recording import Screen
-from draglag_app.calibrating import TARGETS, size_doubt
+from draglag_app.calibrating import TARGETS, size_mismatch
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.theme import theme
@@ -104,7 +104,7 @@ class CalibrationPanel(Panel):
         text = self.tr("{device}: {n} targets, RMS {rms:.2f} mm, worst {worst:.2f} mm.").format(
             device=in_words(known.device or known.address), n=len(off_mm), rms=fit.rms_mm, worst=fit.worst_mm
         )
-        level, doubt = "ok", size_doubt(fit, known.resolution)
+        level, doubt = "ok", size_mismatch(fit, known.resolution)
         if not known.serves(self._space.settings.rig.touch):
             level = "warning"
             text += " " + self.tr("Not in use: it was made on {address}.").format(address=known.address)

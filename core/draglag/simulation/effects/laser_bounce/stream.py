@@ -9,10 +9,10 @@ from draglag.recording import Run, Session
 from draglag.simulation.effects.laser_bounce import LaserBounce
 
 STAMP_S = 1e-6  # to which edges are stamped
-STANDS_APART = 1e-4  # chance that the longest of a chatter lies so far beyond the next
+P_OUTLIER = 1e-4  # chance that the longest of a chatter lies so far beyond the next
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Chatter; every estimate leaves it out by itself."""
     return chatter(streams.session), runs
 
@@ -40,25 +40,25 @@ def chatter(session: Session) -> StreamEffect | None:
     extra, edges = (int(sum(group[k] for group in groups)) for k in (1, 2))
     if edges == 0 or extra < max(5, 0.02 * edges) or not each:
         return None
-    # Of the time in which it may chatter the longest tells: of n edges' last of two flips, one lies within its last
+    # The longest chatter bounds the time in which it may: of n edges' last of two flips, one lies within its last
     # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
     longest = 2 * float(np.median([span for _, span in each]))
     spans = sorted(span for _, span in each if span <= longest)
     # Nor does the longest stand apart from the next: there two edges were close, and one of them chattered.
-    while len(spans) > 2 and spans[-1] > spans[-2] * STANDS_APART ** (-1 / (2 * len(spans) - 2)):
+    while len(spans) > 2 and spans[-1] > spans[-2] * P_OUTLIER ** (-1 / (2 * len(spans) - 2)):
         spans.pop()
     span_s = spans[-1]
     # Chatter that outlasts what is near in a fast run falls apart there; where it does so in every run, the slowest
-    # tells at least.
+    # gives a lower bound.
     whole_in = [group for group in groups if group[0] >= span_s]
     near_least_s = span_s if whole_in else max(group[0] for group in groups)
-    told, of = (int(sum(group[k] for group in groups if group[0] >= near_least_s)) for k in (1, 2))
-    if not told:
-        told, of = extra, edges
+    used, of = (int(sum(group[k] for group in groups if group[0] >= near_least_s)) for k in (1, 2))
+    if not used:
+        used, of = extra, edges
     seen = sum(near_s >= near_least_s and span <= span_s for near_s, span in each)
     longest_s = span_s * 0.05 ** (-1 / (2 * max(seen, 1)))
-    share = told / of
-    low, high = share_interval(told, of)
+    share = used / of
+    low, high = share_interval(used, of)
     return StreamEffect(
         LaserBounce.id,
         "span_s",

@@ -13,7 +13,7 @@ Progress = Callable[[float, str], None]
 _POLL_S = 0.1
 
 
-def run_apart(function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress) -> Any:
+def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress) -> Any:
     """``function(*arguments, progress)`` in a new process; returns its result.
 
     Function, arguments and result must be picklable. ``progress`` is called several times a second with what the

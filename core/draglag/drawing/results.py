@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from draglag.curve import CurveFit
-from draglag.curve.compare import CurveDifference
-from draglag.latency import RunEstimate
+from draglag.drawing import style
 from draglag.packages import need
-from draglag.report import style
 
 if TYPE_CHECKING:
     from draglag.analysis import Analysis
+    from draglag.curve import CurveFit
+    from draglag.curve.compare import CurveDifference
+    from draglag.latency import RunEstimate
 
-TAP_LOOK = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
+TAP_STYLE = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
 
 
 def own_axes(axes: Any | None) -> Any:
@@ -62,7 +62,7 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
                 zorder=3,
             )
     for name, taps in analysis.taps.items():
-        colour, marker, dashes = TAP_LOOK[name]
+        colour, marker, dashes = TAP_STYLE[name]
         axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)
         label = f"tap, {name}: median {1e3 * taps.median_s:.1f} ms"
         # Beyond the fastest run: a tap stands for an infinitely fast drag, and must not cover a run.
@@ -75,11 +75,11 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
         axes.legend(loc="upper right")
 
 
-def draw_difference(axes: Any, apart: CurveDifference) -> None:
+def draw_difference(axes: Any, difference: CurveDifference) -> None:
     """By how much one curve is above another, ms, against speed, with its 95 % band."""
-    band = (1e3 * apart.low_s, 1e3 * apart.high_s)
-    axes.fill_between(apart.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
-    axes.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=style.BLUE)
+    band = (1e3 * difference.low_s, 1e3 * difference.high_s)
+    axes.fill_between(difference.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
+    axes.plot(difference.speed_mm_s, 1e3 * difference.difference_s, color=style.BLUE)
     axes.axhline(0, color=style.BLACK, linewidth=0.8)
     axes.set(xlabel="drag speed, mm/s", ylabel="difference of latencies, ms")
 
