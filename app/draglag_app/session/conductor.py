@@ -90,19 +90,18 @@ class Conductor:
         finally:
             self._watch.pulse.stop()
 
-    def _run_steps(self, plan: tuple[PlannedRun, ...]) -> None:
-        steps: list[Callable[[], None]] = []
+    def _steps(self, plan: tuple[PlannedRun, ...]) -> list[Callable[[], None]]:
+        """What the protocol asks for, in order: clock check, taps, runs, taps, clock check."""
         taps, check = self._protocol.taps, self._protocol.clock_check
-        if check is not None:
-            steps.append(lambda: self._clock_check(check.duration_s))
-        if taps is not None and taps.when in ("start", "both"):
-            steps.append(lambda: self._taps(taps.count, taps.interval_s))
-        steps += [partial(self._planned, planned, number, len(plan)) for number, planned in enumerate(plan, 1)]
-        if taps is not None and taps.when in ("end", "both"):
-            steps.append(lambda: self._taps(taps.count, taps.interval_s))
-        if check is not None:
-            steps.append(lambda: self._clock_check(check.duration_s))
-        for k, step in enumerate(steps):
+        checks = [] if check is None else [partial(self._clock_check, check.duration_s)]
+        tapping = [] if taps is None else [partial(self._taps, taps.count, taps.interval_s)]
+        before = tapping if taps is not None and taps.when in ("start", "both") else []
+        after = tapping if taps is not None and taps.when in ("end", "both") else []
+        runs = [partial(self._planned, planned, number, len(plan)) for number, planned in enumerate(plan, 1)]
+        return [*checks, *before, *runs, *after, *checks]
+
+    def _run_steps(self, plan: tuple[PlannedRun, ...]) -> None:
+        for k, step in enumerate(self._steps(plan)):
             if k and not self._between():
                 break
             self._last = None
