@@ -1,4 +1,4 @@
-"""The check of words: what the glossary bans is found in names, comments and docstrings, and messages are left alone."""
+"""The check of words: banned ones are found in names, comments and docstrings, and messages are left alone."""
 
 from __future__ import annotations
 
