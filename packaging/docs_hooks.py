@@ -24,4 +24,6 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, **_: object) -> str:
     """A page's text with links to the root's pages, which lie next to it in the site."""
-    return markdown.replace("](../ARCHITECTURE.md)", "](ARCHITECTURE.md)")
+    return markdown.replace("](../ARCHITECTURE.md)", "](ARCHITECTURE.md)").replace(
+        "](../SECURITY.md)", "](SECURITY.md)"
+    )

@@ -4,6 +4,10 @@
 #   sudo ./run install --remove
 # What is installed is a copy: the checkout may be changed or removed afterwards.
 set -eu
+# Tools by the system's own path, and folders where they are, whatever the caller's environment says.
+PATH=/usr/sbin:/usr/bin:/sbin:/bin
+export PATH
+unset CDPATH
 place=$(cd "$(dirname "$0")" && pwd)
 . "$place/trusted.sh"
 home=/opt/draglag
@@ -35,13 +39,14 @@ done
 trusted "${home%/*}" || fail "$loose can be changed by others than root, or is not there: $home is to be root's alone"
 
 # From a copy that nobody else can change while it is built.
-source=$(mktemp -d)
+source=$(mktemp -d "$home.source.XXXXXX")
 before=
 restore() {
     rm -rf "$source"
     [ -z "$before" ] || { rm -rf "$home"; [ ! -d "$before" ] || mv "$before" "$home"; }
 }
 trap restore EXIT
+trap 'exit 1' HUP INT TERM
 cp -R "$place/../pyproject.toml" "$place/../README.md" "$place/../LICENSE" "$place/../app" "$place/../core" \
     "$place/../devices" "$place/../resources" "$source"
 chown -R root:root "$source"

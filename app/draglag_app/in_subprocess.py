@@ -125,3 +125,10 @@ def close_gap_of(
         "model": model.model_dump(mode="json"),
         "report": report,
     }
+
+
+def write_gap_of(session: Any, report: Any, path: Any, progress: Progress) -> None:
+    """Write the page with figures of a gap report. Raises DataError."""
+    from draglag.report.gap import write_gap_report
+
+    write_gap_report(session, report, path, progress, None)

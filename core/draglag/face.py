@@ -7,7 +7,7 @@ are s in Python (``latency_s``) and ms where people read (columns, figures). Wha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from draglag.curve.compare import CurveDifference
     from draglag.gap.results import GapReport
     from draglag.model_file import LatencyModel
+    from draglag.simulation.effects import Effect
 
 
 def read(path: str | Path) -> Session:
@@ -133,14 +134,14 @@ def simulate(
     screen: str | Path = "screen-1",
     protocol: str | Path = "demo",
     *,
-    effects: Mapping[str, float] | None = None,
+    effects: Mapping[str, float] | Sequence[Effect] = (),
     seed: int = 0,
 ) -> Session:
     """A session of a simulated screen; the same arguments give the same data.
 
     Args:
         screen, protocol: presets (``screen_names``, ``protocol_names``) or TOML files.
-        effects: id → size, as ``draglag simulate --help`` lists them. seed: of hand and noise.
+        effects: id → size, as ``draglag simulate --help`` lists them, or effects of your own. seed: of hand and noise.
 
     Raises DataError for what is not known.
 
@@ -151,8 +152,9 @@ def simulate(
     from draglag.simulation.chain import simulate_session
     from draglag.simulation.effects import parse_effects
 
-    chosen = parse_effects(f"{name}={float(value)!r}" for name, value in (effects or {}).items())
-    return simulate_session(screen, protocol, effects=chosen, seed=seed)
+    if isinstance(effects, Mapping):
+        effects = parse_effects(f"{name}={float(value)!r}" for name, value in effects.items())
+    return simulate_session(screen, protocol, effects=effects, seed=seed)
 
 
 def screen_names() -> list[str]:

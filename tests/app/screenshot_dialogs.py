@@ -52,7 +52,7 @@ def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> No
     results = window.pages["results"][1]
     window.go("results")
     results.table.selectRow(2)
-    _asked(results.leave_out.click, out / f"ask-leave-out-{theme}.png", shoot)
+    _asked(results.exclude_button.click, out / f"ask-exclude-{theme}.png", shoot)
     partial = Path(window.space.settings.folder) / "2026-11-02_101500_latency-sweep-screen-1.h5.partial"
     partial.write_bytes(b"")
     _asked(lambda: files.offer_salvage(window), out / f"ask-salvage-{theme}.png", shoot)

@@ -42,19 +42,19 @@ trial() { # trial ROOT WHO: the README's commands
     checkout=/root/draglag
     [ "$who" = root ] || checkout=/home/newcomer/draglag
     mounts
-    out=$(as "$who" ./run demo --no-window) || { say "$out"; wrong "./run demo failed"; }
+    out=$(as "$who" ./run --yes demo --no-window) || { say "$out"; wrong "./run demo failed"; }
     say "$out"
     for file in session.h5 report.html; do
         [ -s "$root$checkout/draglag-demo/$file" ] || wrong "./run demo left no $file"
     done
     [ "$who" = root ] || without_rights
-    as "$who" ./run test "$TESTS" || wrong "./run test failed"
+    as "$who" ./run --yes test "$TESTS" || wrong "./run test failed"
     out=$(as "$who" ./run draglag verify draglag-demo/session.h5) || { say "$out"; wrong "./run draglag failed"; }
     case "$out" in *nstall*) say "$out"; wrong "everything is there, but run installs or asks again" ;; esac
 }
 
 without_rights() { # without_rights: tests say in one line that Qt's libraries are missing; the printed line brings them
-    if out=$(as "$who" ./run test "$TESTS"); then say "$out"; wrong "./run test passed without Qt's libraries"; fi
+    if out=$(as "$who" ./run --yes test "$TESTS"); then say "$out"; wrong "./run test passed without Qt's libraries"; fi
     say "$out"
     case "$out" in
     *Traceback* | *Error*) wrong "./run test shows a traceback where Qt's libraries are missing" ;;

@@ -115,6 +115,7 @@ def _header(protocol: Protocol, rig: Rig, options: SessionOptions, infos: dict[s
         started_s=now_s,
         clock="host CLOCK_MONOTONIC, seconds" if rig.stage.time_base.realtime else "simulated clock, seconds",
         notes=notes,
+        details=dict(options.details),
         protocol_toml=protocol.source,
         seed=protocol.seed if options.seed is None else options.seed,
         devices={role: f"{info.address} · {info.description}" for role, info in infos.items()},

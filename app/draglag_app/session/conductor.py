@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,6 +31,8 @@ TAIL_S = 0.5
 PREVIEW_S = 0.2
 # By the first the stylus is mostly on the target, and the run hardly begun; a hand that comes late is seen later.
 CHECKS_AFTER_S = (1.5, 4.0, 10.0)
+# A run that goes wrong again and again says something about the rig, not about the run.
+MOST_ATTEMPTS = 3
 # A hand that follows the target has touched the screen by then.
 TOUCHED_AFTER_S = 4.0
 
@@ -79,6 +81,7 @@ class Conductor:
         self.problem = ""
         self._last: _Recorded | None = None
         self._ran = self._touched = self._unsaved = False
+        self._wrong: dict[str, _Recorded] = {}  # planned runs that went wrong, by id
         self._watch = Watch(self._time, self._roles, display, listener, control, self._saver)
         self._compare = Comparisons(rig.sources, self._time, self._saver)
 
@@ -89,16 +92,6 @@ class Conductor:
             self._run_steps(plan)
         finally:
             self._watch.pulse.stop()
-
-    def _steps(self, plan: tuple[PlannedRun, ...]) -> list[Callable[[], None]]:
-        """What the protocol asks for, in order: clock check, taps, runs, taps, clock check."""
-        taps, check = self._protocol.taps, self._protocol.clock_check
-        checks = [] if check is None else [partial(self._clock_check, check.duration_s)]
-        tapping = [] if taps is None else [partial(self._taps, taps.count, taps.interval_s)]
-        before = tapping if taps is not None and taps.when in ("start", "both") else []
-        after = tapping if taps is not None and taps.when in ("end", "both") else []
-        runs = [partial(self._planned, planned, number, len(plan)) for number, planned in enumerate(plan, 1)]
-        return [*checks, *before, *runs, *after, *checks]
 
     def _run_steps(self, plan: tuple[PlannedRun, ...]) -> None:
         for k, step in enumerate(self._steps(plan)):
@@ -113,6 +106,22 @@ class Conductor:
                 self._repeat_run()
         if self._ran and not self._touched and not self.problem:
             self.problem = NO_TOUCH
+
+    def _steps(self, plan: tuple[PlannedRun, ...]) -> Iterator[Callable[[], None]]:
+        """What the protocol asks for, and before its end the runs that went wrong, once more."""
+        taps, check = self._protocol.taps, self._protocol.clock_check
+        if check is not None:
+            yield lambda: self._clock_check(check.duration_s)
+        if taps is not None and taps.when in ("start", "both"):
+            yield lambda: self._taps(taps.count, taps.interval_s)
+        for number, planned in enumerate(plan, 1):
+            yield partial(self._planned, planned, number, len(plan))
+        while self._control.queued:
+            yield partial(self._once_more, self._control.queued[0])
+        if taps is not None and taps.when in ("end", "both"):
+            yield lambda: self._taps(taps.count, taps.interval_s)
+        if check is not None:
+            yield lambda: self._clock_check(check.duration_s)
 
     def _between(self) -> bool:
         """Rest, and record the run that just ended again as often as asked. False if the session is to end."""
@@ -153,6 +162,26 @@ class Conductor:
             return
         self._last = _Recorded(planned, number, count)
         self._run(planned, planned.id, number, count)
+
+    def _once_more(self, run_id: str) -> None:
+        """A run that went wrong, unless the operator has thought better of it in the rest before."""
+        if self._control.unqueue(run_id) and run_id in self._wrong:
+            self._control.take_repeat()
+            self._last = self._wrong.pop(run_id)
+            self._repeat_run()
+
+    def _queue_or_forget(self, planned: PlannedRun, outcome: str) -> None:
+        """Queue a run that went wrong; one that is complete need not come again."""
+        last = self._last
+        if outcome == "complete":
+            self._control.unqueue(planned.id)
+            self._wrong.pop(planned.id, None)
+            return
+        wanted = self._control.retries and not planned.practice and not self._control.stopping
+        if wanted and last is not None and last.attempt < MOST_ATTEMPTS:
+            self._wrong[planned.id] = last
+            self._control.queue(planned.id)
+            self._emit(events.RunQueued(planned.id, outcome))
 
     def _repeat_run(self) -> None:
         """The run that just ended, under an id of its own."""
@@ -209,6 +238,7 @@ class Conductor:
         self._ran, self._touched = True, self._touched or len(run.touch.t_s) > 0
         outcome = state.outcome or "failed"
         self._emit(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
+        self._queue_or_forget(planned, outcome)
 
     def _saved_elsewhere(self, run: Run | None) -> bool:
         """Whether a run that was whole when the disk failed is in another place now."""
@@ -326,6 +356,7 @@ class Conductor:
         self._display.prompt("Rest")
         by_hand = not self._control.auto
         until_s = self._time.now() + (np.inf if by_hand else self._protocol.rest_s)
+        self._emit(events.Resting(until_s - self._time.now()))
         # Who asks for the run again has said what is next; who aborts between runs has nothing to abort.
         self._watch.wait_until(
             until_s,

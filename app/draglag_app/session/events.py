@@ -37,6 +37,21 @@ class StateChanged:
 
 
 @dataclass(frozen=True)
+class Resting:
+    """A rest began. ``remaining_s``: until the next step; infinite where the operator begins it."""
+
+    remaining_s: float
+
+
+@dataclass(frozen=True)
+class RunQueued:
+    """A run went wrong (``outcome``) and will be recorded again after the planned ones (``Control.unqueue``)."""
+
+    run_id: str
+    outcome: str
+
+
+@dataclass(frozen=True)
 class RunStarted:
     run_id: str
     planned: PlannedRun
@@ -149,6 +164,8 @@ class SessionFinished:
 Event = (
     DeviceOpened
     | StateChanged
+    | Resting
+    | RunQueued
     | RunStarted
     | RunPreviewed
     | RunFinished

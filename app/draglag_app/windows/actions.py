@@ -11,6 +11,7 @@ from PySide6.QtGui import QAction, QKeySequence, QUndoStack
 from PySide6.QtWidgets import QMenuBar, QWidget
 
 from draglag_app.windows.parts.letter_menu import LetterMenu
+from draglag_app.windows.parts.recent_menu import RecentMenu
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
 CONTEXT = "Actions"
@@ -38,10 +39,16 @@ ACTIONS = (
     ActionSpec("open", "session", QT_TRANSLATE_NOOP("Actions", "Open session…"), "Ctrl+O", "idle"),
     ActionSpec("import", "session", QT_TRANSLATE_NOOP("Actions", "Import exchange folder…"), "Ctrl+I", "idle"),
     ActionSpec("export", "session", QT_TRANSLATE_NOOP("Actions", "Export session…"), "Ctrl+E", "idle"),
+    ActionSpec("csv", "session", QT_TRANSLATE_NOOP("Actions", "Export tables (CSV)…"), "", "idle"),
+    ActionSpec("netcdf", "session", QT_TRANSLATE_NOOP("Actions", "Export netCDF…"), "", "idle"),
+    ActionSpec("mat", "session", QT_TRANSLATE_NOOP("Actions", "Export MATLAB…"), "", "idle"),
+    ActionSpec("figures", "session", QT_TRANSLATE_NOOP("Actions", "Export figures (PDF, SVG)…"), "", "idle"),
     ActionSpec("report", "session", QT_TRANSLATE_NOOP("Actions", "Write report…"), "Ctrl+Shift+E", "idle"),
+    ActionSpec("gap_report", "session", QT_TRANSLATE_NOOP("Actions", "Write gap report…"), "", "idle"),
     ActionSpec("quit", "session", QT_TRANSLATE_NOOP("Actions", "Quit"), "Ctrl+Q"),
     ActionSpec("undo", "edit", QT_TRANSLATE_NOOP("Actions", "Undo"), "Ctrl+Z"),
     ActionSpec("redo", "edit", QT_TRANSLATE_NOOP("Actions", "Redo"), "Ctrl+Shift+Z"),
+    ActionSpec("details", "measure", QT_TRANSLATE_NOOP("Actions", "Session details…"), "Ctrl+D", "idle"),
     ActionSpec("start", "measure", QT_TRANSLATE_NOOP("Actions", "Start measuring"), "F5", "idle"),
     ActionSpec("proceed", "measure", QT_TRANSLATE_NOOP("Actions", "Begin next run now"), "F6", "recording"),
     ActionSpec("repeat", "measure", QT_TRANSLATE_NOOP("Actions", "Repeat this run"), "F7", "recording"),
@@ -115,6 +122,12 @@ class Actions(QObject):
             for spec in ACTIONS:
                 if spec.menu == name and spec.id in self.made:
                     menu.addAction(self.made[spec.id])
+
+    def add_recent(self, bar: QMenuBar, recent: RecentMenu) -> None:
+        """The sessions opened last, below *Open session…*."""
+        first = bar.findChild(LetterMenu)
+        if first is not None:
+            first.insertMenu(first.actions()[1], recent)
 
     def serve(self, window: QWidget) -> None:
         """Let the keys that steer a session, and those that go to a page, work in another window too."""

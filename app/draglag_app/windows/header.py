@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from draglag_app.session import events
+from draglag_app.session.details import STANDARD
 from draglag_app.windows.parts.full_texts import ElidedLabel
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.widgets import Light, label, restyle
@@ -114,10 +116,10 @@ class Header(QFrame):
         self.simulated.setVisible(self._space.simulated)
         recording = self._space.recording
         if recording.active and recording.order is not None:
-            self.session.setText("● " + recording.order.out.name)
+            self.session.setText("● " + recording.order.out.name + _who(recording.order.options.details))
         elif self._space.session is not None:
             file = f"  ({self._space.path.name})" if self._space.path else ""
-            self.session.setText(self._space.session.name + file)
+            self.session.setText(self._space.session.name + file + _who(self._space.session.details))
         else:
             self.session.setText(self.tr("No session"))
 
@@ -136,3 +138,9 @@ class Header(QFrame):
     def _show_disk(self, free_bytes: int) -> None:
         self.disk.setText(self.tr("{size} free").format(size=words.size(free_bytes)))
         restyle(self.disk, "alarm", "true" if free_bytes < _LOW_BYTES else "false")
+
+
+def _who(details: Mapping[str, str]) -> str:
+    """Participant, session and operator, where they are known."""
+    known = [details[name] for name in STANDARD if details.get(name)]
+    return "".join(f" · {text}" for text in known)

@@ -18,6 +18,7 @@ from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.store import PARTIAL, add_analysis, read_session
 from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.parts.recent_menu import remembered
 from draglag_app.windows.parts.tasks import Progress, Tasks
 from draglag_app.windows.recording.calibrating import Calibrating
 from draglag_app.windows.recording.live_estimates import LiveEstimates
@@ -29,7 +30,7 @@ from draglag_app.windows.wording.library_words import in_words
 class Edit(QUndoCommand):
     """One undoable change: what to do and how to take it back."""
 
-    def __init__(self, text: str, do: Callable[[], None], undo: Callable[[], None]) -> None:
+    def __init__(self, text: str, do: Callable[[], object], undo: Callable[[], object]) -> None:
         super().__init__(text)
         self._do = do
         self._undo = undo
@@ -112,6 +113,7 @@ class Workspace(QObject):
 
         def take(got: tuple[Session, Path]) -> None:
             self.take(*got)
+            self.change_settings(recent=tuple(remembered(path, self.settings.recent)))
             if done is not None:
                 done()
 
@@ -146,14 +148,14 @@ class Workspace(QObject):
         """Leave a run out of the curve. Can be undone."""
         before = self.options
         after = replace(before, exclude={**before.exclude, run_id: reason}, include=before.include - {run_id})
-        self._change_runs(self.tr("leave out {run}").format(run=run_id), before, after)
+        self._change_runs(self.tr("exclude {run}").format(run=run_id), before, after)
 
     def include(self, run_id: str) -> None:
         """Take a run into the curve that was left out by hand, or for how it went. Can be undone."""
         before = self.options
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})
-        self._change_runs(self.tr("take {run} in again").format(run=run_id), before, after)
+        self._change_runs(self.tr("include {run}").format(run=run_id), before, after)
 
     def _change_runs(self, what: str, before: AnalysisOptions, after: AnalysisOptions) -> None:
         def to(runs: AnalysisOptions) -> None:

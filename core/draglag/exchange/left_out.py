@@ -24,6 +24,7 @@ def left_out(session: Session, kind: str) -> tuple[str, ...]:
         "calibration": session.calibration is not None,
         "beam": session.beam is not None,
         "devices": bool(session.devices),
+        "participant, operator and other details": bool(session.details),
         "target parameters": any(run.target for run in runs),
         "protocol": bool(session.protocol_toml),
         "seeds": session.seed is not None or any(run.seed is not None for run in runs),

@@ -98,7 +98,7 @@ def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str
         axes.set_xscale("log")
         plain_log_ticks(axes.xaxis)
     if covariate == "kind_of_edge":
-        axes.set_xticks([0, 1], ["goes dark", "returns"])
+        axes.set_xticks([0, 1], ["beam blocked", "beam clear"])
     if covariate == "direction":
         axes.set_xticks([-1, 1], ["up", "down"])
 

@@ -40,6 +40,7 @@ PLACES = (
     Place("/beam", "the beam as the operator measured it, y = slope · x + intercept_mm",
           {"slope": (_NUMBER, ""), "intercept_mm": (_NUMBER, "mm")}),
     Place("/devices", "an attribute a device: role → address and description", {}, optional=False),
+    Place("/details", "an attribute a detail of the session: participant, session, operator, and free fields", {}),
     Place("/calibration", "touched targets, and the affine from device units to mm", {
         "device": (_TEXT, "name of the touchscreen"), "made_utc": (_TEXT, "ISO 8601"),
         **dict.fromkeys(schema.AFFINE, (_NUMBER, "of the affine")),

@@ -72,7 +72,7 @@ def recover(path: Path) -> tuple[Session, list[str]]:
 
 def _with_header(copy: Any, runs: tuple[Run, ...], losses: list[str], path: Path) -> Session:
     """The session; of its parts other than runs, those that cannot be read are left out one by one."""
-    for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "protocol_toml"):
+    for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "details", "protocol_toml"):
         if optional and optional in copy:
             losses.append(f"/{optional} is lost")
             del copy[optional]

@@ -35,7 +35,7 @@ from draglag.store.schema import Node
 from draglag.temporary import refuse
 
 # The session as a whole: said in every record, in full where a run begins and ends.
-_HEADS = ("", "screen", "stylus", "beam", "devices", "calibration")
+_HEADS = ("", "screen", "stylus", "beam", "devices", "details", "calibration")
 # Rows of one table and record: of 0.2 s there are some hundreds; only runs handed over whole have more.
 _RECORD_ROWS = 1 << 14
 

@@ -399,7 +399,7 @@ class TestGap:
             return {**self.REPORT, "report": ("report", without)}
 
         monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
-        page.close_button.click()
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
         page.add_button.click()
@@ -428,15 +428,15 @@ class TestGap:
             return self.REPORT
 
         monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
-        page.close_button.click()
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         page.table.selectRow(0)
-        page.leave_out.click()
+        page.remove_button.click()
         until(lambda: not opened.space.tasks.running)
         opened.ask("undo")
         until(lambda: not opened.space.tasks.running)
         assert asked == [frozenset(), frozenset({"low_speed_plateau"}), frozenset()]
-        assert page.close_button.isEnabled()
+        assert page.explain_button.isEnabled()
 
     def test_cancelling_brings_the_buttons_back(
         self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
@@ -446,11 +446,11 @@ class TestGap:
                 progress(0.0, "")
 
         monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", endless)
-        page.close_button.click()
-        assert not page.close_button.isEnabled()
+        page.explain_button.click()
+        assert not page.explain_button.isEnabled()
         opened.ask("cancel")
         until(lambda: not opened.space.tasks.running)
-        assert page.close_button.isEnabled()
+        assert page.explain_button.isEnabled()
         assert "Cancelled" in page.verdict.text()
 
 
@@ -499,7 +499,7 @@ class TestGapByHand:
         def settle() -> None:
             until(lambda: not opened.space.tasks.running)
 
-        page.close_button.click()
+        page.explain_button.click()
         settle()
         page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
         page.add_button.click()
@@ -522,7 +522,7 @@ class TestGapByHand:
     def test_simulated_is_compared_with_measured_before_and_after(
         self, page: QWidget, opened: OperatorWindow, until: Callable
     ) -> None:
-        page.close_button.click()
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         picture = page.picture
         drawn = picture.plot.drawn
@@ -539,7 +539,7 @@ class TestGapByHand:
     def test_a_fault_leaves_the_model_as_it_was(
         self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        page.close_button.click()
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
 
         def broken(function: object, arguments: tuple, progress: Progress) -> None:

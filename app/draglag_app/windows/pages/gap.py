@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
-from draglag_app.in_subprocess import close_gap_of, run_in_subprocess
+from draglag_app.in_subprocess import close_gap_of, run_in_subprocess, write_gap_of
 from draglag_app.windows.pages.parts.gap_picture import GapPicture
 from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks
 from draglag_app.windows.parts.ask_files import ask_save
@@ -72,10 +72,10 @@ class GapPage(QWidget):
         row = Flow()
         row.addWidget(label(self.tr("Gap between simulation and measurement"), "pageTitle"))
         row.add_rest()
-        self.close_button = button(self.tr("Explain the gap"), "primary", large=True)
-        self.close_button.clicked.connect(self.start)
-        self.leave_out = button(self.tr("Remove effect"))
-        self.leave_out.clicked.connect(self._leave_out)
+        self.explain_button = button(self.tr("Explain the gap"), "primary", large=True)
+        self.explain_button.clicked.connect(self.start)
+        self.remove_button = button(self.tr("Remove effect"))
+        self.remove_button.clicked.connect(self._remove)
         self.choice = QComboBox()
         self.choice.setAccessibleName(self.tr("Effect to add"))
         for effect in BY_HAND:
@@ -87,11 +87,11 @@ class GapPage(QWidget):
         self.add_button.clicked.connect(self._add)
         self.save_button = button(self.tr("Save model…"))
         self.save_button.clicked.connect(self._save)
-        self._resting = Resting(self.close_button, self.leave_out, self.add_button, self.save_button)
-        row.addWidget(self.close_button)
+        self._resting = Resting(self.explain_button, self.remove_button, self.add_button, self.save_button)
+        row.addWidget(self.explain_button)
         outer.addLayout(row)
         by_hand = Flow()
-        for widget in (self.choice, self.add_button, self.leave_out):
+        for widget in (self.choice, self.add_button, self.remove_button):
             by_hand.addWidget(widget)
         by_hand.add_rest()
         by_hand.addWidget(self.save_button)
@@ -164,7 +164,7 @@ class GapPage(QWidget):
 
     def _ready(self) -> None:
         ready = self._space.session is not None
-        self.close_button.setEnabled(ready)
+        self.explain_button.setEnabled(ready)
         self.add_button.setEnabled(ready and self._report is not None and self._report.get("report") is not None)
         self.save_button.setEnabled(bool(self._report and self._report.get("model")))
         self._row_chosen()
@@ -214,6 +214,26 @@ class GapPage(QWidget):
         start = Path(self._space.settings.folder) / "model.json"
         ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"), write)
 
+    def write_report(self) -> None:
+        """Write the page with figures of what was found."""
+        session, found = self._space.session, self._report.get("report") if self._report else None
+        if session is None or found is None:
+            self._space.noticed.emit("info", self.tr("Explain the gap first: there is nothing to report yet."))
+            return
+
+        def begin(path: Path) -> None:
+            said = self.tr("Saved: {path}").format(path=path)
+            self._space.tasks.start(
+                self.tr("Writing the report"),
+                lambda progress: run_in_subprocess(write_gap_of, (session, found, path), progress),
+                lambda result: self._space.noticed.emit("info", said),
+                self._space.fault,
+            )
+
+        stem = self._space.path.stem if self._space.path is not None else "session"
+        start = Path(self._space.settings.folder) / f"{stem}-gap.html"
+        ask_save(self, self.tr("Write gap report"), start, "*.html", begin)
+
     def _tasks_changed(self) -> None:
         """A cancelled task reports nothing: the buttons come back here."""
         if self._task is not None and self._task not in self._space.tasks.running:
@@ -228,12 +248,12 @@ class GapPage(QWidget):
         if effect:
             self._explain(effect)
         if self._task is None:
-            self.leave_out.setEnabled(bool(self._without or row >= 0))
+            self.remove_button.setEnabled(bool(self._without or row >= 0))
         self.picture.choose_step(row)
         all_again = row < 0 and bool(self._without)
-        self.leave_out.setText(self.tr("All effects") if all_again else self.tr("Remove effect"))
+        self.remove_button.setText(self.tr("All effects") if all_again else self.tr("Remove effect"))
 
-    def _leave_out(self) -> None:
+    def _remove(self) -> None:
         """Take the chosen effect out of the model and look again; without a choice, allow all again. Can be undone."""
         row, effect = self.table.chosen()
         if row < 0:
@@ -260,7 +280,7 @@ class GapPage(QWidget):
         self._shown = (frozenset(), ())
         self.picture.show_overlay(None)
         self.remarks.show_text("")
-        self.leave_out.setEnabled(False)
+        self.remove_button.setEnabled(False)
         self.table.setRowCount(0)
         self.table.hide()
         self.plot.clear_all()

@@ -40,7 +40,7 @@ class ResultsPage(QWidget):
         super().__init__(parent)
         self._space = workspace
         self._chosen = ""
-        self._rivals: list[CurveFit] = []
+        self._alternatives: list[CurveFit] = []
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(8)
@@ -116,25 +116,25 @@ class ResultsPage(QWidget):
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setMinimumContentsLength(9)
             row.addWidget(box)
-        self.tie = QCheckBox(self.tr("Tie to taps"))
-        self.tie.setToolTip(self.tr("Hold the curve's end at the median release tap"))
-        self.tie.clicked.connect(self._options_chosen)
-        row.addWidget(self.tie)
-        self.show_rivals = QCheckBox(self.tr("Rivals"))
-        self.show_rivals.clicked.connect(self._fit_rivals)
-        row.addWidget(self.show_rivals)
+        self.fix_asymptote = QCheckBox(self.tr("Fix asymptote to taps"))
+        self.fix_asymptote.setToolTip(self.tr("Fix the latency at high speed to the median release tap"))
+        self.fix_asymptote.clicked.connect(self._options_chosen)
+        row.addWidget(self.fix_asymptote)
+        self.show_alternatives = QCheckBox(self.tr("Show alternative fits"))
+        self.show_alternatives.clicked.connect(self._fit_alternatives)
+        row.addWidget(self.show_alternatives)
         row.add_rest()
-        self.leave_out = button(self.tr("Leave out…"))
-        self.leave_out.clicked.connect(self._toggle_chosen)
+        self.exclude_button = button(self.tr("Exclude…"))
+        self.exclude_button.clicked.connect(self._toggle_chosen)
         self.keep = button(self.tr("Keep results"), tip=self.tr("Store them in the session's file"))
         self.keep.clicked.connect(self._space.keep_analysis)
-        row.add_together(self.leave_out, self.keep)
+        row.add_together(self.exclude_button, self.keep)
         return row
 
     # --- the session ----------------------------------------------------------------------------------------
 
     def _session_changed(self) -> None:
-        self._chosen, self._rivals = "", []
+        self._chosen, self._alternatives = "", []
         self.flags.hide()
         self.table.clear_runs()
         for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps):
@@ -150,7 +150,7 @@ class ResultsPage(QWidget):
         analysis = self._space.analysis
         if analysis is None:
             return
-        self._rivals = []
+        self._alternatives = []
         self.table.show_estimates(analysis.runs, analysis.options.exclude)
         self._draw_curve()
         self.taps.show_taps(analysis.taps)
@@ -161,12 +161,20 @@ class ResultsPage(QWidget):
         if not self._chosen and analysis.runs:
             self.table.select(analysis.runs[0].id)
         self._show_run()
-        if self.show_rivals.isChecked():
-            self._fit_rivals()
+        if self.show_alternatives.isChecked():
+            self._fit_alternatives()
 
     def _say(self) -> None:
         session, analysis = self._space.session, self._space.analysis
-        for widget in (self.leave_out, self.keep, self.estimator, self.rate, self.form, self.tie, self.show_rivals):
+        for widget in (
+            self.exclude_button,
+            self.keep,
+            self.estimator,
+            self.rate,
+            self.form,
+            self.fix_asymptote,
+            self.show_alternatives,
+        ):
             widget.setEnabled(analysis is not None)
         if session is None:
             self.summary.setText(self.tr("No session yet. Measure one (F5), or open one (Ctrl+O)."))
@@ -182,7 +190,7 @@ class ResultsPage(QWidget):
             return text + " ".join(map(in_words, (*analysis.problems, *analysis.warnings)))
         low, high = curve.speed_range_mm_s
         text = self.tr(
-            "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; runs it was not fitted to: {held:.2f} ms."
+            "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; cross-validated {held:.2f} ms."
         ).format(
             form=words.form_name(curve.form).capitalize(), n=curve.n_points, low=low, high=high,
             rms=1e3 * curve.rms_s, held=1e3 * curve.held_out_rms_s,
@@ -193,7 +201,9 @@ class ResultsPage(QWidget):
     def _draw_curve(self) -> None:
         analysis = self._space.analysis
         if analysis is not None:
-            self.curve.draw(analysis.runs, analysis.curve, analysis.excluded, self._rivals, clicked=self.table.select)
+            self.curve.draw(
+                analysis.runs, analysis.curve, analysis.excluded, self._alternatives, clicked=self.table.select
+            )
 
     # --- choices --------------------------------------------------------------------------------------------
 
@@ -204,14 +214,14 @@ class ResultsPage(QWidget):
                 estimator=str(self.estimator.currentData()),
                 update_rate_hz=self.rate.currentData(),
                 form=str(self.form.currentData()),
-                tie_asymptote=self.tie.isChecked(),
+                tie_asymptote=self.fix_asymptote.isChecked(),
             )
         )
 
-    def _fit_rivals(self) -> None:
+    def _fit_alternatives(self) -> None:
         analysis = self._space.analysis
-        if analysis is None or analysis.curve is None or not self.show_rivals.isChecked():
-            self._rivals = []
+        if analysis is None or analysis.curve is None or not self.show_alternatives.isChecked():
+            self._alternatives = []
             self._draw_curve()
             return
         points, present = analysis.curve.points, analysis.curve.form
@@ -227,11 +237,11 @@ class ResultsPage(QWidget):
                     continue
             return made
 
-        def done(rivals: list[CurveFit]) -> None:
-            self._rivals = rivals
+        def done(alternatives: list[CurveFit]) -> None:
+            self._alternatives = alternatives
             self._draw_curve()
 
-        self._space.tasks.start(self.tr("Fitting rivals"), work, done, lambda text: None)
+        self._space.tasks.start(self.tr("Fitting the alternatives"), work, done, lambda text: None)
 
     def _toggle_chosen(self) -> None:
         if not self._chosen:
@@ -239,11 +249,11 @@ class ResultsPage(QWidget):
         if self._is_out():
             self._space.include(self._chosen)
             return
-        asked = self.tr("Why is {run} left out of the curve?").format(run=self._chosen)
+        asked = self.tr("Why is {run} excluded from the curve?").format(run=self._chosen)
         dialog = QInputDialog(self)
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.setWindowModality(Qt.WindowModality.WindowModal)  # the participant's Esc still aborts a run
-        dialog.setWindowTitle(self.tr("Leave out"))
+        dialog.setWindowTitle(self.tr("Exclude a run"))
         dialog.setLabelText(asked)
         run, none = self._chosen, self.tr("no reason given")
         dialog.textValueSelected.connect(lambda reason: self._space.exclude(run, reason.strip() or none))
@@ -264,7 +274,7 @@ class ResultsPage(QWidget):
 
     def _name_button(self) -> None:
         out = self._is_out()
-        self.leave_out.setText(self.tr("Take in again") if out else self.tr("Leave out…"))
+        self.exclude_button.setText(self.tr("Include") if out else self.tr("Exclude…"))
 
     def _show_run(self) -> None:
         analysis, session = self._space.analysis, self._space.session

@@ -120,7 +120,7 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
     if unseen:
         lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
     if without:
-        lines.append(say("Left out: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
+        lines.append(say("Excluded: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
     return [line for line in lines if line]
 
 

@@ -87,7 +87,7 @@ class RunTable(QTableWidget):
             if estimate.id in preliminary and estimate.latency_s is not None:
                 level, text = "", tr("preliminary")
             if excluded and estimate.id in excluded:
-                level, text = "", tr("left out: {why}").format(why=excluded[estimate.id])
+                level, text = "", tr("excluded: {why}").format(why=excluded[estimate.id])
             speed = estimate.speed_mm_s if estimate.speed_mm_s is not None else estimate.nominal_speed_mm_s
             edges = f"{estimate.n_edges}" + (f" (+{estimate.n_rejected})" if estimate.n_rejected else "")
             self._fill(
