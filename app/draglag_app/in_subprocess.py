@@ -17,7 +17,7 @@ def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], 
     """``function(*arguments, progress)`` in a new process; returns its result.
 
     Function, arguments and result must be picklable. ``progress`` is called several times a second with what the
-    function told last; whatever it raises ends the process and is raised here.
+    function reported last; whatever it raises ends the process and is raised here.
 
     Raises DataError with the function's own sentence when it fails, or when the process ends without a result.
     """
@@ -56,7 +56,7 @@ def _child(there: Connection, function: Callable[..., Any], arguments: tuple[Any
         there.send(("result", function(*arguments, progress)))
     except DraglagError as error:
         there.send(("fault", str(error)))
-    except Exception as error:  # told to whoever asked
+    except Exception as error:  # reported to the caller
         there.send(("fault", f"{type(error).__name__}: {error}"))
     finally:
         there.close()

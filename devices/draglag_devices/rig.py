@@ -39,6 +39,17 @@ def make_rig(
         DeviceError: an address is wrong, addresses contradict each other, or a real device cannot run fast.
     """
     parsed = {role: parse_address(text) for role, text in addresses.items()}
+    simulated = [address for address in parsed.values() if address.scheme == "sim"]
+    stage = Stage(
+        SteppedTime() if _runs_fast(parsed, fast) else HostTime(),
+        _agreed(simulated, "screen", screen_name),
+        _seed(simulated, seed),
+    )
+    return Rig(tuple(open_source(address, role, stage) for role, address in parsed.items()), stage)
+
+
+def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
+    """Whether the sources run faster than time. Raises DeviceError where they differ in that or cannot."""
     speeds = {
         role: address.choice("speed", ("real", "fast"), "fast" if fast else "real")
         for role, address in parsed.items()
@@ -53,13 +64,7 @@ def make_rig(
     if run_fast and "real" in speeds.values():
         slow = next(parsed[role].text for role, speed in speeds.items() if speed == "real")
         raise DeviceError(slow, "the other sources run fast and this one in real time", "give all the same speed")
-    simulated = [address for address in parsed.values() if address.scheme == "sim"]
-    stage = Stage(
-        SteppedTime() if run_fast else HostTime(),
-        _agreed(simulated, "screen", screen_name),
-        _seed(simulated, seed),
-    )
-    return Rig(tuple(open_source(address, role, stage) for role, address in parsed.items()), stage)
+    return run_fast
 
 
 def give_panel(sources: Iterable[Source], screen: Screen) -> None:

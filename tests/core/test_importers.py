@@ -209,7 +209,7 @@ def test_the_command_imports_and_says_what_it_assumed(measured: Session, tmp_pat
 @pytest.mark.parametrize(
     ("table", "options", "message"),
     [
-        ("t_s,x_mm,y_mm\n1,2,3\n", (), "says nothing of the screen. Give --screen"),
+        ("t_s,x_mm,y_mm\n1,2,3\n", (), "does not describe the screen. Give --screen"),
         ("t_s,x_mm,y_mm\n1,2,3\n", ("--screen", "screen-1", "--map", "z=a"), "--map z=a: is not KEY=COLUMN[:UNIT]"),
         ("t_s,x_mm,y_mm\n1,2,3\n", ("--screen", "screen-1", "--map", "t=t_s:h"), "“h” is no unit of t"),
         ("t_s,x_mm,y_mm\n1,2,3\n", ("--screen", "screen-1", "--map", "x=x_mm:raw"), "Give --units-per-mm"),

@@ -79,7 +79,7 @@ def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> Non
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
     """Store a result in its session file. Where that cannot be: a warning, or a DataError if it ``must`` be.
 
-    An exchange folder and a recording that was not closed keep no results, which goes without saying.
+    An exchange folder and a recording that was not closed keep no results; no warning for those.
     """
     from draglag.store import add_analysis
     from draglag.store.journal import is_journal

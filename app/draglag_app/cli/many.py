@@ -159,13 +159,20 @@ def conclude(
         sessions = [{"file": o.file, "problem": o.problem or None, "result": o.result or None} for o in outcomes]
         print_json({"sessions": sessions, "n_failed": len(failed)})
     else:
-        sound = [row for outcome, row in zip(outcomes, cells, strict=True) if not outcome.problem]
-        if sound:
-            click.echo(table(head, sound))
-        written = [str(path) for path in (out, summary) if path is not None]
-        if written:
-            click.echo(f"\nWritten: {', '.join(written)}")
+        _print_table(head, [row for outcome, row in zip(outcomes, cells, strict=True) if not outcome.problem])
+        _print_written(out, summary)
     end_with([_with_file(outcome) for outcome in failed], len(outcomes))
+
+
+def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    if rows:
+        click.echo(table(head, rows))
+
+
+def _print_written(*paths: Path | None) -> None:
+    written = [str(path) for path in paths if path is not None]
+    if written:
+        click.echo(f"\nWritten: {', '.join(written)}")
 
 
 def end_with(problems: Sequence[str], n_sessions: int) -> None:

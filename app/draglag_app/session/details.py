@@ -1,4 +1,4 @@
-"""What a session is about beside its data: participant, session, operator, free fields; the file name from them."""
+"""Details of a session in addition to its data: participant, session, operator, free fields; the file name from them."""
 
 from __future__ import annotations
 

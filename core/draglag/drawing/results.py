@@ -45,22 +45,8 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
     flagged = [run for run in runs if run.flags]
     if analysis.curve is not None:
         draw_curve(axes, analysis.curve)
-    for some, marker, colour, label in (
-        (sound, "s", style.BLACK, "run, 95 % interval"),
-        (flagged, "X", style.ORANGE, "run with a warning"),
-    ):
-        if some:
-            axes.errorbar(
-                [run.speed_mm_s for run in some],
-                [run.latency_ms for run in some],
-                yerr=_bars(some),
-                fmt=marker,
-                color=colour,
-                capsize=2.5,
-                elinewidth=1.1,
-                label=label,
-                zorder=3,
-            )
+    _draw_runs(axes, sound, "s", style.BLACK, "run, 95 % interval")
+    _draw_runs(axes, flagged, "X", style.ORANGE, "run with a warning")
     for name, taps in analysis.taps.items():
         colour, marker, dashes = TAP_STYLE[name]
         axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)
@@ -73,6 +59,22 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
     axes.set_xlim(left=0)
     if runs or analysis.taps:
         axes.legend(loc="upper right")
+
+
+def _draw_runs(axes: Any, runs: list[RunEstimate], marker: str, colour: str, label: str) -> None:
+    """Latencies of runs, ms, against speed, mm/s, with 95 % intervals; nothing without runs."""
+    if runs:
+        axes.errorbar(
+            [run.speed_mm_s for run in runs],
+            [run.latency_ms for run in runs],
+            yerr=_bars(runs),
+            fmt=marker,
+            color=colour,
+            capsize=2.5,
+            elinewidth=1.1,
+            label=label,
+            zorder=3,
+        )
 
 
 def draw_difference(axes: Any, difference: CurveDifference) -> None:

@@ -17,7 +17,7 @@ from draglag.recording import FloatArray
 BAND_HZ = (7.0, 14.0)
 FLANKS_HZ = ((4.5, 7.0), (14.0, 20.0))
 SMOOTH_HZ = 1.2
-COHERENCE_S = 0.5  # tremor this old says nothing of its phase
+COHERENCE_S = 0.5  # tremor this old does not predict its phase
 NOISE_CORNER_HZ = 4.0  # of noise that a digitiser's filter leaves; what counts is that it falls as 1/f² in the band
 FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4 % at 10 Hz
 

@@ -183,7 +183,7 @@ def _small_print(step: Step) -> tuple[str, str]:
     """The evidence with its p value, and the run that would separate the effect from those that look alike."""
     p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
     run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
-    return f"{step.evidence}; p\u00a0{p}", f"to tell them apart: {run}" if step.indistinguishable_from and run else ""
+    return f"{step.evidence}; p\u00a0{p}", f"to separate them: {run}" if step.indistinguishable_from and run else ""
 
 
 def _explanations(report: GapReport) -> str:

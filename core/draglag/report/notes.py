@@ -1,4 +1,4 @@
-"""What a report says besides the results: notes with time and run, and how to cite the program."""
+"""What a report contains in addition to the results: notes with time and run, and how to cite the program."""
 
 from __future__ import annotations
 

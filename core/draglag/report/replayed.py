@@ -114,6 +114,14 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     """The beam at one crossing, and the differences of edge times by run."""
     figure = new_figure(7.2, 5.6)
     top, bottom = figure.subplots(2, 1, height_ratios=[1, 1.3])
+    models = _models(before, after)
+    _draw_light(top, before, models)
+    _draw_edge_differences(bottom, before, models)
+    return figure
+
+
+def _draw_light(top: Any, before: Replay, models: Any) -> None:
+    """The light on the sensor at two crossings of the run that deviates most, measured and by each model."""
     k = _most_deviating_run(before)
     own = np.flatnonzero(before.run == k)
     name = before.runs[k].id
@@ -121,7 +129,6 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     start = _darkening(before, own)
     chosen = own[start : start + 4]
     origin = before.measured_s[chosen[0]]
-    models = _models(before, after)
     lines = [(before, BLACK, "s", "measured"), *models]
     for row, (replay, colour, _, text) in enumerate(lines):
         times = replay.measured_s if row == 0 else replay.simulated_s
@@ -138,6 +145,10 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     top.set_xlabel("time (ms)")
     top.set_title(f"Light on the sensor in {name}, {_speed(before, k):.0f} mm/s")
     top.grid(axis="y", visible=False)
+
+
+def _draw_edge_differences(bottom: Any, before: Replay, models: Any) -> None:
+    """Median and 95 % range of simulated less measured edge times, by run, for each model."""
     order = sorted(range(len(before.runs)), key=lambda r: _speed(before, r))
     order = [r for r in order if np.count_nonzero(before.run == r)]
     shifts = (-0.17, 0.17) if len(models) > 1 else (0.0,)
@@ -157,7 +168,6 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     bottom.set_xlabel("runs, by drag speed (mm/s)")
     bottom.set_ylabel("simulated − measured edge (ms)")
     bottom.legend(loc="best")
-    return figure
 
 
 def _most_deviating_run(replay: Replay) -> int:

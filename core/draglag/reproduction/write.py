@@ -122,7 +122,7 @@ def words(result: Reproduction) -> Iterator[str]:
         yield (
             f"Not determined: {', '.join(open_ones)}. In the paper's uncorrected fit of Screen 2 the first exponential "
             "has decayed to 1 % of its 9.9 ms at 58 mm/s, below the slowest run off the plateau; what is left of it "
-            "and the asymptote cannot be told apart."
+            "and the asymptote cannot be separated."
         )
     if outside:
         yield f"Outside its own interval: {', '.join(outside)}. Of twenty coefficients one is expected to be."

@@ -140,7 +140,12 @@ class Bus:
                 f"the EtherCAT devices on {self.interface} are not an EK1101 with an EL1252, but: {names}",
                 "connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on",
             )
-        line = ", ".join(f"{place} {slave.name or 'unnamed'}" for place, slave in enumerate(slaves, 1))
+        self.position = self._choose(places)
+        return slaves[self.position - 1]
+
+    def _choose(self, places: list[int]) -> int:
+        """The position of the laser's EL1252 among those that are there. Raises Refusal."""
+        line = ", ".join(f"{place} {slave.name or 'unnamed'}" for place, slave in enumerate(self._master.slaves, 1))
         if self.position and self.position not in places:
             raise Refusal(
                 "position",
@@ -153,8 +158,7 @@ class Bus:
                 f"there are {len(places)} EL1252 on {self.interface}, and the laser may be on any; the line is: {line}",
                 f"say which in the laser's address: &position={' or &position='.join(map(str, places))}",
             )
-        self.position = self.position or places[0]
-        return slaves[self.position - 1]
+        return self.position or places[0]
 
     def _split_mapping(self) -> bytes:
         """Two FMMUs instead of SOEM's one, which maps RAM behind the inputs in place of the stamps (SOEM #873).

@@ -13,7 +13,7 @@ import pysoem
 
 from draglag_devices.ethercat_laser.bus import Bus
 from draglag_devices.ethercat_laser.refusal import Refusal
-from draglag_devices.ethercat_laser.watch import BAD_CYCLES, WORDS, Epoch
+from draglag_devices.ethercat_laser.watch import BAD_CYCLES, WORDS, Epoch, Found
 from draglag_devices.ethercat_laser.wire import Wire
 
 CYCLE_NS = 1_000_000
@@ -61,6 +61,7 @@ class Runner:
         self.dead_from: int | None = None
         self.level: int | None = None
         self._sound_ns = 0  # when the devices last said that all is well
+        self._failed_checks = 0
         self._reported: Counter[str] = Counter()
         self._divergence_reported = False
         self._summed_ns = time.monotonic_ns()
@@ -79,21 +80,13 @@ class Runner:
         next_ns = time.monotonic_ns()
         state_ns, clock_ns = next_ns + _STATE_NS, next_ns + _CLOCK_NS
         tick_ns, summary_ns = next_ns, next_ns + _SUMMARY_NS
-        suspicious = 0
+        self._failed_checks = 0
         while True:
             found = epoch.take(bus.cycle())
             now = time.monotonic_ns()
             self.dead_from = epoch.good_ns
             if found is not None:
-                if found.unverified_ns is not None:
-                    start, end = found.unverified_ns
-                    self.wire.send("gap", start=start, end=end, missed=0)
-                self.level = epoch.edges.level if epoch.edges is not None else None
-                if found.edges or found.missed:
-                    edges = {"edges": found.edges, "missed": found.missed, "level": self.level}
-                    self.wire.send("edges", epoch=epoch.number, until=epoch.good_ns, **edges)
-                if found.missed:
-                    self._notice("warning", f"{_count(found.missed, 'edge')} of the laser came too fast to be stamped.")
+                self._send_found(found, epoch)
             elif epoch.bad >= BAD_CYCLES:
                 raise Restart(WORDS[epoch.why])
             if now >= tick_ns:
@@ -103,27 +96,38 @@ class Runner:
             if now >= clock_ns:
                 self._report_clock(epoch)
                 clock_ns = now + _CLOCK_NS
-            # Where cycles fail already, they say more than a question about the state would.
+            # Where cycles fail already, they are more informative than a question about the state.
             if now >= state_ns and not epoch.bad:
-                trouble = self._trouble(bus)
-                suspicious = suspicious + 1 if trouble else 0
-                if suspicious >= 2:
-                    self.dead_from = self._sound_ns
-                    raise Restart(trouble)
-                if not trouble:
-                    self._sound_ns = now
-                state_ns = now + (0 if trouble else _STATE_NS)
+                state_ns = now + (_STATE_NS if self._check_state(bus, now) else 0)
             if now >= summary_ns:
                 self._summarise(epoch)
                 if not epoch.bad:
                     self._check_terminal_clock(bus, epoch)
                 summary_ns = now + _SUMMARY_NS
-            next_ns += CYCLE_NS
-            wait_ns = next_ns - time.monotonic_ns()
-            if wait_ns > 0:
-                time.sleep(wait_ns / 1e9)
-            elif wait_ns < -5 * CYCLE_NS:
-                next_ns = time.monotonic_ns()
+            next_ns = _wait_for_cycle(next_ns + CYCLE_NS)
+
+    def _send_found(self, found: Found, epoch: Epoch) -> None:
+        """Send what a good cycle found: stretches without certainty, edges, lost edges."""
+        if found.unverified_ns is not None:
+            start, end = found.unverified_ns
+            self.wire.send("gap", start=start, end=end, missed=0)
+        self.level = epoch.edges.level if epoch.edges is not None else None
+        if found.edges or found.missed:
+            edges = {"edges": found.edges, "missed": found.missed, "level": self.level}
+            self.wire.send("edges", epoch=epoch.number, until=epoch.good_ns, **edges)
+        if found.missed:
+            self._notice("warning", f"{_count(found.missed, 'edge')} of the laser came too fast to be stamped.")
+
+    def _check_state(self, bus: Bus, now_ns: int) -> bool:
+        """Whether the devices are in operation. Raises Restart at the second failure in a row."""
+        trouble = self._trouble(bus)
+        self._failed_checks = self._failed_checks + 1 if trouble else 0
+        if self._failed_checks >= 2:
+            self.dead_from = self._sound_ns
+            raise Restart(trouble)
+        if not trouble:
+            self._sound_ns = now_ns
+        return not trouble
 
     def _begin(self, bus: Bus, epoch: Epoch) -> None:
         """The baseline: clock pairs first, then the first values of the latches. Raises Restart."""
@@ -196,6 +200,14 @@ class Runner:
                 f"The laser was not read for {max(pauses_ns) / 1e6:.0f} ms: this computer was busy or the bus did not "
                 "answer. Where edges may be missing is marked.",
             )
+
+
+def _wait_for_cycle(next_ns: int) -> int:
+    """Sleep until the next cycle and return its time; far behind, cycles are skipped."""
+    wait_ns = next_ns - time.monotonic_ns()
+    if wait_ns > 0:
+        time.sleep(wait_ns / 1e9)
+    return next_ns if wait_ns >= -5 * CYCLE_NS else time.monotonic_ns()
 
 
 def _count(n: int, noun: str) -> str:

@@ -133,7 +133,7 @@ def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, l
     else:
         touch = read_touch_columns(path, how.map, screen, how.units_per_mm)
     if screen is None:
-        raise DataError(f"{path}: says nothing of the screen", "Give --screen, a preset or a TOML file")
+        raise DataError(f"{path}: does not describe the screen", "Give --screen, a preset or a TOML file")
     if not len(touch.t_s):
         raise DataError(f"{path}: holds no touch events", "Record a touchscreen, from before it is touched")
     laser_file = how.laser or (laser_file_of(path) if laser is None else None)

@@ -69,18 +69,10 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
         return None
     whole = np.maximum(np.round(intervals / period_s), 1)
     regular = np.abs(intervals - period_s * whole) < 0.015 * period_s
-    advance = [float(np.median(np.hypot(np.diff(t.x_mm), np.diff(t.y_mm)))) for t in touches]
-    informative = [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm >= STEPS * step_mm]
-    # Where the loop is faster than the touch most events repeat, and none advances by the usual step.
-    informative = informative or [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm == 0]
-    share = float(np.mean(np.concatenate(informative))) if informative else 0.0
+    share = _share_of_repeats(touches, step_mm)
     age_s = uneven_age_s(touches, step_mm)
     if share <= FEW_REPEATS and age_s > UNEVEN_AGE * period_s:
-        # A ripple of the panel is uneven along the path as well, but by its place.
-        ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
-        if ripple is not None:
-            even = [_at(t, ripple.undone_mm(np.column_stack([t.x_mm, t.y_mm]))) for t in touches]
-            age_s = uneven_age_s(even, step_mm)
+        age_s = _age_without_ripple_s(touches, step_mm, age_s)
     if float(np.mean(regular)) < 0.97 or not (share > FEW_REPEATS or age_s > UNEVEN_AGE * period_s):
         return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
@@ -99,6 +91,24 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
         f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
         max(share, age_s / period_s),
     )
+
+
+def _share_of_repeats(touches: list[TouchTrace], step_mm: float) -> float:
+    """Share of positions that repeat, in runs that advance by more than the resolution from event to event."""
+    advance = [float(np.median(np.hypot(np.diff(t.x_mm), np.diff(t.y_mm)))) for t in touches]
+    informative = [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm >= STEPS * step_mm]
+    # Where the loop is faster than the touch most events repeat, and none advances by the usual step.
+    informative = informative or [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm == 0]
+    return float(np.mean(np.concatenate(informative))) if informative else 0.0
+
+
+def _age_without_ripple_s(touches: list[TouchTrace], step_mm: float, age_s: float) -> float:
+    """The scatter of ages, s, without a ripple of the panel, which is uneven along the path by its place."""
+    ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
+    if ripple is None:
+        return age_s
+    even = [_at(t, ripple.undone_mm(np.column_stack([t.x_mm, t.y_mm]))) for t in touches]
+    return uneven_age_s(even, step_mm)
 
 
 def _at(touch: TouchTrace, xy_mm: np.ndarray) -> TouchTrace:

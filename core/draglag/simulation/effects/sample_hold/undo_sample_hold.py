@@ -135,8 +135,8 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
 def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
     """α, from runs that show it well.
 
-    A spectrum tells a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow to
-    show by itself shows by those: a line may be α's double, or another multiple of a slow α.
+    A spectrum separates a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow
+    to appear itself appears by those: a line may be α's double, or another multiple of a slow α.
     """
     best: tuple[float, list[float]] = (-np.inf, [0.5])
     beats = _beats(fast)
