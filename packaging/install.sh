@@ -4,6 +4,10 @@
 #   sudo ./run install --remove
 # What is installed is a copy: the checkout may be changed or removed afterwards.
 set -eu
+# Tools by the system's own path, and folders where they are, whatever the caller's environment says.
+PATH=/usr/sbin:/usr/bin:/sbin:/bin
+export PATH
+unset CDPATH
 place=$(cd "$(dirname "$0")" && pwd)
 . "$place/trusted.sh"
 home=/opt/draglag
@@ -38,13 +42,14 @@ done
 trusted "${home%/*}" || fail "$loose can be changed by others than root, or is not there: $home is to be root's alone"
 
 # From a copy that nobody else can change while it is built.
-source=$(mktemp -d)
+source=$(mktemp -d "$home.source.XXXXXX")
 before=
 restore() {
     rm -rf "$source"
     [ -z "$before" ] || { rm -rf "$home"; [ ! -d "$before" ] || mv "$before" "$home"; }
 }
 trap restore EXIT
+trap 'exit 1' HUP INT TERM
 cp -R "$place/../pyproject.toml" "$place/../README.md" "$place/../LICENSE" "$place/../app" "$place/../core" \
     "$place/../devices" "$place/../resources" "$source"
 chown -R root:root "$source"
@@ -66,8 +71,8 @@ echo "Installed $home. The command is $link."
 if [ $# -eq 0 ]; then
     # shellcheck disable=SC2046 # names without blanks
     set -- $(clean "$home/bin/python" -I -c '
-from draglag_devices.ethercat_laser.probe import look_around
-print(*(seen["name"] for seen in look_around(send=False) if not seen["left_alone"]))')
+from draglag_devices.ethercat_laser.probe import scan_bus
+print(*(seen["name"] for seen in scan_bus(send=False) if not seen["left_alone"]))')
     [ $# -gt 0 ] || {
         echo "No EtherCAT helper: each wired interface has an address. Name the one of the bus: sudo ./run install eth1"
         exit 0

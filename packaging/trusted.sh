@@ -1,17 +1,19 @@
-# Sourced by the installers: whether a path is the administrator's alone. POSIX sh.
+# Sourced by the installers: whether a path is the administrator's alone. POSIX sh. The installers have set PATH.
 
 fail() { echo "$1" >&2; exit 1; }
 
-# Tools by the system's own path, in an environment that nobody but this script has filled.
-PATH=/usr/sbin:/usr/bin:/sbin:/bin
-export PATH
 umask 022
+command -v findmnt >/dev/null || fail "findmnt is missing: sudo apt install util-linux"
+# In an environment that nobody but this script has filled.
 clean() { env -i PATH="$PATH" LANG=C.UTF-8 HOME=/root "$@"; }
 
 known=: # what was found to be owned: only root can have changed that since
 owned() { # owned PATH: root's, and writable by nobody else; a link is judged by where it leads
     case $1 in *:*) ;; *) case $known in *":$1:"*) return 0 ;; esac ;; esac
     [ -n "$(find "$1" -maxdepth 0 -user 0 \( -type l -o ! -perm /022 \) 2>/dev/null)" ] || return 1
+    # Media that users take away, and what they mount themselves, say of anything that it is root's. Such file systems
+    # are mounted nosuid: the kernel, too, takes no rights from them.
+    [ -L "$1" ] || case ",$(findmnt -n -o OPTIONS -T "$1")," in *,nosuid,* | ,,) return 1 ;; esac
     known=$known$1:
 }
 

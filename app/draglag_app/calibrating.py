@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from draglag.calibration import AffineFit, fit_affine, target_places
+from draglag.calibration import SIZE_TOLERANCE, AffineFit, fit_affine, target_places
 from draglag.recording import AxisInfo, FloatArray, Screen, TouchCalibration, TouchTrace
 from draglag_devices.source import Batch
 
@@ -16,8 +16,6 @@ SHORTEST_S = 0.15
 # Of the longer axis: how far a resting stylus may wander, and how near the one before a touch is taken for a bounce.
 _WANDER = 0.01
 _SAME = 0.1
-# Resolution and targets may disagree by this much before somebody should fetch a ruler.
-DISAGREEMENT = 0.02
 
 TOO_SHORT, SLID, SAME_PLACE, NO_UNITS = "too short", "slid", "same place", "no units"
 
@@ -90,17 +88,17 @@ def as_recorded(
     return TouchCalibration(x_raw, y_raw, *places, fit.matrix, device, made_utc)
 
 
-def size_doubt(fit: AffineFit, resolution: tuple[int, ...]) -> float | None:
+def size_mismatch(fit: AffineFit, resolution: tuple[int, ...]) -> float | None:
     """By which share the panel's stated size and the touchscreen's own resolution disagree, if above 2 %.
 
     ``resolution``: units per mm of the touchscreen's axes, 0 where unknown.
     """
     if len(resolution) != 2:
         return None
-    doubts = []
+    mismatches = []
     for row in fit.matrix[:, :2]:
         axis = int(np.argmax(np.abs(row)))  # turned screens report across what we call down
         if resolution[axis] > 0:
-            doubts.append(abs(float(np.hypot(*row)) * resolution[axis] - 1))
-    worst = max(doubts, default=0.0)
-    return worst if worst > DISAGREEMENT else None
+            mismatches.append(abs(float(np.hypot(*row)) * resolution[axis] - 1))
+    worst = max(mismatches, default=0.0)
+    return worst if worst > SIZE_TOLERANCE else None

@@ -14,8 +14,8 @@ from draglag_app.session.events import SamplesArrived
 # Half width of the fits behind the live speed: a compromise between noise and the sharpest turns.
 _HALF_S = 0.06
 _MOST_POINTS = 40_000
-# Closer together the fits tell nothing new, but cost time that the participant's target needs.
-_APART_S = 0.01
+# Fits closer together add no information, but cost time that the participant's target needs.
+_SPACING_S = 0.01
 
 
 @dataclass
@@ -64,10 +64,10 @@ class LiveRun:
         from_s = known[-1, 0] if len(known) else -np.inf
         fresh = trace[trace[:, 0] > from_s - 4 * _HALF_S]
         if len(fresh) > 8 and fresh[-1, 0] - fresh[0, 0] > 3 * _HALF_S:
-            at_s = fresh[(fresh[:, 0] > from_s + _APART_S) & (fresh[:, 0] < fresh[-1, 0] - _HALF_S), 0]
+            at_s = fresh[(fresh[:, 0] > from_s + _SPACING_S) & (fresh[:, 0] < fresh[-1, 0] - _HALF_S), 0]
             if len(at_s):
                 every_s = float(np.median(np.diff(fresh[:, 0])))
-                at_s = at_s[:: max(2, round(_APART_S / max(every_s, 1e-6)))]
+                at_s = at_s[:: max(2, round(_SPACING_S / max(every_s, 1e-6)))]
                 fit = local_fit(fresh[:, 0], fresh[:, 1:], at_s, _HALF_S)
                 speed = np.where(fit.ok, fit.speed_mm_s, np.nan)
                 self.speed.append(np.column_stack([at_s, speed]))

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from draglag.calibration import SIZE_TOLERANCE
 from draglag.clocks import PAPER_DRIFT, WARN_S, fit_clock, rate_words
 from draglag.errors import DraglagError
 from draglag.protocols import PlannedRun
@@ -23,7 +24,6 @@ State = Literal["ok", "warning", "fault"]
 
 DISK_LOW = 200_000_000
 SLOWEST_TOUCH_HZ = 50.0
-SIZE_DISAGREEMENT = 0.02
 _READ_S = 0.03
 _STEP_S = 0.25
 
@@ -40,7 +40,7 @@ class Check:
 
 
 @dataclass
-class _Seen:
+class _Observed:
     """What one source showed while it was watched."""
 
     info: SourceInfo
@@ -76,7 +76,7 @@ def preflight(
     screen_name: str = "screen-1",
     watch_s: float = 3.0,
     folder: Path | None = None,
-    tell: Callable[[float], None] = lambda done: None,
+    on_progress: Callable[[float], None] | None = None,
 ) -> Iterator[Check]:
     """Open all sources, watch them for a while together, close them.
 
@@ -86,12 +86,12 @@ def preflight(
         screen_name: of the simulated world.
         watch_s: how long to watch; a longer time bounds the drift of clocks more closely.
         folder: where sessions will be saved.
-        tell: told the share that is done.
+        on_progress: called with the share that is done.
 
     Yields one Check after the other; faults are rows, never exceptions.
     """
     yield _disk(folder or Path.cwd())
-    opened: dict[str, tuple[Source, _Seen]] = {}
+    opened: dict[str, tuple[Source, _Observed]] = {}
     rig, fault = _rig(addresses, screen_name)
     if rig is None:
         yield fault
@@ -101,17 +101,17 @@ def preflight(
             give_panel(rig.sources, screen)
         for source in rig.sources:
             try:
-                opened[source.role] = source, _Seen(source.open())
+                opened[source.role] = source, _Observed(source.open())
             except DraglagError as error:
                 yield Check(source.role, "fault", error.problem, remedy=error.remedy)
             except Exception as error:  # a fault of one driver is a row as well and must not hide the others
                 yield Check(source.role, "fault", f"{source.address}: {error}", remedy="report it with this line")
-        lost = _watch(rig, opened, watch_s, tell)
-        for role, (_, seen) in opened.items():
+        lost = _watch(rig, opened, watch_s, on_progress)
+        for role, (_, observed) in opened.items():
             if role in lost:
                 yield Check(role, "fault", lost[role].problem, remedy=lost[role].remedy)
             else:
-                yield from _judge(role, seen, screen)
+                yield from _judge(role, observed, screen)
     finally:
         rig.stage.stop()
         for source, _ in opened.values():
@@ -136,81 +136,84 @@ def _disk(folder: Path) -> Check:
 
 
 def _watch(
-    rig: Rig, opened: dict[str, tuple[Source, _Seen]], watch_s: float, tell: Callable[[float], None]
+    rig: Rig, opened: dict[str, tuple[Source, _Observed]], watch_s: float, on_progress: Callable[[float], None] | None
 ) -> dict[str, DraglagError]:
     """Read all sources in turn; returns those that were lost for good."""
     clock, lost = rig.stage.time_base, dict[str, DraglagError]()
     start_s = clock.now()
     if rig.stage.players:
-        # Simulated people must be told to draw; real ones may touch the screen while it is watched.
+        # A simulated hand draws only on request; real ones may touch the screen while it is watched.
         circle = Circle(150.0, 120.0, 40.0, 250.0, duration_s=watch_s)
         rig.stage.begin_run(PlannedRun("check", circle, 250.0, 40.0), start_s, "check")
     while len(lost) < len(opened) and clock.now() < start_s + watch_s:
         if not clock.realtime:
             clock.advance_to(clock.now() + _STEP_S)
-        for role, (source, seen) in opened.items():
+        for role, (source, observed) in opened.items():
             if role in lost:
                 continue
             try:
-                seen.take(source.read(_READ_S))
+                observed.take(source.read(_READ_S))
             except DraglagError as error:
                 lost[role] = error
-        tell(min(1.0, (clock.now() - start_s) / watch_s))
+        if on_progress is not None:
+            on_progress(min(1.0, (clock.now() - start_s) / watch_s))
     return lost
 
 
-def _judge(role: str, seen: _Seen, screen: Screen | None) -> Iterator[Check]:
-    if seen.alive:
-        yield Check(role, "ok", seen.info.description)
+def _judge(role: str, observed: _Observed, screen: Screen | None) -> Iterator[Check]:
+    if observed.alive:
+        yield Check(role, "ok", observed.info.description)
     else:
-        yield Check(role, "fault", f"{seen.info.description}: lost while it was watched", remedy="see the lines below")
+        yield Check(
+            role, "fault", f"{observed.info.description}: lost while it was watched", remedy="see the lines below"
+        )
     if role == "touch":
-        yield from _touch(seen, screen)
+        yield from _touch(observed, screen)
     elif role == "laser":
-        bad = seen.missed > 0
-        yield Check("laser edges", "warning" if bad or not seen.edges else "ok",
-                    f"{seen.edges} seen, {seen.missed} missed", "0 missed",
+        bad = observed.missed > 0
+        yield Check("laser edges", "warning" if bad or not observed.edges else "ok",
+                    f"{observed.edges} seen, {observed.missed} missed", "0 missed",
                     "check the light level and the beam" if bad else
-                    "" if seen.edges else "break the beam while checking")  # fmt: skip
+                    "" if observed.edges else "break the beam while checking")  # fmt: skip
     if role != "touch":
-        yield from _clock(role, seen)
-    told: dict[str, Notice] = {notice.text: notice for notice in seen.notices}
-    for notice in told.values():
+        yield from _clock(role, observed)
+    distinct: dict[str, Notice] = {notice.text: notice for notice in observed.notices}
+    for notice in distinct.values():
         if notice.level != "info":
             yield Check(role, "fault" if notice.level == "error" else "warning", notice.text)
 
 
-def _touch(seen: _Seen, screen: Screen | None) -> Iterator[Check]:
-    axes = seen.info.axes
+def _touch(observed: _Observed, screen: Screen | None) -> Iterator[Check]:
+    axes = observed.info.axes
     if axes and screen is not None and all(axis.resolution for axis in axes):
         sizes = [(axis.maximum - axis.minimum + 1) / axis.resolution for axis in axes]
         off = max(abs(size / real - 1) for size, real in zip(sizes, (screen.width_mm, screen.height_mm), strict=True))
-        yield Check("touch size", "ok" if off <= SIZE_DISAGREEMENT else "warning",
+        yield Check("touch size", "ok" if off <= SIZE_TOLERANCE else "warning",
                     f"{sizes[0]:.1f} × {sizes[1]:.1f} mm by its resolution, {100 * off:.1f} % off",
-                    f"{100 * SIZE_DISAGREEMENT:.0f} %",
-                    "" if off <= SIZE_DISAGREEMENT else "measure the panel with a ruler, or calibrate")  # fmt: skip
+                    f"{100 * SIZE_TOLERANCE:.0f} %",
+                    "" if off <= SIZE_TOLERANCE else "measure the panel with a ruler, or calibrate")  # fmt: skip
     for axis in axes:
         if axis.fuzz:
             yield Check("touch fuzz", "warning", f"{axis.name}: {axis.fuzz}", "0",
                         "set it to 0 unless it is under test: it is a latency of its own")  # fmt: skip
-    if len(seen.touches_s) < 3:
+    if len(observed.touches_s) < 3:
         yield Check("touch events", "warning", "none", f"≥ {SLOWEST_TOUCH_HZ:.0f} Hz", "draw while checking")
         return
-    rate_hz = 1.0 / float(np.median(np.diff(seen.touches_s)))
-    fast, whole = rate_hz >= SLOWEST_TOUCH_HZ, not seen.dropped
-    yield Check("touch events", "ok" if fast and whole else "warning", f"{rate_hz:.0f} Hz, {seen.dropped} lost",
+    rate_hz = 1.0 / float(np.median(np.diff(observed.touches_s)))
+    fast, whole = rate_hz >= SLOWEST_TOUCH_HZ, not observed.dropped
+    yield Check("touch events", "ok" if fast and whole else "warning", f"{rate_hz:.0f} Hz, {observed.dropped} lost",
                 f"≥ {SLOWEST_TOUCH_HZ:.0f} Hz, 0 lost",
                 "" if fast and whole else "close other programs; try another USB port")  # fmt: skip
 
 
-def _clock(role: str, seen: _Seen) -> Iterator[Check]:
+def _clock(role: str, observed: _Observed) -> Iterator[Check]:
     name = f"{role} clock"
     limit = f"±{1e3 * WARN_S:.2f} ms"
     clocks = []
     with suppress(DraglagError):
-        clocks = list(fit_clock(seen.clock).epochs.values())
+        clocks = list(fit_clock(observed.clock).epochs.values())
     if not clocks:
-        if seen.info.clock.startswith("own") or "compared" in seen.info.clock:
+        if observed.info.clock.startswith("own") or "compared" in observed.info.clock:
             yield Check(name, "fault", "never compared with the host's", limit, "unplug it and plug it in again")
         return
     clock = clocks[-1]

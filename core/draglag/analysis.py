@@ -143,7 +143,7 @@ class Analysis:
 
         Raises DraglagError where matplotlib is not installed.
         """
-        from draglag.report.drawn import draw_latency, own_axes
+        from draglag.drawing.results import draw_latency, own_axes
 
         axes = own_axes(ax)
         draw_latency(axes, self)
@@ -163,11 +163,11 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     """
     options = options or AnalysisOptions()
     estimator_of(options.estimator)
-    tell = progress or (lambda fraction, text: None)
+    on_progress = progress or (lambda fraction, text: None)
     steady = [run for run in session.runs if has_constant_speed(run)]
     estimates = []
     for k, run in enumerate(steady):
-        tell(k / max(len(session.runs), 1), run.id)
+        on_progress(k / max(len(session.runs), 1), run.id)
         found = estimate_on_clock(
             run,
             session.clocks,
@@ -183,26 +183,26 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     excluded = _excluded(session, estimates, options)
     curve, trouble = _curve([e for e in estimates if e.id not in excluded], taps, options)
     problems += trouble
-    validation, trouble = _validate(session, curve, options, excluded, tell)
+    validation, trouble = _validate(session, curve, options, excluded, on_progress)
     problems += trouble
     width = width_check(estimates, session.stylus.diameter_mm)
     warnings = [*warnings_of(session, estimates, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
     warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
-    tell(1.0, "done")
+    on_progress(1.0, "done")
     return Analysis(
-        session.name,
-        options,
-        tuple(estimates),
-        curve,
-        taps,
-        tuple(validation),
-        tuple(problems),
-        tuple(asymptote_check(curve, taps)) if curve is not None else (),
-        width,
-        tuple(clock_drifts(session)),
-        tuple(warnings),
-        excluded,
-        source_of(session),
+        session=session.name,
+        options=options,
+        runs=tuple(estimates),
+        curve=curve,
+        taps=taps,
+        validation=tuple(validation),
+        problems=tuple(problems),
+        asymptote=tuple(asymptote_check(curve, taps)) if curve is not None else (),
+        width=width,
+        clocks=tuple(clock_drifts(session)),
+        warnings=tuple(warnings),
+        excluded=excluded,
+        source=source_of(session),
     )
 
 
@@ -307,14 +307,14 @@ def _validate(
     curve: CurveFit | None,
     options: AnalysisOptions,
     excluded: Mapping[str, str],
-    tell: Progress,
+    on_progress: Progress,
 ) -> tuple[list[Validation], list[str]]:
     varying = [run for run in session.runs if not has_constant_speed(run) and run.id not in excluded]
     if curve is None:
         return [], [f"{run.id}: not validated, there is no curve" for run in varying]
     out, problems = [], []
     for run in varying:
-        tell(1 - len(varying) / max(len(session.runs), 1), run.id)
+        on_progress(1 - len(varying) / max(len(session.runs), 1), run.id)
         try:
             ready = prepare(_with_hindsight(run, session), session.stylus.diameter_mm, options.update_rate_hz)
             out.append(validate_run(ready, curve.predict_s, curve.speed_range_mm_s))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import cache, wraps
 from typing import ParamSpec, TypeVar
 
-import scipy.linalg  # noqa: F401  (has a BLAS of its own, which is to be found beside numpy's)
+import scipy.linalg  # noqa: F401  (loads its own BLAS, in addition to numpy's)
 from threadpoolctl import ThreadpoolController
 
 P = ParamSpec("P")

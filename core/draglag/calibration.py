@@ -14,6 +14,8 @@ from draglag.errors import DataError, EstimateError
 from draglag.recording import FloatArray, Screen
 
 FEWEST_TARGETS = 5
+# Share by which a panel's stated size and the touchscreen's resolution may differ: a ruler does better than 1 %.
+SIZE_TOLERANCE = 0.02
 # A stylus put down with care lands well within this of a cross.
 LARGEST_RESIDUAL_MM = 1.5
 
@@ -97,12 +99,6 @@ def px_to_mm(screen: Screen, x_px: FloatArray, y_px: FloatArray) -> tuple[FloatA
     """Places on the screen's picture (device pixels, from its upper left corner) in mm."""
     x_scale, y_scale = screen.mm_per_px
     return np.asarray(x_px) * x_scale, np.asarray(y_px) * y_scale
-
-
-def mm_to_px(screen: Screen, x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The reverse of ``px_to_mm``."""
-    x_scale, y_scale = screen.mm_per_px
-    return np.asarray(x_mm) / x_scale, np.asarray(y_mm) / y_scale
 
 
 def target_places(width_mm: float, height_mm: float, count: int = 9) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from draglag.recording import ClockBounds, FloatArray, IntArray, Run, concatenat
 
 # No quartz in an instrument is further off; it bounds the band while the bounds span little time.
 LARGEST_DRIFT = 300e-6
-# An uncertainty above this matters to a latency and is told to the operator.
+# An uncertainty above this matters to a latency and is reported to the operator.
 WARN_S = 1e-3
 # The paper's hardware comparison: below 1 ms in 60 s.
 PAPER_DRIFT = 1e-3 / 60.0
@@ -221,17 +221,17 @@ def _fit_epoch(epoch: int, device: FloatArray, low: FloatArray, high: FloatArray
     offset, drift = _centre(polygon)
     corners = polygon - np.array([offset, 0.0])
     return EpochClock(
-        epoch,
-        reference,
-        base + offset,
-        drift,
-        (float(polygon[:, 1].min()), float(polygon[:, 1].max())),
-        corners,
-        float(device.min()),
-        float(device.max()),
-        len(device),
-        slack,
-        uneven,
+        epoch=epoch,
+        reference_s=reference,
+        offset_s=base + offset,
+        drift=drift,
+        drift_interval=(float(polygon[:, 1].min()), float(polygon[:, 1].max())),
+        corners=corners,
+        first_s=float(device.min()),
+        last_s=float(device.max()),
+        n_bounds=len(device),
+        slack_s=slack,
+        uneven_s=uneven,
     )
 
 

@@ -38,7 +38,7 @@ class Compensated:
         stylus_t_s: when the stylus was where the event shows it; never runs backwards.
         latency_s: t_s − stylus_t_s.
         speed_mm_s: of the stylus, at stylus_t_s.
-        x_stylus_mm, y_stylus_mm: where the stylus was at t_s itself, which later events tell.
+        x_stylus_mm, y_stylus_mm: where the stylus was at t_s itself, from later events.
         extrapolated: bool, the speed lies outside the model's measured range.
     """
 
@@ -97,7 +97,7 @@ def compensate(
     half_s = max(0.05, 4.5 * sample_interval_s(touch.t_s))
     own_s = stylus_time_s(touch.t_s, xy_mm, touch.t_s, law, half_s)
     if not np.isfinite(own_s).all():
-        raise DataError("no stretch of the events is long enough to tell a speed", "Give an uninterrupted recording")
+        raise DataError("no stretch of the events is long enough for a speed", "Give an uninterrupted recording")
     fit = local_fit(touch.t_s, xy_mm, touch.t_s, half_s)
     speed = np.where(fit.ok, stylus_speed(law, fit.v_mm_s, fit.a_mm_s2), np.nan)
     moved_to = [np.full(touch.t_s.shape, np.nan) for _ in range(2)]

@@ -1,4 +1,4 @@
-"""What an extended model names besides its law, taken out of recorded streams: by the effects' own forward hooks.
+"""Effects of an extended model, its law excepted, taken out of recorded streams by their forward hooks.
 
 Every effect of the simulation says what it adds to a latency, a position, a shadow, an edge or a clock. That is taken
 off again, evaluated on the movement that the touch trace shows under the model's law. Nothing here changes raw data:
@@ -99,14 +99,14 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
     applied: list[ModelEffect] = []
     left: dict[str, str] = {}
     effects: list[Effect] = []
-    compared = any(EFFECTS[item.id].seen_by_comparisons for item in model.effects) and _clock_is_known(session)
+    compared = any(EFFECTS[item.id].removed_by_clock_comparisons for item in model.effects) and _clock_is_known(session)
     if compared:
         session = replace(session, runs=tuple(remapped(run, nearby(run, session.clocks)) for run in session.runs))
     for item in model.effects:
         undone_in = EFFECTS[item.id].undone_in
         if undone_in in IN_THE_LAW:
             left[item.id] = LAW_UNDOES if undone_in == OF_SPEED else "it follows the acceleration"
-        elif EFFECTS[item.id].seen_by_comparisons and compared:
+        elif EFFECTS[item.id].removed_by_clock_comparisons and compared:
             left[item.id] = "the session's own clock comparisons take it out"
         elif undone_in in ("laser", "touch"):
             applied.append(item)
@@ -124,7 +124,7 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
 
 
 def without_effects(session: Session, effects: Sequence[Effect], law: Law) -> Session:
-    """A session with effects of laser, clock, beam and place taken out of its streams; the law tells the motion."""
+    """The session without effects of laser, clock, beam and position; the law gives the motion from the trace."""
     if not effects:
         return session
     starts = [run.touch.t_s[0] for run in session.runs if run.touch.t_s.size]
@@ -183,7 +183,7 @@ def corrected_touch(
     touch = usable(TouchTrace(t_s, x_mm, y_mm))
     if touch.t_s.size < 8:
         return t_s, x_mm, y_mm, done
-    moved = _freed(touch, effects, model.latency_s, float(touch.t_s[0]), size)
+    moved = _without_touch_effects(touch, effects, model.latency_s, float(touch.t_s[0]), size)
     index = np.clip(np.searchsorted(touch.t_s, t_s), 0, touch.t_s.size - 1)
     return (
         np.where(good, moved.t_s[index], np.nan),
@@ -208,7 +208,7 @@ def _hand(
     return Kinematics(motion, host_s - origin_s, *size_mm), host_s, path.event_t_s
 
 
-def _freed(
+def _without_touch_effects(
     touch: TouchTrace, effects: Sequence[Effect], law: Law, origin_s: float, size_mm: tuple[float, float]
 ) -> TouchTrace:
     """Touch events without what effects add to their latency and position."""
@@ -238,12 +238,12 @@ def _without(
     if touch.t_s.size < 50 or not len(run.laser.t_s):
         return run
     try:
-        freed = _freed(touch, effects, law, origin_s, size_mm)
-        k, host_s, _ = _hand(freed, law, origin_s, size_mm)
+        restored = _without_touch_effects(touch, effects, law, origin_s, size_mm)
+        k, host_s, _ = _hand(restored, law, origin_s, size_mm)
     except (DataError, ValueError):
         return run
     laser = _laser_without(run.laser, effects, k, host_s, origin_s, session.stylus.diameter_mm)
-    return replace(run, touch=freed, laser=laser)
+    return replace(run, touch=restored, laser=laser)
 
 
 def _laser_without(

@@ -6,7 +6,7 @@ import numpy as np
 
 from draglag.recording import FloatArray, TouchTrace
 
-# Events that come a few at a time: a quarter or more of the intervals is next to nothing beside the long ones.
+# Events that come a few at a time: a quarter or more of the intervals is negligible compared with the long ones.
 AT_ONCE, LONG, BATCHED, FEWEST_INTERVALS = 0.25, 0.9, 0.25, 8
 
 

@@ -226,10 +226,10 @@ def compare(first: Analysis | CurveFit, second: Analysis | CurveFit) -> CurveDif
     """
     from draglag.curve.compare import curve_difference
 
-    apart = curve_difference(_curve(first), _curve(second))
-    if apart is None:
+    difference = curve_difference(_curve(first), _curve(second))
+    if difference is None:
         raise EstimateError("the curves share no speeds", "Measure both screens at the same speeds")
-    return apart
+    return difference
 
 
 def _curve(of: Analysis | CurveFit) -> CurveFit:
@@ -249,7 +249,7 @@ def compensate(
     """Where the stylus really was behind recorded touch events.
 
     Args:
-        t_s, x_mm, y_mm: (n,) events. law: an analysis, a curve, or a model file; beyond its speeds its ends are held.
+        t_s, x_mm, y_mm: (n,) events. law: an analysis, a curve, or a model file; constant beyond its speeds.
 
     Raises DataError with fewer than eight usable events.
 

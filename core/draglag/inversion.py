@@ -30,7 +30,7 @@ POSITION_HALF_S = 0.05
 JUMP_LAG_S = 0.08  # a drop of the lag by more than this within one event is no movement of a hand that could be seen
 JUMP_SPEEDS = 1.2  # a jump is so much faster than what is before and after it
 JUMP_NOISES = 7.0
-BESIDE = 4  # events beside a jump that tell speed and direction there
+NEIGHBOURS = 4  # events on either side of a jump, for speed and direction there
 SETTLED_S = 0.03
 USUAL_MM_S = 200.0  # where no speed is known
 
@@ -63,9 +63,9 @@ def stylus_path(
 
     Args:
         t_s: (n,) stamps that never fall, n > 1. xy_mm: (n, 2). half_s: half width of the window for position and speed.
-        own_s: (n,) what ``own_times_s`` gave, where it is known already.
+        own_s: (n,) what ``shown_times_s`` gave, where it is known already.
     """
-    own_s = own_times_s(t_s, xy_mm, law) if own_s is None else own_s
+    own_s = shown_times_s(t_s, xy_mm, law) if own_s is None else own_s
     grid_s = np.arange(own_s[0], max(t_s[-1], own_s[0] + 8 * GRID_S), GRID_S)
     filled = _between(own_s, xy_mm, grid_s, GRID_S)
     smooth, velocity = (_smoothed(filled, half_s, GRID_S, order) for order in (0, 1))
@@ -73,7 +73,7 @@ def stylus_path(
     return StylusPath(grid_s, smooth, np.hypot(velocity[:, 0], velocity[:, 1]), grid_s + lag_s, own_s)
 
 
-def own_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
+def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
     """When the stylus was where each event shows it, (n,) s, never running backwards.
 
     Args: as of ``stylus_path``.
@@ -213,11 +213,11 @@ def _landed(
     """The lag after a jump: that of a movement from one end to the other whose velocity changes evenly.
 
     With v₁ and v₂ the speeds at the ends, D the jump along the movement after it and c the cosine of the turn,
-    D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 tells v₂.
+    D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 gives v₂.
     """
     jump = xy_mm[after[0]] - xy_mm[before[-1]]
-    came = xy_mm[before[-1]] - xy_mm[before[-min(BESIDE, before.size)]]
-    went = xy_mm[after[min(BESIDE, after.size) - 1]] - xy_mm[after[0]]
+    came = xy_mm[before[-1]] - xy_mm[before[-min(NEIGHBOURS, before.size)]]
+    went = xy_mm[after[min(NEIGHBOURS, after.size) - 1]] - xy_mm[after[0]]
     size = float(np.hypot(*jump))
     seen = float(np.hypot(*went))
     ahead = went / seen if seen > 3 * noise_mm else jump / max(size, 1e-9)
@@ -233,14 +233,14 @@ def _landed(
 
 def _jumps(t_s: FloatArray, xy_mm: FloatArray, noise_mm: float) -> IntArray:
     """Events before which the trace jumps: faster than the few events before and after it, beyond noise."""
-    if t_s.size < 2 * BESIDE:
+    if t_s.size < 2 * NEIGHBOURS:
         return np.empty(0, np.int64)
     distance, dt_s = np.hypot(*np.diff(xy_mm, axis=0).T), np.maximum(np.diff(t_s), STEP_S / 2)
-    near = BESIDE - 1
+    near = NEIGHBOURS - 1
     padded = np.pad(distance / dt_s, near, mode="edge")
     medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, near), axis=1)
-    beside = np.maximum(medians[: distance.size], medians[near + 1 : near + 1 + distance.size])
-    return np.asarray(np.flatnonzero(distance > JUMP_SPEEDS * beside * dt_s + JUMP_NOISES * noise_mm) + 1, np.int64)
+    usual_mm = np.maximum(medians[: distance.size], medians[near + 1 : near + 1 + distance.size])
+    return np.asarray(np.flatnonzero(distance > JUMP_SPEEDS * usual_mm * dt_s + JUMP_NOISES * noise_mm) + 1, np.int64)
 
 
 def _shown_speed(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:

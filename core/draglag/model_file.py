@@ -124,15 +124,15 @@ class LatencyModel(_Table):
         covariance = np.array(self.covariance, float)[np.ix_(order, order)]
         tied_s = None if self.tied_asymptote_ms is None else 1e-3 * self.tied_asymptote_ms
         return CurveFit(
-            self.form,
-            np.array([self.parameters[name] for name in names]),
-            covariance,
-            1e-3 * self.rms_ms,
-            self.speed_range_mm_s,
-            1e-3 * self.between_runs_ms,
-            self.n_points,
-            float("nan"),
-            float("nan"),
+            form=self.form,
+            values=np.array([self.parameters[name] for name in names]),
+            covariance=covariance,
+            rms_s=1e-3 * self.rms_ms,
+            speed_range_mm_s=self.speed_range_mm_s,
+            between_runs_s=1e-3 * self.between_runs_ms,
+            n_points=self.n_points,
+            aicc=float("nan"),
+            held_out_rms_s=float("nan"),
             tied_asymptote_s=tied_s,
         )
 
@@ -242,21 +242,21 @@ def _wrong_effect(model: LatencyModel) -> str:
         if not effect.parameters and effect.shape is None and EFFECTS[effect.id].parameters:
             return f"the effect {effect.id} has no size"
         for spec in EFFECTS[effect.id].parameters:
-            value, apart = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
-            if not spec.lower - apart <= value <= spec.upper + apart:
+            value, extent = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
+            if not spec.lower - extent <= value <= spec.upper + extent:
                 bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
                 return f"the effect {effect.id} has {spec.name} {value:g}; the library knows {bounds}"
     return ""
 
 
 def other_screen(model: LatencyModel, screen: str) -> str:
-    """In words that a model was fitted on another screen than the one named; empty where it was not, or is not told."""
+    """In words that a model was fitted on another screen than the one named; empty where it was not, or is unknown."""
     of = model.provenance.screen
     return f"the model was fitted on {of}, this is {screen}" if of and screen and of != screen else ""
 
 
 def left_unexplained(model: LatencyModel) -> str:
-    """In words that the model's own session holds a gap without a name; empty where it does not, or is not told."""
+    """In words that the model's own session holds a gap without a name; empty where it does not, or is unknown."""
     if model.provenance.verdict != "unexplained":
         return ""
     gap = "" if model.provenance.gap_mm is None else f" of {model.provenance.gap_mm[1]:.3f} mm"

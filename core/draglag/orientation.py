@@ -25,21 +25,21 @@ _LAGS_S = np.linspace(0.0, 0.4, 21)
 
 
 def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: Screen) -> Orientation | None:
-    """How the touches of a run are mirrored against its target; None where they are not, or where it cannot be told.
+    """How the touches of a run are mirrored against its target; None where they are not, or the data do not decide.
 
-    Told only where the touches are far from the target at any plausible lag and close to one mirror image of it: a
-    target that is its own image (through the middle of the screen) and a hand elsewhere tell nothing.
+    Decided only where the touches are far from the target at any plausible lag and close to one mirror image of it: a
+    target that is its own image (through the middle of the screen) and a hand elsewhere decide nothing.
 
     Args:
         touch: events of the run, any number; those before ``start_s`` are left out.
         target: what was shown; it began to move at ``start_s`` on the same clock.
     """
     t_s = touch.t_s - start_s
-    held = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
-    if np.count_nonzero(held) < FEWEST_TOUCHES:
+    usable = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
+    if np.count_nonzero(usable) < FEWEST_TOUCHES:
         return None
-    t_s, x, y = t_s[held], touch.x_mm[held], touch.y_mm[held]
-    if _apart_mm(t_s, x, y, target) < _OFF_MM:
+    t_s, x, y = t_s[usable], touch.x_mm[usable], touch.y_mm[usable]
+    if _distance_mm(t_s, x, y, target) < _OFF_MM:
         return None
     other_x, other_y = screen.width_mm - x, screen.height_mm - y
     images: tuple[tuple[Orientation, FloatArray, FloatArray], ...] = (
@@ -47,15 +47,15 @@ def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: S
         ("left_right", other_x, y),
         ("top_bottom", x, other_y),
     )
-    apart: dict[Orientation, float] = {name: _apart_mm(t_s, a, b, target) for name, a, b in images}
-    best = min(apart, key=lambda name: apart[name])
-    return best if apart[best] < _NEAR_MM else None
+    distance_mm: dict[Orientation, float] = {name: _distance_mm(t_s, a, b, target) for name, a, b in images}
+    best = min(distance_mm, key=lambda name: distance_mm[name])
+    return best if distance_mm[best] < _NEAR_MM else None
 
 
-def _apart_mm(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, target: Target) -> float:
+def _distance_mm(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, target: Target) -> float:
     """Median distance from the target at the lag that fits best."""
-    apart = []
+    distance_mm = []
     for lag_s in _LAGS_S:
         there_x, there_y = target.position_mm(np.clip(t_s - lag_s, 0.0, target.duration_s))
-        apart.append(float(np.median(np.hypot(x_mm - there_x, y_mm - there_y))))
-    return float(np.nanmin(apart)) if np.isfinite(apart).any() else 0.0
+        distance_mm.append(float(np.median(np.hypot(x_mm - there_x, y_mm - there_y))))
+    return float(np.nanmin(distance_mm)) if np.isfinite(distance_mm).any() else 0.0

@@ -97,7 +97,7 @@ def plan(
     Args:
         protocol, screen: presets, or objects of one's own; the screen's law and noise are assumed.
         human: who will drag; the simulated participant if None.
-        progress: told the share done and the run at hand, before each; may raise to end the work.
+        progress: called before each run with the share done and the run's id; may raise to end the work.
         known: predictions of earlier calls, used and added to, so that an edit costs only the runs it changed.
 
     Raises DataError for unknown presets or targets that do not fit.
@@ -146,18 +146,18 @@ def _precision(run: PlannedRun, rig: Rig, human: Human) -> PlannedPrecision:
     beam_at = rig.beam.slope * edge_x + rig.beam.intercept_mm
     slope_s = float(rig.law.latency_s(speed + 1) - rig.law.latency_s(speed - 1)) / 2
     se_s = latency_bound_s(
-        edge_s,
-        edge_x,
-        edge_v,
-        np.where(edge_y > beam_at, 1.0, -1.0),
-        event_s,
-        run.target.velocity_mm_s(event_s)[1],
-        run.target.position_mm(event_s)[1] - middle,
-        TouchNoise(rig.noise_mm, rig.noise_slow_share, rig.noise_slow_s, rig.resolution_mm),
-        HandSpectrum(
+        edge_t_s=edge_s,
+        edge_x_mm=edge_x,
+        edge_v_mm_s=edge_v,
+        side=np.where(edge_y > beam_at, 1.0, -1.0),
+        event_t_s=event_s,
+        event_v_mm_s=run.target.velocity_mm_s(event_s)[1],
+        event_y_mm=run.target.position_mm(event_s)[1] - middle,
+        noise=TouchNoise(rig.noise_mm, rig.noise_slow_share, rig.noise_slow_s, rig.resolution_mm),
+        hand=HandSpectrum(
             human.wander_mm, human.wander_hz, human.timing_sd_s, gain_sd=human.gain_sd, tremor_mm=human.tremor_mm
         ),
-        float(np.mean(beam_at)) - middle,
+        edge_y_mm=float(np.mean(beam_at)) - middle,
     )
     se_s = float(np.hypot(se_s, abs(slope_s) * _tremor_at_edges_mm_s(human, edge_s, clear[k] > 0)))
     half_s = _rehearsed_half_s(run, rig, human)

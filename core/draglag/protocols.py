@@ -7,6 +7,7 @@ to a caller. Everything random (the order of the circles) comes from the protoco
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -152,7 +153,17 @@ def _plan_run(plan: RunPlan, speed: float | None, screen: Screen, beam: Beam) ->
         assert speed is not None  # the model demands it
         target = Circle(x, middle, radius, speed, duration, drift, -math.pi / 2, plan.turn)
     elif plan.kind == "chirp":
-        target = Chirp(x, middle, radius, duration, plan.start_hz, plan.end_hz, drift, -math.pi / 2, plan.turn)
+        target = Chirp(
+            centre_x_mm=x,
+            centre_y_mm=middle,
+            radius_mm=radius,
+            duration_s=duration,
+            start_hz=plan.start_hz,
+            end_hz=plan.end_hz,
+            sideways_mm_s=drift,
+            phase_rad=-math.pi / 2,
+            turn=plan.turn,
+        )
     elif plan.kind == "multisine":
         scale = plan.peak_fraction * screen.height_mm / MULTISINE_PEAK
         target = MultiSine(x, middle, scale, duration, drift)
@@ -194,3 +205,28 @@ def expand(
         PlannedRun(f"run-{i:0{digits}d}", r.target, r.nominal_speed_mm_s, r.radius_mm, r.practice, r.note)
         for i, r in enumerate(runs, 1)
     )
+
+
+def first_target_after_s(protocol: Protocol, countdown_s: float) -> float:
+    """Time from the start of a session to the first moving target, s: what comes before it, with rests.
+
+    ``countdown_s``: how long a target stands still before it moves. Infinite where there are no runs.
+    """
+    if not protocol.runs:
+        return math.inf
+    before_s = []
+    if protocol.clock_check is not None:
+        before_s.append(protocol.clock_check.duration_s)
+    if protocol.taps is not None and protocol.taps.when in ("start", "both"):
+        before_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)
+    return sum(before_s) + len(before_s) * protocol.rest_s + countdown_s
+
+
+def planned_after_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown_s: float) -> float:
+    """How long ``runs`` and what the protocol has at its end take, each after a rest, s."""
+    parts_s = [countdown_s + run.duration_s for run in runs]
+    if protocol.taps is not None and protocol.taps.when in ("end", "both"):
+        parts_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)
+    if protocol.clock_check is not None:
+        parts_s.append(protocol.clock_check.duration_s)
+    return sum(parts_s) + len(parts_s) * protocol.rest_s

@@ -58,7 +58,7 @@ class Stylus:
 
 @dataclass(frozen=True)
 class Beam:
-    """The laser beam as the operator measured it: y = slope · x + intercept_mm. Estimates fit it anew."""
+    """The laser beam as the operator measured it: y = slope · x + intercept_mm. Estimates fit it themselves."""
 
     slope: float
     intercept_mm: float
@@ -245,6 +245,7 @@ class Session:
     protocol_toml: str = ""
     seed: int | None = None
     devices: Mapping[str, str] = field(default_factory=dict)  # role → address and description
+    details: Mapping[str, str] = field(default_factory=dict)  # participant, session, operator, free fields
     software: str = ""
     started_s: float | None = None  # what the host's clock said at started_utc
     calibration: TouchCalibration | None = None  # the one that positions were mapped with

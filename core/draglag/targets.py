@@ -273,16 +273,6 @@ def to_px(screen: Screen, x_mm: ArrayLike, y_mm: ArrayLike) -> Pair:
     return np.asarray(x_mm, float) / mm_x, np.asarray(y_mm, float) / mm_y
 
 
-def position_px(target: Target, screen: Screen, t_s: ArrayLike) -> Pair:
-    """Where to draw the target, px."""
-    return to_px(screen, *target.position_mm(t_s))
-
-
-def velocity_px_s(target: Target, screen: Screen, t_s: ArrayLike) -> Pair:
-    """How fast the target moves, px/s."""
-    return to_px(screen, *target.velocity_mm_s(t_s))
-
-
 def check_on_screen(target: Target, screen: Screen, margin_mm: float = 0.0) -> None:
     """Raise DataError, with the remedy, if the target comes within ``margin_mm`` of an edge of the screen."""
     t = np.linspace(0.0, target.duration_s, max(1000, int(target.duration_s * 200)))

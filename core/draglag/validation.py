@@ -92,16 +92,16 @@ def validate_run(
     outside = (speed < speed_range_mm_s[0]) | (speed > speed_range_mm_s[1])
     n_outside = int(np.count_nonzero(outside))
     return Validation(
-        ready.run.id,
-        ready.run.protocol,
-        int(edges.t_s.size),
-        float(np.mean(uncorrected_mm**2)),
-        float(np.mean(residual**2)),
-        speed,
-        latency_s,
-        n_outside,
-        after,
-        ("extrapolated",) if n_outside > 0.1 * edges.t_s.size else (),
+        run=ready.run.id,
+        protocol=ready.run.protocol,
+        n_edges=int(edges.t_s.size),
+        j0_per_edge_mm2=float(np.mean(uncorrected_mm**2)),
+        j_per_edge_mm2=float(np.mean(residual**2)),
+        speeds_mm_s=speed,
+        latency_s=latency_s,
+        n_extrapolated=n_outside,
+        alignment=after,
+        flags=("extrapolated",) if n_outside > 0.1 * edges.t_s.size else (),
     )
 
 

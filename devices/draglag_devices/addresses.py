@@ -5,18 +5,12 @@ The simulator is chosen by its address only, never because a real device or its 
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
 from urllib.parse import parse_qsl
 
-from draglag.packages import advice
 from draglag_devices.other_packages import Driver, drivers_of_others
-from draglag_devices.source import DeviceError, Source
-
-if TYPE_CHECKING:
-    from draglag_devices.stage import Stage
+from draglag_devices.source import DeviceError
 
 ROLES = ("touch", "laser", "walt")
 
@@ -102,36 +96,6 @@ def parse_address(text: str) -> Address:
     return Address(text, scheme, target, options)
 
 
-def open_source(address: str | Address, role: str, stage: Stage | None = None) -> Source:
-    """The source an address stands for; it is made here and claimed by its own ``open()``.
-
-    Args:
-        address: the address, as text or parsed.
-        role: "touch" | "laser" | "walt".
-        stage: what the sources of one session share; a new one if None.
-
-    Raises:
-        DeviceError: unknown address, a role the scheme cannot serve, or a driver this version lacks.
-    """
-    parsed = parse_address(address) if isinstance(address, str) else address
-    if role not in ROLES:
-        raise DeviceError(parsed.text, f"there is no role '{role}'", f"roles are {', '.join(ROLES)}")
-    if role not in _roles(parsed.scheme):
-        fitting = " · ".join(form for form in known_forms() if role in _roles(form.split(":", 1)[0]))
-        raise DeviceError(parsed.text, f"cannot serve as {role}", f"for {role} use one of: {fitting}")
-    if parsed.scheme == "sim":
-        from draglag_devices.sim.sources import simulated_source
-
-        return simulated_source(stage or _new_stage(), role, parsed)
-    if parsed.scheme in ("replay", "csv"):
-        from draglag_devices.replay import replay_source
-
-        return replay_source(stage or _new_stage(), role, parsed)
-    if parsed.scheme not in DRIVERS:
-        return other_drivers()[parsed.scheme].open_source(parsed, role)
-    return _driver_source(parsed, role)
-
-
 def other_drivers() -> dict[str, Driver]:
     """Scheme → driver of other packages (docs/sources.md)."""
     return drivers_of_others(_SERVES, ROLES)
@@ -142,26 +106,6 @@ def known_forms() -> tuple[str, ...]:
     return (*KNOWN_FORMS, *(driver.FORM for driver in other_drivers().values()))
 
 
-def _roles(scheme: str) -> tuple[str, ...]:
+def roles_of(scheme: str) -> tuple[str, ...]:
+    """The roles that addresses of a scheme can serve."""
     return _SERVES[scheme] if scheme in _SERVES else tuple(other_drivers()[scheme].ROLES)
-
-
-def _new_stage() -> Stage:
-    from draglag_devices.stage import Stage
-
-    return Stage()
-
-
-def _driver_source(address: Address, role: str) -> Source:
-    module_name = DRIVERS[address.scheme]
-    try:
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as missing:
-        if missing.name == module_name:
-            raise DeviceError(
-                address.text,
-                f"the driver of {address.scheme} devices is not in this version",
-                "use sim:, replay:FILE or csv:FILE, or install a newer version",
-            ) from None
-        raise DeviceError(address.text, *advice(missing.name or "")) from None
-    return cast(Source, module.open_source(address, role))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from draglag.packages import advice
 from draglag_devices.addresses import DRIVERS, other_drivers
@@ -19,6 +20,15 @@ class Found:
     description: str
     usable: bool = True
     remedy: str = ""
+
+
+@runtime_checkable
+class Discovers(Protocol):
+    """A driver's module that lists what is there; EtherCAT's also takes the interfaces to probe."""
+
+    def discover(self, probe: Collection[str] = ()) -> list[Found]:
+        """The devices that are there, usable or with a remedy."""
+        ...
 
 
 def discover(probe: Collection[str] = ()) -> list[Found]:
@@ -38,12 +48,12 @@ def discover(probe: Collection[str] = ()) -> list[Found]:
                 problem, remedy = advice(missing.name or "")
                 found.append(Found(f"{scheme}:", (), problem, False, remedy))
             continue
-        look = getattr(module, "discover", None)
-        if look is not None:
-            found.extend(look(probe) if scheme == "ethercat" else look())
+        if isinstance(module, Discovers):
+            found.extend(module.discover(probe) if scheme == "ethercat" else module.discover())
     for scheme, driver in other_drivers().items():
         try:
-            found.extend(getattr(driver, "discover", list)())
+            if isinstance(driver, Discovers):
+                found.extend(driver.discover())
         except Exception as error:  # whatever a stranger's driver does must not hide the others
             problem = f"its driver fails ({type(error).__name__}: {error})"
             found.append(Found(f"{scheme}:", (), problem, False, "ask who made its package"))

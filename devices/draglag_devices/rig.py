@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from draglag.recording import Screen
 from draglag.touch_events.frames import Mapping2D
-from draglag_devices.addresses import Address, open_source, parse_address
-from draglag_devices.source import DeviceError, Source
+from draglag_devices.addresses import Address, parse_address
+from draglag_devices.opening import open_source
+from draglag_devices.source import AcceptsCalibration, AcceptsPanel, DeviceError, Source
 from draglag_devices.stage import Stage
 from draglag_devices.timebase import HostTime, SteppedTime
 
@@ -38,6 +39,17 @@ def make_rig(
         DeviceError: an address is wrong, addresses contradict each other, or a real device cannot run fast.
     """
     parsed = {role: parse_address(text) for role, text in addresses.items()}
+    simulated = [address for address in parsed.values() if address.scheme == "sim"]
+    stage = Stage(
+        SteppedTime() if _runs_fast(parsed, fast) else HostTime(),
+        _agreed(simulated, "screen", screen_name),
+        _seed(simulated, seed),
+    )
+    return Rig(tuple(open_source(address, role, stage) for role, address in parsed.items()), stage)
+
+
+def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
+    """Whether the sources run faster than time. Raises DeviceError where they differ in that or cannot."""
     speeds = {
         role: address.choice("speed", ("real", "fast"), "fast" if fast else "real")
         for role, address in parsed.items()
@@ -52,42 +64,25 @@ def make_rig(
     if run_fast and "real" in speeds.values():
         slow = next(parsed[role].text for role, speed in speeds.items() if speed == "real")
         raise DeviceError(slow, "the other sources run fast and this one in real time", "give all the same speed")
-    simulated = [address for address in parsed.values() if address.scheme == "sim"]
-    stage = Stage(
-        SteppedTime() if run_fast else HostTime(),
-        _agreed(simulated, "screen", screen_name),
-        _seed(simulated, seed),
-    )
-    return Rig(tuple(open_source(address, role, stage) for role, address in parsed.items()), stage)
+    return run_fast
 
 
 def give_panel(sources: Iterable[Source], screen: Screen) -> None:
-    """Tell sources that ask for it (``use_panel``) how large the panel under test is; before they are opened.
-
-    A touchscreen that does not say how many units make a millimetre has no other way to know.
-    """
+    """Give the panel's size to sources that accept it; before they are opened."""
     for source in sources:
-        use_panel = getattr(source, "use_panel", None)
-        if use_panel is not None:
-            use_panel(screen.width_mm, screen.height_mm)
+        if isinstance(source, AcceptsPanel):
+            source.use_panel(screen.width_mm, screen.height_mm)
 
 
 def give_calibration(rig: Rig, mapping: Mapping2D, device: str, rms_mm: float) -> bool:
-    """Have the touchscreen map its units to mm this way, before it is opened. False where it cannot be told.
+    """Whether a source accepted the mapping of its units to mm; before it is opened.
 
     ``device``: name of the touchscreen that was calibrated; another one refuses when it is opened.
     """
-    told = False
-    for source in rig.sources:
-        use = getattr(source, "use_calibration", None)
-        if use is not None:
-            use(mapping, device, rms_mm)
-            told = True
-        elif source.role == "touch" and source.address.startswith("sim:"):
-            # The simulated digitiser belongs to the world, which has no name to compare.
-            getattr(rig.stage.players["sim"], "use_calibration")(mapping)  # noqa: B009
-            told = True
-    return told
+    accepting = [source for source in rig.sources if isinstance(source, AcceptsCalibration)]
+    for source in accepting:
+        source.use_calibration(mapping, device, rms_mm)
+    return bool(accepting)
 
 
 def _agreed(addresses: list[Address], option: str, default: str) -> str:

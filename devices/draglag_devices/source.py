@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 from draglag.errors import DraglagError
 from draglag.recording import AxisInfo, ClockBounds, FloatArray, IntArray, LaserTrace, Taps, TouchTrace
+from draglag.touch_events.frames import Mapping2D
 
 
 class DeviceError(DraglagError):
@@ -99,10 +100,36 @@ class Source(Protocol):
 
 
 @runtime_checkable
+class Paced(Protocol):
+    """A source that says whether its time is real; without it, it is."""
+
+    realtime: bool
+    """False where a reader may wait for whoever takes its samples (simulation, replay)."""
+
+
+@runtime_checkable
+class AcceptsPanel(Protocol):
+    """A touchscreen that takes the panel's size: one that reports no units per mm has no other way to know it."""
+
+    def use_panel(self, width_mm: float, height_mm: float) -> None:
+        """The size of the panel under test; before ``open``."""
+        ...
+
+
+@runtime_checkable
+class AcceptsCalibration(Protocol):
+    """A touchscreen whose units are mapped to mm by a calibration."""
+
+    def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
+        """The mapping, the name of the calibrated touchscreen, and the fit's residual; before ``open``."""
+        ...
+
+
+@runtime_checkable
 class Concludes(Protocol):
     """A source that has something left to say when nobody will read it any more."""
 
-    def last_words(self) -> tuple[Notice, ...]:
+    def final_notices(self) -> tuple[Notice, ...]:
         """What has not been said yet; called once between the last ``read`` and ``close``, from the reading thread."""
         ...
 

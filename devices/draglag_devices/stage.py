@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -31,6 +31,15 @@ class Player(Protocol):
 
     def stop(self) -> None:
         """The target is gone: what was not given out yet never happens."""
+        ...
+
+
+@runtime_checkable
+class TouchesTargets(Protocol):
+    """A player that touches the targets of a calibration; recordings cannot."""
+
+    def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
+        """Touch the target at (x_mm, y_mm) from ``start_s`` on."""
         ...
 
 
@@ -63,9 +72,8 @@ class Stage:
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
         """A target to calibrate with is shown; a simulated hand touches it from ``start_s`` on. Tapes cannot."""
         for player in self.players.values():
-            touch = getattr(player, "begin_touch", None)
-            if touch is not None:
-                touch(x_mm, y_mm, start_s)
+            if isinstance(player, TouchesTargets):
+                player.begin_touch(x_mm, y_mm, start_s)
 
     def stop(self) -> None:
         for player in self.players.values():

@@ -16,6 +16,7 @@
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -72,16 +73,24 @@ static int acceptable(int argc, char **argv)
     return 1;
 }
 
-/* Whether each component of an absolute path, also of what its links lead through, belongs to root and is writable by
- * nobody else. The path is walked as the kernel walks it: resolving it as a whole would skip folders on the way. */
+/* Whether a file or folder belongs to root, is writable by nobody else, and lies on a file system that says so with a
+ * right: what is mounted nosuid (removable media, a user's own mounts) may say of anything that it is root's. */
+static int is_root_s(const char *path, const struct stat *found)
+{
+    struct statvfs mounted;
+    return !found->st_uid && !(found->st_mode & (S_IWGRP | S_IWOTH)) && !statvfs(path, &mounted) &&
+           !(mounted.f_flag & ST_NOSUID);
+}
+
+/* Whether each component of an absolute path, also of what its links lead through, is root's alone. The path is walked
+ * as the kernel walks it: resolving it as a whole would skip folders on the way. */
 static int is_trusted(const char *path)
 {
     char rest[PATH_MAX], next[PATH_MAX], target[PATH_MAX], here[PATH_MAX] = "";
     struct stat found;
     int links = 40; /* as many as the kernel follows */
 
-    if (path[0] != '/' || strlen(path) >= sizeof rest || stat("/", &found) || found.st_uid ||
-        found.st_mode & (S_IWGRP | S_IWOTH))
+    if (path[0] != '/' || strlen(path) >= sizeof rest || stat("/", &found) || !is_root_s("/", &found))
         return 0;
     strcpy(rest, path);
     while (*rest) {
@@ -111,7 +120,7 @@ static int is_trusted(const char *path)
             memcpy(rest, target, (size_t)size);
             rest[size] = '/';
         } else {
-            if (found.st_mode & (S_IWGRP | S_IWOTH))
+            if (!is_root_s(next, &found))
                 return 0;
             strcpy(here, next);
         }

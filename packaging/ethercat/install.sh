@@ -6,6 +6,10 @@
 # Nothing is run before every component of its path, as given and through every link, was found to be root's alone.
 # SECURITY.md says against whom.
 set -eu
+# Tools by the system's own path, and folders where they are, whatever the caller's environment says.
+PATH=/usr/sbin:/usr/bin:/sbin:/bin
+export PATH
+unset CDPATH
 place=$(cd "$(dirname "$0")" && pwd)
 . "$place/../trusted.sh"
 case $place in
@@ -44,13 +48,13 @@ done
 # --- the interpreter: looked at before it is run ---
 
 case $python in *[!A-Za-z0-9/._+-]*) fail "$python: name the interpreter without blanks and quotes" ;; esac
-changed() { fail "$loose can be changed by others than root, or is not there: $again"; }
+changed() { fail "$loose can be changed by others than root, is not there or is on a medium mounted nosuid: $again"; }
 trusted "$python" || changed
 [ -f "$python" ] && [ -x "$python" ] || fail "$python is not an interpreter"
 for settings in "${python%/*}/pyvenv.cfg" "${python%/*/*}/pyvenv.cfg"; do
     trusted "$settings" or-absent || changed
     [ -f "$settings" ] || continue
-    base=$(sed -n 's/^home *= *//p' "$settings")
+    base=$(sed -n 's/^[[:space:]]*[Hh][Oo][Mm][Ee][[:space:]]*=[[:space:]]*//p' "$settings")
     [ -z "$base" ] || trusted "$base" || changed
 done
 for tool in cc setcap getent groupadd setpriv; do
@@ -62,7 +66,8 @@ group=$(getent group draglag | cut -d: -f3)
 
 # --- what it would run: asked of it as an account without rights, looked at before it gets any ---
 
-asked=$(as_member "$group" "$python" -I -c '
+nobody=65534 # not the group draglag, whose members may start a helper that is installed already
+asked=$(as_member "$nobody" "$python" -I -c '
 import os, sys, sysconfig
 from importlib import metadata, util
 for entry in sys.path:
@@ -90,7 +95,7 @@ while read -r kind what; do
 done <<ASKED
 $asked
 ASKED
-for library in $(as_member "$group" ldd "$python" 2>/dev/null | grep -o '/[^ ]*' || true); do
+for library in $(as_member "$nobody" ldd "$python" 2>/dev/null | grep -o '/[^ ]*' || true); do
     trusted "$library" || changed
 done
 

@@ -52,7 +52,7 @@ def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> No
     results = window.pages["results"][1]
     window.go("results")
     results.table.selectRow(2)
-    _asked(results.leave_out.click, out / f"ask-leave-out-{theme}.png", shoot)
+    _asked(results.exclude_button.click, out / f"ask-exclude-{theme}.png", shoot)
     partial = Path(window.space.settings.folder) / "2026-11-02_101500_latency-sweep-screen-1.h5.partial"
     partial.write_bytes(b"")
     _asked(lambda: files.offer_salvage(window), out / f"ask-salvage-{theme}.png", shoot)
@@ -68,7 +68,7 @@ def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> Non
     shoot(window, out / f"trouble-lost-{theme}.png")
     turned = (
         "The touches are turned by half a turn against the target: screen or touchscreen was turned after the "
-        "calibration. Stop, calibrate the touchscreen again, and begin anew."
+        "calibration. Stop, calibrate the touchscreen again, and start again."
     )
     bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "touch", turned))
     shoot(window, out / f"trouble-turned-{theme}.png")

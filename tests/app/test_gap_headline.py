@@ -91,7 +91,7 @@ def test_effects_that_cannot_be_told_apart_come_with_the_run_that_would():
     assert said.startswith("Clock drift or thermal drift 24.9 ppm (23.7 to 26.2; probability 0.97) explains the gap")
     assert said.endswith("To tell clock drift from thermal drift: taps before and after the runs.")
     assert also_in_words(made) == ""  # it is said already
-    assert "to tell them apart: taps before and after the runs" in _table(made)
+    assert "to separate them: taps before and after the runs" in _table(made)
 
 
 def test_a_curve_of_another_form_is_a_statement_of_its_own(capsys):

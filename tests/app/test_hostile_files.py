@@ -16,16 +16,16 @@ from draglag_app.cli import cli
 
 SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
 # Each is refused in milliseconds; a command that waits for a pipe or reads a device waits for ever.
-_PATIENCE_S = 30
+_TIMEOUT_S = 30
 
 
 @pytest.fixture(autouse=True)
 def no_command_hangs() -> Iterator[None]:
     def ring(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"more than {_PATIENCE_S} s")
+        raise TimeoutError(f"more than {_TIMEOUT_S} s")
 
     before = signal.signal(signal.SIGALRM, ring)
-    signal.alarm(_PATIENCE_S)
+    signal.alarm(_TIMEOUT_S)
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)

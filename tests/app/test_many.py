@@ -14,11 +14,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 import draglag as dl
-from draglag_app.batch import ANALYSIS_COLUMNS, Outcome, Sparkline
 from draglag_app.cli import cli
+from draglag_app.cli.batch import ANALYSIS_COLUMNS, Outcome, Sparkline
 from draglag_app.cli.many import is_one, sessions_in
+from draglag_app.cli.summary_page import page, sparkline
 from draglag_app.parallel import Unavailable, spread
-from draglag_app.summary_page import page, sparkline
 
 SAMPLES = Path(__file__).parent.parent / "data" / "exchange"
 

@@ -140,8 +140,8 @@ def test_a_source_that_is_late_costs_the_preview_and_no_events(tmp_path, monkeyp
     wait_past = Saver.wait_past
 
     def late(self, t_s, roles, timeout_s):
-        behind = wait_past(self, t_s, roles, timeout_s)
-        return ["touch"] if abs(t_s - (0.5 + 4.0 + PREVIEW_S)) < 1e-6 else behind
+        lagging_roles = wait_past(self, t_s, roles, timeout_s)
+        return ["touch"] if abs(t_s - (0.5 + 4.0 + PREVIEW_S)) < 1e-6 else lagging_roles
 
     monkeypatch.setattr(Saver, "wait_past", late)
     recording = Recording(protocol(300), fast_rig(), tmp_path / "s.h5")

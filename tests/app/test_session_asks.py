@@ -245,7 +245,7 @@ def test_a_session_without_any_touch_says_so_in_the_run_and_is_not_saved_as_whol
 
 def test_what_a_source_has_not_said_yet_is_in_the_file(tmp_path):
     class Counts(Wrapped):
-        def last_words(self):
+        def final_notices(self):
             return (Notice(1.0, "info", "3 cycles were disturbed."),)
 
     rig = fast_rig()

@@ -48,9 +48,9 @@ def at(*readings: tuple[float, float]) -> Pulse:
 def test_a_stopped_program_is_distinguished_from_a_suspended_computer() -> None:
     stopped = at((10.0, 50.0), (15.0, 55.0)).take()
     assert stopped == [Standstill(10.0, 15.0, 0.0)]
-    assert "did not run for 5.0 s" in stopped[0].words()
+    assert "did not run for 5.0 s" in stopped[0].message()
     slept = at((10.0, 50.0), (10.05, 3650.05)).take()
-    assert "suspended for 3600.0 s" in slept[0].words()
+    assert "suspended for 3600.0 s" in slept[0].message()
 
 
 def test_what_a_busy_computer_delays_a_little_is_nothing() -> None:

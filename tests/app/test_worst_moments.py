@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from app.session_rigs import Recording, Wrapped, fast_rig, protocol
-from draglag.analysis import analyze
+from draglag.analysis import Analysis, analyze
 from draglag.recording import LaserTrace, Session, TouchTrace, concatenate, empty_laser, empty_touch
 from draglag.store import read_session, verify
 from draglag_app.session import Control, events, watch
@@ -140,7 +140,30 @@ class Resetting(Troubled):
         return replace(batch, laser=laser, clock=clock)
 
 
-FAULTS = {"unplugged": Unplugged, "babbling": Babbling, "resetting": Resetting}
+class Drifting(Troubled):
+    """Its clock runs 200 ppm faster from that time on, for good."""
+
+    def __init__(self, inner: Any, from_s: float, to_s: float) -> None:
+        super().__init__(inner, from_s, np.inf)
+        self.device_from_s = np.nan
+
+    def during(self, batch: Batch, first: bool) -> Batch:
+        clock, laser = batch.clock, batch.laser
+        if clock is not None and len(clock.device_s) and np.isnan(self.device_from_s):
+            self.device_from_s = float(clock.device_s[0])
+        if clock is not None:
+            clock = replace(clock, device_s=self._faster(clock.device_s))
+        if laser is not None:
+            laser = replace(laser, device_t_s=self._faster(laser.device_t_s))
+        return replace(batch, clock=clock, laser=laser)
+
+    def _faster(self, device_s: np.ndarray) -> np.ndarray:
+        if np.isnan(self.device_from_s):
+            return device_s
+        return device_s + 200e-6 * np.maximum(0.0, device_s - self.device_from_s)
+
+
+FAULTS = {"unplugged": Unplugged, "babbling": Babbling, "resetting": Resetting, "drifting": Drifting}
 
 
 def record(tmp_path: Path, troubled: dict[str, tuple[str, str]]) -> tuple[Recording, Session]:
@@ -167,6 +190,7 @@ def sound(session: Session) -> None:
 @pytest.mark.parametrize(("role", "fault"), [
     ("touch", "unplugged"),
     ("touch", "babbling"),
+    ("touch", "resetting"),
     ("laser", "unplugged"),
     ("laser", "babbling"),
     ("laser", "resetting"),
@@ -199,8 +223,8 @@ def _true_latency_s() -> float:
 def test_two_devices_at_once_are_both_said(moment: str, tmp_path: Path) -> None:
     _, session = record(tmp_path, {"touch": ("unplugged", moment), "laser": ("resetting", moment)})
     sound(session)
-    everything = [entry for run in session.runs for entry in run.log] + list(session.notes)
-    assert {"touch", "laser"} <= {entry.source for entry in everything}
+    run_plan = [entry for run in session.runs for entry in run.log] + list(session.notes)
+    assert {"touch", "laser"} <= {entry.source for entry in run_plan}
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
@@ -225,10 +249,12 @@ def test_what_is_gone_for_good_ends_the_session_with_a_whole_file(
     assert not [finding for finding in verify(recording.path) if finding.level == "error"]
 
 
-def test_what_comes_late_from_a_frozen_device_is_not_lost(tmp_path: Path) -> None:
+@pytest.mark.parametrize("frozen_s", [(0.2, 0.45), (0.4, 0.8), (1.0, 2.0), (1.9, 2.3)])
+def test_what_comes_late_from_a_frozen_device_is_not_lost(frozen_s: tuple[float, float], tmp_path: Path) -> None:
+    """At arming, at the first sample, in the last second, at the last sample and after it."""
     rig = make_rig(dict.fromkeys(("touch", "laser"), "sim:"), "screen-1", 1, fast=False)
     now_s = rig.stage.time_base.now()
-    sources = tuple(Frozen(source, now_s + 1.0, now_s + 2.0) for source in rig.sources)  # the last second of the run
+    sources = tuple(Frozen(source, *(now_s + t_s for t_s in frozen_s)) for source in rig.sources)
     recording = Recording(protocol(300, duration_s=1.5), Rig(sources, rig.stage), tmp_path / "s.h5")
     assert recording.error is None
     (run,) = read_session(recording.path).runs
@@ -278,14 +304,32 @@ def test_a_device_that_never_speaks_again_is_given_up(tmp_path: Path, monkeypatc
     assert "laser source does not report any more" in recording.events[-1].problem
 
 
-def test_a_clock_that_drifts_by_200_ppm_costs_the_latency_nothing(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def steady(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    """Of a session without any trouble."""
+    return analyze(record(tmp_path_factory.mktemp("steady"), {})[1])
+
+
+def test_a_clock_that_drifts_by_200_ppm_costs_the_latency_nothing(steady: Analysis, tmp_path: Path) -> None:
     rig = fast_rig()
     world = rig.stage.players["sim"]
     world.clocks["laser"] = DeviceClock(world.clocks["laser"].offset_s, 200e-6)
     drifting = read_session(Recording(protocol(300, 600), rig, tmp_path / "drifting.h5").path)
-    steady = read_session(Recording(protocol(300, 600), fast_rig(), tmp_path / "steady.h5").path)
-    for one, other in zip(analyze(drifting).runs, analyze(steady).runs, strict=True):
+    for one, other in zip(analyze(drifting).runs, steady.runs, strict=True):
         assert one.latency_s == pytest.approx(other.latency_s, abs=5e-4)
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_a_clock_that_begins_to_drift_keeps_the_latency_in_its_interval(
+    moment: str, steady: Analysis, tmp_path: Path
+) -> None:
+    _, drifting = record(tmp_path, {"laser": ("drifting", moment)})
+    for one, other in zip(analyze(drifting).runs, steady.runs, strict=True):
+        # A clock that changes its rate within a run is no line: what it leaves open is in the interval.
+        low_s, high_s = one.latency_ci95_s
+        assert low_s < other.latency_s < high_s
+        if moment != "middle":
+            assert one.latency_s == pytest.approx(other.latency_s, abs=5e-4)
 
 
 @pytest.mark.wire

@@ -41,7 +41,7 @@ _WATCHED = (
     (SessionBridge, "_deliver", "session's events"),
     (Header, "_tick", "header's clock"),
     (Saver, "_take_batch", "writer: batch"),
-    (Saver, "_tell", "writer: telling"),
+    (Saver, "_emit_pending", "writer: events"),
     (SessionWriter, "flush", "writer: flush"),
 )
 # Wakes for each slot of the same grid, and computes after some of them for as long as the live plots do. Tells, a line

@@ -86,6 +86,7 @@ def full_session() -> Session:
         protocol_toml='[sweep]\nname = "ü"\n' * 4000,
         seed=7,
         devices={"touch": "evdev:/dev/input/event3", "laser": "sim:"},
+        details={"participant": "P07", "operator": "Zoë", "room": "B 2.14"},
         software="draglag test",
         calibration=TouchCalibration(
             np.arange(9.0), np.arange(9.0) ** 2, np.arange(9.0) / 20, np.arange(9.0) / 30,

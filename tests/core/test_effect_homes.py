@@ -66,11 +66,11 @@ def test_no_module_but_the_reproduction_of_the_paper_imports_an_effects_class() 
 
 def test_late_modules_are_there_and_have_what_they_are_for() -> None:
     refitted = [effect for effect in EFFECTS.values() if effect.refitted_by]
-    seen = [effect for effect in EFFECTS.values() if effect.seen_by]
+    seen = [effect for effect in EFFECTS.values() if effect.detected_by]
     assert len(refitted) > 5
     assert len(seen) > 7
     assert all(callable(effect.own_module().refits) for effect in refitted)
-    assert all(callable(import_module(effect.seen_by).look) for effect in seen)
+    assert all(callable(import_module(effect.detected_by).detect) for effect in seen)
 
 
 def moved(effect: Effect) -> tuple[float, float]:
@@ -112,7 +112,7 @@ def test_shapes_of_models_saved_so_far_are_read_as_their_effects(
 def test_a_term_without_a_setting_leaves_traces_and_law_as_they_are(name: str) -> None:
     home, term = EFFECTS[name], Term(name, (), (0.01,))
     assert home.undoing(term, ()) == (None, term)
-    assert home.asked(()) is None
+    assert home.speed_delay(()) is None
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Swing(Effect):
     id: ClassVar[str] = "swing"
     meaning: ClassVar[str] = "The latency swings with a period of 20 s."
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("swing_s", "s", 0.0, 0.05, 0.005),)
-    seen_by: ClassVar[str] = "swing_in_streams"
+    detected_by: ClassVar[str] = "swing_in_streams"
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         return latency_s + self.value * np.sin(2 * np.pi * k.session_s / 20 + 1.0)
@@ -162,12 +162,12 @@ def test_an_effect_of_two_columns_says_itself_what_its_sizes_mean(swinging: Sess
 def test_an_effect_from_outside_is_looked_for_in_the_streams(
     swinging: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
         seen = StreamEffect(Swing.id, "swing_s", 0.008, (0.007, 0.009), "everywhere", "seen", 1.0)
         return seen, tuple(replace(run, id=f"{run.id} quiet") for run in runs)
 
     module = ModuleType("swing_in_streams")
-    module.look = look  # type: ignore[attr-defined]
+    module.detect = detect  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "swing_in_streams", module)
     seen, repaired = inspect(swinging)
     assert [item.effect for item in seen] == [Swing.id]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core import sound_sessions
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
@@ -27,15 +28,15 @@ SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
 @pytest.fixture(scope="module")
 def sound() -> Session:
-    return read_exchange(SAMPLES / "none-A")
+    return sound_sessions.recorded()
 
 
 def simulated(*effects: str, seed: int = 5) -> Session:
     return simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect(e) for e in effects], seed=seed)
 
 
-def test_a_sound_session_has_no_gap(sound: Session) -> None:
-    report = close_gap(sound)
+def test_a_sound_session_has_no_gap() -> None:
+    report = sound_sessions.report_of_recorded()
     assert report.verdict == "no_gap"
     assert report.steps == ()
     assert report.gap_last_mm is not None
@@ -153,8 +154,8 @@ def test_positions_that_are_no_numbers_are_told_as_such(sound: Session) -> None:
     assert not any("sideways" in text for text in report.missing)
 
 
-def test_the_report_has_the_contract_s_keys(sound: Session) -> None:
-    found = close_gap(sound, max_effects=0).to_dict()
+def test_the_report_has_the_contract_s_keys() -> None:
+    found = sound_sessions.report_of_recorded().to_dict()
     keys = {"session", "verdict", "noise_floor_mm", "steps", "unexplained_by", "gap_first_mm", "gap_last_mm"}
     keys |= {"probability", "explanations", "law"}
     assert keys <= found.keys()
@@ -195,8 +196,8 @@ def test_streams_tell_a_coarse_clock_from_a_holding_loop_and_from_batches(sound:
     assert inspect(sound)[0] == ()
 
 
-def test_shape_free_terms_cover_every_covariate_of_the_design(sound: Session) -> None:
-    report = close_gap(sound, max_effects=0)
+def test_shape_free_terms_cover_every_covariate_of_the_design() -> None:
+    report = sound_sessions.report_of_recorded()
     assert report.last is not None
     names = {covariate for covariate, _ in shape_free(report.last.view)}
     assert {"session_time", "time_in_run", "x", "speed", "acceleration", "normal_acceleration"} <= names
@@ -230,9 +231,7 @@ def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_beside(thresh
     low, high = step.parameters["threshold_mm_s"][1]
     assert low < threshold_mm_s < high
     assert report.gap_last_mm is not None
-    without = close_gap(simulated()).gap_last_mm
-    assert without is not None
-    assert report.gap_last_mm < 1.1 * without
+    assert report.gap_last_mm < 1.1 * sound_sessions.gap_mm(sound_sessions.report_of_demo())
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from draglag.protocols import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
-from draglag_app.apart import close_gap_of
+from draglag_app.in_subprocess import close_gap_of
 
 
 @pytest.fixture(scope="module")

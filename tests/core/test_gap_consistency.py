@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from draglag.exchange.importers.columns import laser_of, touch_of
 from draglag.gap import GapReport, close_gap
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.state import Term
@@ -14,7 +15,7 @@ from draglag.gap.proposing.plain import refit
 from draglag.gap.steps import deviance_gained
 from draglag.gap.traces.run_data import gather
 from draglag.protocols import load_protocol
-from draglag.recording import Session
+from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
@@ -64,7 +65,19 @@ def later(session: Session) -> Session:
     )
 
 
-@pytest.mark.parametrize("change", [permuted, mirrored, later])
+def in_other_units(session: Session) -> Session:
+    """In milliseconds, microseconds and inches, read back as an import does."""
+    units = {"t": "ms", "x": "in", "y": "in"}
+
+    def read_back(run: Run) -> Run:
+        columns = {"t": 1e3 * run.touch.t_s, "x": run.touch.x_mm / 25.4, "y": run.touch.y_mm / 25.4}
+        touch = touch_of(columns, units, run.id, None, None)
+        return replace(run, touch=touch, laser=laser_of(1e6 * run.laser.t_s, run.laser.light, "us", "1", run.id))
+
+    return replace(session, runs=tuple(map(read_back, session.runs)))
+
+
+@pytest.mark.parametrize("change", [permuted, mirrored, later, in_other_units])
 def test_the_way_a_session_is_written_down_changes_no_verdict(
     session: Session, report: GapReport, change: Callable[[Session], Session]
 ) -> None:

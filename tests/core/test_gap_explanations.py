@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from draglag.exchange import read_exchange
+from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.fitting.parameters import where_of
@@ -18,8 +17,6 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.second_filter_mode.fitted import FittedMode
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
-
-SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
 
 def simulated(*effects: str, seed: int = 5) -> Session:
@@ -50,7 +47,7 @@ def test_an_effect_without_a_name_is_left_unexplained_and_not_misnamed(
 
 
 def test_a_jump_along_the_panel_is_no_smooth_warp() -> None:
-    sound = read_exchange(SAMPLES / "none-A")
+    sound = sound_sessions.recorded()
     middle = float(np.median(np.concatenate([run.touch.x_mm for run in sound.runs])))
 
     def jumped(x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
@@ -64,7 +61,7 @@ def test_a_jump_along_the_panel_is_no_smooth_warp() -> None:
 
 
 def test_a_latency_that_jumps_at_one_moment_is_no_drift() -> None:
-    sound = read_exchange(SAMPLES / "none-A")
+    sound = sound_sessions.recorded()
     begins_s = sorted(run.touch.t_s[0] for run in sound.runs)
     moment_s = begins_s[len(begins_s) // 2]
     runs = tuple(
@@ -103,7 +100,7 @@ def test_a_filter_that_switches_at_its_own_times_is_named_with_its_times() -> No
     assert value == pytest.approx(0.012, abs=3e-4)
     assert high - low < 1e-3
     assert "stretches of time" in report.steps[0].where
-    sound = close_gap(simulated())
+    sound = sound_sessions.report_of_demo()
     assert report.verdict == "explained"
     assert report.gap_last_mm is not None
     assert sound.gap_last_mm is not None
@@ -122,7 +119,7 @@ def test_a_switching_filters_times_are_refitted_with_what_hid_them() -> None:
     low_s, high_s = sizes["direction_asymmetry"][1]
     # A switch is placed between two edges: one in a hundred on the wrong side of it moves a mean by 0.01 × 12 ms.
     assert low_s - 1e-4 < 0.006 < high_s + 1e-4
-    sound = close_gap(simulated())
+    sound = sound_sessions.report_of_demo()
     assert report.gap_last_mm is not None
     assert sound.gap_last_mm is not None
     assert report.gap_last_mm < 1.15 * sound.gap_last_mm

@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 
+from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.results import GapReport, Step
@@ -62,9 +63,7 @@ class OnTheWayDown(FittedShape):
 
 @pytest.fixture(scope="module")
 def gap_without_mm() -> float:
-    gap_mm = close_gap(simulated()).gap_last_mm
-    assert gap_mm is not None
-    return gap_mm
+    return sound_sessions.gap_mm(sound_sessions.report_of_demo())
 
 
 def closed(report: GapReport, without_mm: float) -> Step:

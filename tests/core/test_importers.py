@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from core.xdf_files import xdf
 from draglag.analysis import analyze
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
@@ -142,27 +142,6 @@ def test_any_table_is_read_by_its_columns_units_and_clocks(measured: Session, tm
     assert latency_ms(session) == pytest.approx(latency_ms(measured), abs=0.2)
 
 
-def xdf(streams: dict[str, tuple[list[str], np.ndarray, np.ndarray]]) -> bytes:
-    """name → (labels, stamps, (n, channels)) as XDF 1.0."""
-
-    def chunk(tag: int, content: bytes) -> bytes:
-        return struct.pack("<BIH", 4, len(content) + 2, tag) + content
-
-    data = b"XDF:" + chunk(1, b"<?xml version='1.0'?><info><version>1.0</version></info>")
-    for number, (name, (labels, stamps, rows)) in enumerate(streams.items(), 1):
-        channels = "".join(f"<channel><label>{label}</label></channel>" for label in labels)
-        head = (
-            f"<?xml version='1.0'?><info><name>{name}</name><type>x</type><channel_count>{len(labels)}</channel_count>"
-            "<nominal_srate>0</nominal_srate><channel_format>double64</channel_format><created_at>1</created_at>"
-            f"<desc><channels>{channels}</channels></desc></info>"
-        )
-        data += chunk(2, struct.pack("<I", number) + head.encode())
-        samples = b"".join(struct.pack("<Bd", 8, t) + row.tobytes() for t, row in zip(stamps, rows, strict=True))
-        data += chunk(3, struct.pack("<IBI", number, 4, len(stamps)) + samples)
-        data += chunk(6, struct.pack("<I", number) + b"<?xml version='1.0'?><info></info>")
-    return data
-
-
 def test_streams_of_the_lab_streaming_layer_give_the_latency(measured: Session, tmp_path: Path) -> None:
     pytest.importorskip("pyxdf", reason="pyxdf is not installed")
     run = measured.runs[0]
@@ -230,7 +209,7 @@ def test_the_command_imports_and_says_what_it_assumed(measured: Session, tmp_pat
 @pytest.mark.parametrize(
     ("table", "options", "message"),
     [
-        ("t_s,x_mm,y_mm\n1,2,3\n", (), "says nothing of the screen. Give --screen"),
+        ("t_s,x_mm,y_mm\n1,2,3\n", (), "does not describe the screen. Give --screen"),
         ("t_s,x_mm,y_mm\n1,2,3\n", ("--screen", "screen-1", "--map", "z=a"), "--map z=a: is not KEY=COLUMN[:UNIT]"),
         ("t_s,x_mm,y_mm\n1,2,3\n", ("--screen", "screen-1", "--map", "t=t_s:h"), "“h” is no unit of t"),
         ("t_s,x_mm,y_mm\n1,2,3\n", ("--screen", "screen-1", "--map", "x=x_mm:raw"), "Give --units-per-mm"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from draglag.latency.arrival import lateness_s
-from draglag.latency.estimate import estimate_run
+from draglag.latency.run import estimate_run
 from draglag.recording import LaserTrace, Run, TouchTrace
 
 POLL_S = 0.008

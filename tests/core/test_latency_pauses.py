@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from draglag.latency.estimate import estimate_run
+from draglag.latency.run import estimate_run
 from draglag.recording import LaserTrace, Run, TouchTrace
 
 

@@ -86,7 +86,7 @@ def test_tremor_is_seen_as_far_as_the_noise_allows() -> None:
     error = float(np.var(found.at(at_s) - tremor(at_s)))
     whole = float(np.var(tremor(at_s)))
     assert error < 0.5 * whole
-    assert error == pytest.approx(found.unseen[0], rel=0.3)
+    assert error == pytest.approx(found.unobserved[0], rel=0.3)
     assert whole == pytest.approx(found.whole[0], rel=0.3)
 
 

@@ -11,12 +11,13 @@ from click.testing import CliRunner
 
 import draglag
 from draglag.analysis import analyze
+from draglag.drawing import style
 from draglag.gap import close_gap
 from draglag.gap.replaying.extended import extended_model
 from draglag.protocols import load_protocol
 from draglag.provenance import Source, joint_source, source_of
 from draglag.recording import Session
-from draglag.report import figures, style
+from draglag.report import figures
 from draglag.report.gap import write_gap_report
 from draglag.report.write import write_report
 from draglag.simulation import simulate_session

@@ -13,10 +13,11 @@ import pytest
 
 from core.store_sessions import bare_session
 from draglag.analysis import Analysis, AnalysisOptions, analyze
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.recording import LogEntry, Run, Session, empty_laser, empty_touch
-from draglag.report import figures, style, write_report
+from draglag.report import figures, write_report
 
 SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
 

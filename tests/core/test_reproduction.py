@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from draglag.drawing import style
 from draglag.protocols import load_protocol
-from draglag.report import style
 from draglag.reproduction import write
 from draglag.reproduction.curves import Row2
 from draglag.reproduction.further import FurtherSeeds, Tally, further_seeds, further_words, table_further
@@ -66,12 +66,12 @@ def test_further_seeds_tell_how_often_the_intervals_of_table_2_hold() -> None:
     assert {("Screen 2", "a1_ms"), ("Screen 2", "a2_s_per_mm")} <= never
     assert {screen for screen, _ in never} == {"Screen 2"}
     # About 46 intervals of 95 %, those of one session not quite independent: four standard errors.
-    assert found.held >= 0.95 * found.judged - 4 * (0.95 * 0.05 * found.judged) ** 0.5
+    assert found.covered >= 0.95 * found.judged - 4 * (0.95 * 0.05 * found.judged) ** 0.5
     low, high = found.share_ci95 or (1.0, 0.0)
-    assert low < found.held / found.judged <= high
-    assert found.to_dict()["held"] == sum(tally.held for tally in found.tallies)
-    assert f"{found.held} of {found.judged} intervals" in next(further_words(found))
-    assert table_further(found)[1][-1][2] == f"{found.held} of {found.judged}"
+    assert low < found.covered / found.judged <= high
+    assert found.to_dict()["held"] == sum(tally.covered for tally in found.tallies)
+    assert f"{found.covered} of {found.judged} intervals" in next(further_words(found))
+    assert table_further(found)[1][-1][2] == f"{found.covered} of {found.judged}"
 
 
 def test_intervals_that_miss_too_often_are_reported() -> None:
@@ -85,7 +85,7 @@ def test_intervals_that_miss_too_often_are_reported() -> None:
 def test_page_and_figures_say_that_they_are_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = style.new_figure()
     monkeypatch.setattr(write, "_figures", lambda result: iter([("figure-5", "Figure 5", drawn)]))
-    row = Row2("Screen 1", (), 0.5, 1.43, None, None, None, held_rms_ms=0.81)  # type: ignore[arg-type]
+    row = Row2("Screen 1", (), 0.5, 1.43, None, None, None, sample_hold_rms_ms=0.81)  # type: ignore[arg-type]
     text = write.write_reproduction(Reproduction((row,), (), {}, 3), tmp_path).read_text("utf-8")
     assert "SIMULATED" in text.split("<table>")[0]
     assert "not the paper" in text

@@ -157,7 +157,7 @@ def test_a_trace_is_freed_of_a_filter(name: str) -> None:
     assert len(effect.settings) > 4
     for theta in effect.settings:
         shown = effect(*theta).events(_events(t, xy), np.random.default_rng(0))
-        before = effect.freed(t, np.column_stack([shown.x_mm, shown.y_mm]), theta)
+        before = effect.undo(t, np.column_stack([shown.x_mm, shown.y_mm]), theta)
         off = np.hypot(*(before - xy).T)
         if name == "deadband":  # where the position stands still, nobody knows
             moved = np.append(True, (np.diff(shown.x_mm) != 0) & (np.diff(shown.y_mm) != 0))
@@ -174,7 +174,7 @@ def test_rounding_of_what_is_shown_grows_by_what_freed_says(name: str, grows: fl
     for theta in effect.settings:
         shown = effect(*theta).events(_events(t, xy), np.random.default_rng(0))
         rounded = 0.01 * np.rint(100 * np.column_stack([shown.x_mm, shown.y_mm]))
-        off = np.hypot(*(effect.freed(t, rounded, theta) - xy).T)
+        off = np.hypot(*(effect.undo(t, rounded, theta) - xy).T)
         assert np.sqrt(np.mean(off**2)) < grows * 0.01 / np.sqrt(6)
 
 
@@ -182,4 +182,4 @@ def test_nothing_is_freed_of_other_effects() -> None:
     t, xy = _drag()
     others = [effect for name, effect in EFFECTS.items() if name not in FILTERS]
     assert all(effect.settings == () for effect in others)
-    assert all(effect.freed(t, xy, ()) is xy for effect in others)
+    assert all(effect.undo(t, xy, ()) is xy for effect in others)

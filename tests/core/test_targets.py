@@ -14,9 +14,7 @@ from draglag.targets import (
     Step,
     Tap,
     check_on_screen,
-    position_px,
     target_from_parameters,
-    velocity_px_s,
 )
 
 SCREEN = Screen("Screen 1", 509.2, 286.4, 1920, 1080)
@@ -110,13 +108,6 @@ def test_a_step_is_fastest_half_way_with_the_peak_of_a_minimum_jerk_movement():
     v = STEP.velocity_mm_s(np.arange(0, STEP.move_s, 1e-4))[1] - 0.04
     assert v.max() == pytest.approx(1.875 * 114.56 / STEP.move_s, rel=1e-4)
     assert np.argmax(v) * 1e-4 == pytest.approx(STEP.move_s / 2, abs=2e-4)
-
-
-def test_pixels_follow_the_screen():
-    x, y = position_px(CIRCLE, SCREEN, 0.0)
-    assert (float(x), float(y)) == pytest.approx((150 / 509.2 * 1920, 93 / 286.4 * 1080))
-    vx, _ = velocity_px_s(Circle(0, 0, 50, 1e-9, 40, 4), SCREEN, 0.0)
-    assert float(vx) == pytest.approx(4 / 509.2 * 1920)
 
 
 def test_a_target_that_leaves_the_screen_is_refused_with_a_remedy():

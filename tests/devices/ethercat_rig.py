@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from draglag.recording import ClockBounds, LaserTrace, concatenate
-from draglag_devices.addresses import open_source
+from draglag_devices.opening import open_source
 from draglag_devices.source import Notice
 from emulators.ethercat import Segment, running_segment, why_not
 

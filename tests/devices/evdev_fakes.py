@@ -76,11 +76,11 @@ class Clock:
         self.t_s += duration_s
 
 
-def touch_source(device, options="", look=list):
+def touch_source(device, options="", find_devices=list):
     clock = Clock()
     devices = [device] if isinstance(device, FakeDevice) else list(device)
     address = parse_address("evdev:/dev/input/event5" + options)
-    return EvdevTouch(address, lambda path: devices.pop(0), look, clock.now, clock.pause), clock
+    return EvdevTouch(address, lambda path: devices.pop(0), find_devices, clock.now, clock.pause), clock
 
 
 def read(source, count):

@@ -3,7 +3,8 @@ import sys
 import pytest
 
 from draglag_devices import discovery
-from draglag_devices.addresses import KNOWN_FORMS, open_source, parse_address
+from draglag_devices.addresses import KNOWN_FORMS, parse_address
+from draglag_devices.opening import open_source
 from draglag_devices.rig import make_rig
 from draglag_devices.source import DeviceError
 
@@ -59,7 +60,7 @@ def test_a_scheme_serves_only_its_roles():
 
 
 def test_a_missing_driver_is_said_and_never_replaced_by_the_simulator(monkeypatch):
-    monkeypatch.setattr("draglag_devices.addresses.DRIVERS", {"evdev": "draglag_devices.no_such_driver"})
+    monkeypatch.setattr("draglag_devices.opening.DRIVERS", {"evdev": "draglag_devices.no_such_driver"})
     with pytest.raises(
         DeviceError, match=r"^evdev:/dev/input/event0: the driver of evdev devices is not in this version;"
     ):
@@ -69,7 +70,7 @@ def test_a_missing_driver_is_said_and_never_replaced_by_the_simulator(monkeypatc
 def test_a_driver_whose_library_is_missing_names_the_library(monkeypatch, tmp_path):
     (tmp_path / "driver_without_library.py").write_text("import a_library_nobody_has\n")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr("draglag_devices.addresses.DRIVERS", {"evdev": "driver_without_library"})
+    monkeypatch.setattr("draglag_devices.opening.DRIVERS", {"evdev": "driver_without_library"})
     monkeypatch.setattr(discovery, "DRIVERS", {"evdev": "driver_without_library"})
     with pytest.raises(DeviceError, match="a_library_nobody_has"):
         open_source("evdev:/dev/input/event0", "touch")

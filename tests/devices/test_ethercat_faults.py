@@ -70,7 +70,7 @@ def test_the_first_bring_up_survives_such_an_answer_too(segment: Segment) -> Non
 
 def counted(rec: Recording) -> int:
     """Disturbed cycles that notices speak of, with the last words."""
-    texts = [*rec.texts, *(notice.text for notice in rec.source.last_words())]
+    texts = [*rec.texts, *(notice.text for notice in rec.source.final_notices())]
     return sum(int(n) for text in texts if "were disturbed" in text for n in re.findall(r"(\d+) with", text))
 
 

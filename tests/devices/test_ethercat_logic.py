@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from draglag_devices.addresses import open_source
 from draglag_devices.ethercat_laser import helper, preflight
 from draglag_devices.ethercat_laser.bus import Cycle
 from draglag_devices.ethercat_laser.clockwatch import ClockWatch, Pair
 from draglag_devices.ethercat_laser.disturbed import Disturbances
 from draglag_devices.ethercat_laser.edges import EdgeFinder, Sample, decode
 from draglag_devices.ethercat_laser.watch import BAD_CYCLES, Epoch, Found
+from draglag_devices.opening import open_source
 from draglag_devices.source import DeviceError
 
 US, MS, S = 1_000, 1_000_000, 1_000_000_000
@@ -172,35 +172,35 @@ def paused(pause_ns: int, rise_ns: int, fall_ns: int) -> Found:
 
 def test_one_new_stamp_is_the_only_edge_however_long_the_pause() -> None:
     assert paused(40 * MS, 0, 0) == Found([])
-    assert paused(40 * MS, 30 * MS, 0).doubt_ns is None
-    assert paused(40 * MS, 0, 30 * MS).doubt_ns is None
+    assert paused(40 * MS, 30 * MS, 0).unverified_ns is None
+    assert paused(40 * MS, 0, 30 * MS).unverified_ns is None
 
 
 def test_before_two_new_stamps_of_a_pause_any_number_of_pairs_may_be_lost() -> None:
     found = paused(12 * MS, 5 * MS, 9 * MS)
     assert [level for _, level in found.edges] == [1, 0]
     assert found.missed == 0
-    assert found.doubt_ns is not None
-    start, end = found.doubt_ns
+    assert found.unverified_ns is not None
+    start, end = found.unverified_ns
     # From the last cycle to the rising edge, which is nothing but 5 ms later by the bus's clock.
     assert start == 49 * MS
     assert 54 * MS <= end <= 54 * MS + 200 * US
 
 
 def test_two_edges_right_after_the_last_cycle_leave_no_doubt() -> None:
-    assert paused(12 * MS, 300 * US, 9 * MS).doubt_ns is None
+    assert paused(12 * MS, 300 * US, 9 * MS).unverified_ns is None
     # Two falling edges in a row prove a rising one between them.
     lost = paused(12 * MS, 9 * MS, 300 * US)
     assert lost.missed == 1
-    assert lost.doubt_ns is not None
+    assert lost.unverified_ns is not None
 
 
 def test_two_edges_in_a_cycle_that_was_in_time_are_all_there_were() -> None:
-    assert paused(MS, 400 * US, 700 * US).doubt_ns is None
+    assert paused(MS, 400 * US, 700 * US).unverified_ns is None
 
 
 def test_nothing_is_sure_after_a_pause_in_which_the_devices_were_not_watched() -> None:
-    assert paused(400 * MS, 0, 0).doubt_ns == (49 * MS, 449 * MS + 100 * US)
+    assert paused(400 * MS, 0, 0).unverified_ns == (49 * MS, 449 * MS + 100 * US)
 
 
 def test_one_lost_cycle_in_a_thousand_is_counted_and_no_warning() -> None:

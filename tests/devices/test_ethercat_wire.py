@@ -25,10 +25,10 @@ from devices.ethercat_rig import (
     segment_name,
     stood_still_s,
 )
-from draglag_devices.addresses import open_source
 from draglag_devices.discovery import discover
 from draglag_devices.ethercat_laser import helper
 from draglag_devices.ethercat_laser.preflight import other_master
+from draglag_devices.opening import open_source
 from draglag_devices.source import DeviceError
 from emulators.ethercat import Segment, running_segment
 

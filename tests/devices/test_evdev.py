@@ -29,7 +29,7 @@ from draglag.recording import concatenate
 from draglag.touch_events.frames import InputEvent, Mapping2D
 from draglag_devices import evdev_touch
 from draglag_devices.evdev_touch import finding, kernel
-from draglag_devices.evdev_touch.finding import Seen
+from draglag_devices.evdev_touch.finding import EventDevice
 from draglag_devices.evdev_touch.kernel import Gone
 from draglag_devices.source import DeviceError
 
@@ -125,13 +125,13 @@ def test_a_finger_that_is_down_already_does_not_begin_now():
 def test_an_unplugged_panel_is_told_looked_for_by_name_and_place_and_comes_back():
     first = FakeDevice(down(100.0, 3, 1000, 500), Gone("No such device"))
     second = FakeDevice(down(103.0, 3, 1200, 500))
-    seen: list[Seen] = [Seen("/dev/input/event2", "Another panel", "usb-9", "", True)]
-    source, clock = touch_source([first, second], look=lambda: seen)
+    seen: list[EventDevice] = [EventDevice("/dev/input/event2", "Another panel", "usb-9", "", True)]
+    source, clock = touch_source([first, second], find_devices=lambda: seen)
     source.open()
     batches = [source.read(0.1) for _ in range(20)]
     assert "close" in first.calls
     assert not batches[-1].alive
-    seen.append(Seen("/dev/input/event8", "Panel", "usb-1", "7", True))
+    seen.append(EventDevice("/dev/input/event8", "Panel", "usb-1", "7", True))
     while not batches[-1].alive:
         batches.append(source.read(0.1))
         assert clock.t_s < 200

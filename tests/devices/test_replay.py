@@ -8,7 +8,7 @@ from draglag.protocols import PlannedRun
 from draglag.simulation import simulate_session
 from draglag.store import write_session
 from draglag.targets import Circle
-from draglag_devices.addresses import open_source
+from draglag_devices.opening import open_source
 from draglag_devices.rig import make_rig
 from draglag_devices.source import DeviceError
 

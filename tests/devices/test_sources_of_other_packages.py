@@ -13,7 +13,7 @@ GROUP = "draglag.sources"
 
 READ = """
 import os, sys
-from draglag_devices.addresses import open_source
+from draglag_devices.opening import open_source
 path = sys.argv[1]
 source = open_source(f"fifo:{path}", "laser")
 print(source.open().description)

@@ -10,9 +10,10 @@ import serial
 from draglag.clocks import fit_clocks
 from draglag.recording import ClockBounds, LaserTrace, concatenate
 from draglag_devices import walt as driver
-from draglag_devices.addresses import open_source, parse_address
+from draglag_devices.addresses import parse_address
+from draglag_devices.opening import open_source
 from draglag_devices.source import DeviceError
-from draglag_devices.walt import curves, port, protocol
+from draglag_devices.walt import port, protocol
 from draglag_devices.walt.connect import greet
 from draglag_devices.walt.link import Link, NoAnswer
 from draglag_devices.walt.port import PortGone
@@ -82,10 +83,7 @@ def test_greeting_byte_by_byte():
         (protocol.parse_shock, "0", 0),
         (protocol.parse_shock, "-123", -123),
         (protocol.parse_shock, "t 5", None),
-        (protocol.parse_sample, "1000 512", (1000, 512)),
         (protocol.parse_version, "v 6", "6"),
-        (protocol.parse_adc, "q G:480 PD_screen:3 PD_laser:910", {"G": 480, "PD_screen": 3, "PD_laser": 910}),
-        (protocol.parse_adc, "Unknown command: q", None),
     ],
 )
 def test_lines_are_read_exactly_or_not_at_all(parse, line, value):
@@ -107,35 +105,7 @@ def test_every_command_is_answered_as_the_table_says():
     link = Link(wire, wire.now, wire.pause)
     for command in "ZPDFLlCc":
         assert link.acknowledged(command).value == command.swapcase()
-    wire.firmware.edge(wire.now(), 1)
-    wire.firmware.screen_edge(wire.now(), 0)
-    laser, screen = curves.last_laser(link), curves.last_screen(link)
-    assert laser is not None
-    assert screen is not None
-    assert (laser.tag, laser.value, screen.tag, screen.value) == ("L", 1, "S", 0)
-    assert curves.sensor_levels(link) == {"G": 480, "PD_screen": 3, "PD_laser": 910}
     assert link.ask("x", lambda text: text).value == "Unknown command: x"
-
-
-@pytest.mark.parametrize(
-    ("measure", "count", "lasts_s"), [(curves.brightness_curve, 1000, 1.0), (curves.accelerometer_curve, 4000, 2.0)]
-)
-def test_curves_of_the_sensors(measure, count, lasts_s):
-    wire = SteppedWire()
-    curve = measure(Link(wire, wire.now, wire.pause))
-    assert len(curve.adc) == count == len(curve.t_s)
-    assert curve.t_s[-1] == pytest.approx(lasts_s, rel=0.01)
-    # The emulator shows 10 Hz: as many rises through the middle as periods.
-    rises = int(np.sum((curve.adc[:-1] < 512) & (curve.adc[1:] >= 512)))
-    assert abs(rises - 10 * lasts_s) <= 1
-    wire.firmware.faults.corrupt = 0.01
-    assert measure(Link(wire, wire.now, wire.pause)).lost > 0
-
-
-def test_a_curve_that_stops_is_told():
-    script = Script((b"U", b"u\n10 5\n"), (b"P", b""))
-    with pytest.raises(DeviceError, match="stopped in the middle"):
-        curves.brightness_curve(Link(script, script.now, script.pause))
 
 
 def read_until(source, wire, to_s, step_s=0.1):

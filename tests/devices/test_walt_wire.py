@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from draglag_devices.addresses import open_source
+from draglag_devices.opening import open_source
 from draglag_devices.source import DeviceError
 from emulators.walt.wires import WaltOnPty
 

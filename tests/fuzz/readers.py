@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import gzip
 import json
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from core.xdf_files import BOUNDARY, xdf_file
 from draglag.calibration import fit_affine, target_places
 from draglag.curve import CurvePoints, fit_form
-from draglag.errors import DraglagError
+from draglag.errors import DataError, DraglagError
 from draglag.exchange import read_exchange
 from draglag.exchange.importers import HowToRead, parse_map, read_recordings
 from draglag.exchange.importers.columns import read_laser_columns
@@ -22,8 +24,10 @@ from draglag.exchange.tables import read_events
 from draglag.model_file import load_model, lookup_table, model_of, save_model
 from draglag.presets import load_screen_file
 from draglag.protocols import expand, load_protocol, load_screen
-from draglag.recording import Screen, TouchCalibration
+from draglag.recording import Screen, Session, TouchCalibration
 from draglag.simulation import LatencyLaw
+from draglag.store import codec, session_nodes
+from draglag.store.sense import check_times
 from draglag_app.windows.settings import Settings, load_settings, save_settings
 from draglag_devices.addresses import parse_address
 from draglag_devices.calibration import load_touches, save_calibration
@@ -45,7 +49,8 @@ PACKETS = (
 )
 EVTEST = (
     b'Input device name: "panel"\n  Event type 3 (EV_ABS)\n    Event code 53 (ABS_MT_POSITION_X)\n      Min        0\n'
-    b"      Max     3999\n    Event code 54 (ABS_MT_POSITION_Y)\n      Min        0\n      Max     1999\n"
+    b"      Max     3999\n      Resolution      40\n    Event code 54 (ABS_MT_POSITION_Y)\n      Min        0\n"
+    b"      Max     1999\n      Resolution      40\n"
     b"Event: time 1.000000, type 3 (EV_ABS), code 57 (ABS_MT_TRACKING_ID), value 7\n"
     b"Event: time 1.000000, type 3 (EV_ABS), code 53 (ABS_MT_POSITION_X), value 400\n"
     b"Event: time 1.000000, type 3 (EV_ABS), code 54 (ABS_MT_POSITION_Y), value 800\n"
@@ -59,6 +64,12 @@ LIBINPUT = (
     b"    absinfo:\n      53: [0, 3999, 0, 0, 40]\n      54: [0, 1999, 0, 0, 40]\n  events:\n  - evdev:\n"
     b"    - [  1,      0,   3,  57,      7] # EV_ABS\n    - [  1,      0,   3,  53,    400]\n"
     b"    - [  1,      0,   3,  54,    800]\n    - [  1,      0,   0,   0,      0]\n"
+)
+SIZED = b"# EVEMU 1.2\n# Size in mm: 345x194\n" + EVEMU.partition(b"\n")[2]
+XDF_HEAD = (
+    b"<info><name>panel</name><type>Touch</type><channel_count>2</channel_count><nominal_srate>100</nominal_srate>"
+    b"<channel_format>float32</channel_format><desc><channels><channel><label>x_mm</label></channel>"
+    b"<channel><label>y_mm</label></channel></channels></desc></info>"
 )
 TABLE = b"# note\nstamp;a;b;id\n0;1,5;2;1\n8,5;1,6;2,5;1\n16;1,7;;2\n"
 SCREEN = Screen("fuzz", 500.0, 280.0, 1920, 1080)
@@ -182,9 +193,55 @@ def _tape(scheme: str, role: str) -> Callable[[Path], object]:
     return lambda path: load_tape(parse_address(f"{scheme}:{path}"), role)
 
 
-def _recording(kind: str, *mapped: str) -> Callable[[Path], object]:
-    how = HowToRead(kind, None, parse_map(mapped), SCREEN)
-    return lambda path: read_recordings((path,), how)
+def _recording(kind: str | None, *mapped: str, screen: Screen | None = SCREEN) -> Callable[[Path], object]:
+    how = HowToRead(kind, None, parse_map(mapped), screen)
+    return lambda path: _use_session(read_recordings((path,), how))
+
+
+def _use_session(session: Session) -> None:
+    """As far as a file is written and read, without the disk: what is imported must be readable afterwards."""
+    try:
+        check_times(session, "session")
+    except DataError as error:
+        raise AssertionError("the session file would be refused") from error
+    for node in session_nodes.session_nodes(session):
+        codec.decode(codec.encode(codec.Record((node,), (), {}, 0)))
+
+
+# Between the chunks of an XDF file as the trials have it, whose lengths are put in when it is read.
+_NEXT_CHUNK = b"\n--\n"
+
+
+def _xdf() -> bytes:
+    """Two streams, as chunks without their lengths."""
+    laser = XDF_HEAD.replace(b"panel", b"diode").replace(b"<channel_count>2", b"<channel_count>1")
+    laser = laser.replace(b"x_mm", b"light").replace(b"float32", b"int8").replace(b"100<", b"0<")
+    chunks = [struct.pack("<H", 1) + b"<?xml version='1.0'?><info><version>1.0</version></info>"]
+    for stream, head in ((1, XDF_HEAD), (2, laser)):
+        chunks.append(struct.pack("<HI", 2, stream) + b"<?xml version='1.0'?>" + head)
+        chunks.append(struct.pack("<HIdd", 4, stream, 0.0, 0.001))  # one: pyxdf takes 0.1 s for a line through two
+    one = [struct.pack("<Bdff", 8, 1.0, 10.0, 20.0), struct.pack("<Bff", 0, 11.0, 21.0), struct.pack("<Bff", 0, 12, 22)]
+    chunks.append(struct.pack("<HIBB", 3, 1, 1, len(one)) + b"".join(one))
+    chunks.append(struct.pack("<HIBB", 3, 2, 1, 2) + struct.pack("<BdbBdb", 8, 1.005, 0, 8, 1.015, 1))
+    chunks.append(BOUNDARY)
+    chunks.append(struct.pack("<HI", 6, 1) + b"<info><sample_count>3</sample_count></info>")
+    return _NEXT_CHUNK.join(chunks)
+
+
+def _with_lengths(data: bytes) -> bytes:
+    return xdf_file(data.split(_NEXT_CHUNK))
+
+
+def _xdf_of_chunks(path: Path) -> None:
+    built = path.with_suffix(".xdf")
+    built.write_bytes(_with_lengths(path.read_bytes()))
+    _recording("xdf")(built)
+
+
+def _columns_as_mapped(path: Path) -> None:
+    """The map's texts, a line each, used on one table."""
+    mapped = path.read_text("utf-8", errors="replace").split("\n")
+    _recording("csv", *mapped)(path.with_name("table.csv"))
 
 
 def readers(scratch: Path) -> tuple[Reader, ...]:
@@ -223,8 +280,18 @@ def readers(scratch: Path) -> tuple[Reader, ...]:
         Reader("csv: laser", "l.csv", (LASER,), _tape("csv", "laser")),
         Reader("replay: evemu", "r.events", (EVEMU, PACKETS), _tape("replay", "touch")),
         Reader("replay: evemu gzipped", "r.events.gz", (gzip.compress(EVEMU, mtime=0),), _tape("replay", "touch")),
-        Reader("import: evtest", "r.log", (EVTEST,), _recording("evtest")),
-        Reader("import: libinput", "r.yml", (LIBINPUT,), _recording("libinput")),
+        Reader("import: evemu", "r.events", (EVEMU, SIZED), _recording(None, screen=None)),
+        Reader("import: evtest", "r.log", (EVTEST,), _recording(None, screen=None)),
+        Reader("import: libinput", "r.yml", (LIBINPUT,), _recording(None, screen=None)),
+        Reader("import: XDF", "r.xdf", (_with_lengths(_xdf()),), _recording(None)),
+        Reader("import: XDF by chunks", "r.chunks", (_xdf(),), _xdf_of_chunks),
+        Reader(
+            "import: --map",
+            "map.txt",
+            (b"t=stamp:ms\nx=a:px\ny=b:in\ncontact=id\ndevice_t=stamp:us\nclock=-0.5\nstream=a\nlaser.light=b:>1.5",),
+            _columns_as_mapped,
+            (("table.csv", TABLE),),
+        ),
         Reader("import: table", "r.csv", (TABLE,), _recording("csv", "t=stamp:ms", "x=a:px", "y=b", "contact=id")),
         Reader(
             "import: sampled laser",

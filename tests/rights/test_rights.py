@@ -88,6 +88,38 @@ def test_a_way_through_what_others_can_rename_is_refused(world: World, chain: st
     refused(world, world.install("/opt/shared/way/bin/python", "eth77"), "can be changed by others than root")
 
 
+def test_a_medium_that_users_take_away_is_refused_whatever_it_says_of_its_owner(world: World) -> None:
+    world.sh("mkdir /opt/shared/stick; mount -t tmpfs -o nosuid,mode=755 tmpfs /opt/shared/stick")
+    try:
+        world.sh("cp -a /opt/draglag /opt/shared/stick/venv; ln -s /opt /opt/shared/stick/way")
+        for way in ("venv", "way/draglag"):
+            done = world.install(f"/opt/shared/stick/{way}/bin/python", "eth77")
+            refused(world, done, "/opt/shared/stick can be changed by others than root", "mounted nosuid")
+    finally:
+        world.sh("umount /opt/shared/stick")
+
+
+def test_the_installers_follow_no_path_of_their_caller_s_environment(world: World) -> None:
+    world.as_user("mkdir -p /home/user/bin /home/user/packaging/ethercat")
+    for name in ("bin/dirname", "bin/find", "bin/findmnt", "bin/cc", "packaging/trusted.sh"):
+        world.as_user(evil(f"/home/user/{name}"))
+    for path in ("packaging/ethercat/install.sh eth77", "packaging/install.sh --none"):
+        world.sh(f"PATH=/home/user/bin:$PATH CDPATH=/home/user TMPDIR=/home/user {path}")
+        assert world.sh("test -e /home/user/evil").returncode != 0, "the attacker's code was run"
+    assert world.sh(f"test -e {HELPER}").returncode == 0
+
+
+def test_what_is_asked_of_an_interpreter_is_asked_without_the_group_s_rights(installed: World) -> None:
+    """An interpreter that would run the attacker's code is refused, and until then has no use of the helper."""
+    installed.sh("mkdir -m 777 /opt/shared/open")
+    code = "import os; open('/opt/shared/open/ran', 'w').write(str([os.getuid(), os.getgid(), *os.getgroups()]))"
+    installed.sh(f'echo "{code}" >{SITE}/more.pth; chown 1000 {SITE}/more.pth')
+    done = installed.install("eth77")
+    assert done.returncode == 1
+    assert "more.pth can be changed by others than root" in done.stderr
+    assert json.loads(installed.sh("cat /opt/shared/open/ran").stdout) == [65534, 65534]
+
+
 @pytest.mark.parametrize("change", [
     f"echo /home/user/more >{SITE}/more.pth; mkdir /home/user/more",  # a folder of the user's among the modules'
     f"touch {SITE}/sitecustomize.py; chown 1000 {SITE}/sitecustomize.py",
@@ -195,13 +227,14 @@ def test_a_running_helper_gives_its_caller_no_way_in(installed: World) -> None:
     "chown 1000 /opt/draglag",
     "chmod 777 /opt/draglag/bin",
     "mv /opt/draglag /home/user/; ln -s /home/user/draglag /opt/draglag",
+    "mount -t tmpfs -o nosuid,mode=755 tmpfs /opt/draglag && cp -a /opt/kept/. /opt/draglag",
 ])  # fmt: skip
 def test_an_installation_that_changed_hands_is_not_run(installed: World, change: str) -> None:
     assert installed.sh(change).returncode == 0
     done = installed.as_user(f"{HELPER} --check")
     assert done.returncode == 1
     assert "can be changed by others than root" in done.stderr
-    installed.sh("chown -h 0:0 /opt/draglag")
+    installed.sh("umount /opt/draglag 2>/dev/null; chown -h 0:0 /opt/draglag")
 
 
 def test_removing_takes_the_helper_away(installed: World) -> None:

@@ -18,7 +18,7 @@ from draglag.packages import need
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.tables import RUN_COLUMNS
-from draglag_app.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing, options_kept
+from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing, options_kept
 from draglag_app.cli.common import (
     FiniteRange,
     checksum,

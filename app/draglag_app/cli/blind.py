@@ -64,11 +64,11 @@ def blind(
     benchmark = _benchmark()
     if scheduler is None and jobs is None:
         jobs = os.cpu_count() or 1
-    with progress("sessions") as tell:
+    with progress("sessions") as on_progress:
 
         def count(done: int, of: int) -> None:
-            if tell:
-                tell(done / of, f"{done} of {of}")
+            if on_progress:
+                on_progress(done / of, f"{done} of {of}")
 
         summary: dict[str, Any] = benchmark.run_benchmark(
             sessions=sessions, jobs=jobs or 1, scheduler=scheduler, quick=quick, seed=seed, only=only, out=out,

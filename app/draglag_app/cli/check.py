@@ -51,9 +51,9 @@ def check(
         preset = load_screen_file(screen_name)
         screen = Screen(preset.name, **preset.screen.model_dump())
     done: list[Check] = []
-    with progress("watching") as tell:
+    with progress("watching") as on_progress:
         for row in preflight(addresses, screen, screen_name or "screen-1", seconds, out,
-                             (lambda share: tell(share, "")) if tell else lambda share: None):  # fmt: skip
+                             (lambda share: on_progress(share, "")) if on_progress else None):  # fmt: skip
             done.append(row)
     if as_json:
         print_json({"ready": ready(done), "checks": [asdict(row) for row in done]})

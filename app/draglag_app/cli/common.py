@@ -79,7 +79,7 @@ def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> Non
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
     """Store a result in its session file. Where that cannot be: a warning, or a DataError if it ``must`` be.
 
-    An exchange folder and a recording that was not closed keep no results, which goes without saying.
+    An exchange folder and a recording that was not closed keep no results; no warning for those.
     """
     from draglag.store import add_analysis
     from draglag.store.journal import is_journal
@@ -125,11 +125,11 @@ def progress(label: str) -> Iterator[Progress | None]:
         return
     with click.progressbar(length=1000, label=label, file=sys.stderr, show_eta=False) as bar:
 
-        def tell(fraction: float, text: str) -> None:
+        def on_progress(fraction: float, text: str) -> None:
             bar.label = f"{label} {text}"
             bar.update(max(0, round(1000 * fraction) - bar.pos))
 
-        yield tell
+        yield on_progress
 
 
 def print_json(value: Mapping[str, Any]) -> None:

@@ -80,12 +80,12 @@ def compare(
             growing.write_text(comparison_page(curves, order), "utf-8")
     if out is not None:
         write_table([] if order is None else _rows(order), COLUMNS, out)
-    apart = _differences(curves)
+    differences = _differences(curves)
     if as_json:
-        print_json(_result(curves, apart, order, failed))
+        print_json(_result(curves, differences, order, failed))
     else:
         if len(curves) <= EACH_IN_FULL:
-            _print_each(curves[0][0], apart)
+            _print_each(curves[0][0], differences)
         if len(curves) > 2:
             click.echo(f"No order: {no_order}" if order is None else _order_table(order))
     end_with(list(failed.values()), len(paths))
@@ -167,7 +167,7 @@ def _rows(order: Ranking) -> list[dict[str, object]]:
 
 def _result(
     curves: list[tuple[str, CurveFit, Source]],
-    apart: list[tuple[str, CurveDifference | None]],
+    differences: list[tuple[str, CurveDifference | None]],
     order: Ranking | None,
     failed: dict[str, str],
 ) -> dict[str, object]:
@@ -176,14 +176,14 @@ def _result(
         "curves": [
             {"session": name, "simulated": source.simulated, **curve.to_dict()} for name, curve, source in curves
         ],
-        "differences": [{"session": name, **(d.to_dict() if d else {"at": []})} for name, d in apart],
+        "differences": [{"session": name, **(d.to_dict() if d else {"at": []})} for name, d in differences],
         "ranking": None if order is None else order.to_dict(),
         "failed": failed,
     }
 
 
-def _print_each(first: str, apart: list[tuple[str, CurveDifference | None]]) -> None:
-    for name, difference in apart:
+def _print_each(first: str, differences: list[tuple[str, CurveDifference | None]]) -> None:
+    for name, difference in differences:
         if difference is None:
             click.echo(f"{name} and {first} share no speeds.")
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -14,6 +14,9 @@ from draglag.reading.limits import TIME_S
 from draglag.recording import FloatArray
 from draglag.temporary import new_file
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
+
+if TYPE_CHECKING:
+    from draglag.model_file import LatencyModel
 
 
 @click.command("compensate")
@@ -54,44 +57,7 @@ def compensate(
     warn(left_unexplained(model))
     result: dict[str, Any] = {"model": str(model_path), "form": model.form}
     if source is not None and out is not None:
-        from draglag.compensation import compensate as apply
-        from draglag.correction import corrected_touch
-
-        refuse_existing(out)
-        t_s, x_mm, y_mm = _read(source)
-        freed_s, freed_x, freed_y, correction = corrected_touch(t_s, x_mm, y_mm, model)
-        try:
-            done = apply(
-                freed_s, freed_x, freed_y, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s
-            )
-        except DataError as error:
-            raise DataError(f"{source}: {error.problem}", error.remedy) from error
-        columns = {
-            "t_s": t_s,
-            "x_mm": x_mm,
-            "y_mm": y_mm,
-            "stylus_t_s": done.stylus_t_s,
-            "latency_ms": 1e3 * (t_s - done.stylus_t_s),
-            "x_stylus_mm": done.x_stylus_mm,
-            "y_stylus_mm": done.y_stylus_mm,
-            "speed_mm_s": done.speed_mm_s,
-            "extrapolated": done.extrapolated.astype(float),
-        }
-        form = ["%.6f", "%.4f", "%.4f", "%.6f", "%.4f", "%.4f", "%.4f", "%.2f", "%d"]
-        try:
-            rows = np.column_stack(list(columns.values()))
-            with new_file(out) as growing:
-                np.savetxt(growing, rows, delimiter=",", header=",".join(columns), comments="", fmt=form)
-        except OSError as error:
-            raise DataError(
-                f"{out}: cannot be written ({error.strerror})", "Check the folder and free space"
-            ) from error
-        result["compensated"] = {
-            **done.report(),
-            "not_compensated": list(correction.left_but_law),
-            **correction.to_dict(),
-            "words": correction.words(),
-        }
+        result["compensated"] = _compensated(model, source, out, extrapolate)
     if lookup is not None:
         save_lookup(model, lookup)
         result["lookup"] = str(lookup)
@@ -109,6 +75,46 @@ def compensate(
         print_json(result)
     else:
         click.echo("\n\n".join(_words(result, out)))
+
+
+def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool) -> dict[str, Any]:
+    """Write the events with the stylus' movement to ``out``; returns what was done as JSON. Raises DataError."""
+    from draglag.compensation import compensate as apply
+    from draglag.correction import corrected_touch
+
+    refuse_existing(out)
+    t_s, x_mm, y_mm = _read(source)
+    undone_s, undone_x, undone_y, correction = corrected_touch(t_s, x_mm, y_mm, model)
+    try:
+        done = apply(
+            undone_s, undone_x, undone_y, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s
+        )
+    except DataError as error:
+        raise DataError(f"{source}: {error.problem}", error.remedy) from error
+    columns = {
+        "t_s": t_s,
+        "x_mm": x_mm,
+        "y_mm": y_mm,
+        "stylus_t_s": done.stylus_t_s,
+        "latency_ms": 1e3 * (t_s - done.stylus_t_s),
+        "x_stylus_mm": done.x_stylus_mm,
+        "y_stylus_mm": done.y_stylus_mm,
+        "speed_mm_s": done.speed_mm_s,
+        "extrapolated": done.extrapolated.astype(float),
+    }
+    form = ["%.6f", "%.4f", "%.4f", "%.6f", "%.4f", "%.4f", "%.4f", "%.2f", "%d"]
+    try:
+        rows = np.column_stack(list(columns.values()))
+        with new_file(out) as growing:
+            np.savetxt(growing, rows, delimiter=",", header=",".join(columns), comments="", fmt=form)
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+    return {
+        **done.report(),
+        "not_compensated": list(correction.left_but_law),
+        **correction.to_dict(),
+        "words": correction.words(),
+    }
 
 
 def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -143,16 +149,13 @@ def _words(result: dict[str, Any], out: Path | None) -> list[str]:
     if "lookup" in result:
         blocks.append(f"{result['lookup']}: speed_mm_s, latency_s and its 95 % band")
     if "tracking" in result:
-        head = ["rad/s", "amplitude mm", "gain", "phase °", "delay ms"]
-        rows = [
-            [
-                number(row["frequency_rad_s"], 3),
-                number(row["amplitude_mm"], 2),
-                number(row["gain"], 3),
-                number(row["phase_deg"], 1),
-                number(row["delay_ms"], 1),
-            ]
-            for row in result["tracking"]
-        ]
-        blocks.append("Tracking the multi-sine of Table 1 through this screen\n" + table(head, rows, left=0))
+        blocks.append(_tracking_table(result["tracking"]))
     return blocks
+
+
+def _tracking_table(response: list[dict[str, float]]) -> str:
+    """Gain and phase at each frequency of the multi-sine, as a table."""
+    head = ["rad/s", "amplitude mm", "gain", "phase °", "delay ms"]
+    digits = {"frequency_rad_s": 3, "amplitude_mm": 2, "gain": 3, "phase_deg": 1, "delay_ms": 1}
+    rows = [[number(row[name], n) for name, n in digits.items()] for row in response]
+    return "Tracking the multi-sine of Table 1 through this screen\n" + table(head, rows, left=0)

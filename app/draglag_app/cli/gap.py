@@ -24,7 +24,7 @@ from draglag.model_file import save_model
 from draglag.packages import need
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects
-from draglag_app.batch import GAP_COLUMNS, FindingGap
+from draglag_app.cli.batch import GAP_COLUMNS, FindingGap
 from draglag_app.cli.common import (
     checksum,
     json_option,

@@ -12,7 +12,7 @@ import click
 
 from draglag.errors import DataError
 from draglag.packages import need
-from draglag_app.batch import Outcome
+from draglag_app.cli.batch import Outcome
 from draglag_app.cli.common import number, print_json, progress, refuse_existing, table, written_whole
 from draglag_app.parallel import spread
 
@@ -150,7 +150,7 @@ def conclude(
     if out is not None:
         write_table([outcome.row for outcome in outcomes], columns, out)
     if summary is not None:
-        from draglag_app.summary_page import page
+        from draglag_app.cli.summary_page import page
 
         with written_whole(summary) as growing:
             growing.write_text(page(title, head, list(zip(outcomes, cells, strict=True)), legend), "utf-8")
@@ -159,13 +159,20 @@ def conclude(
         sessions = [{"file": o.file, "problem": o.problem or None, "result": o.result or None} for o in outcomes]
         print_json({"sessions": sessions, "n_failed": len(failed)})
     else:
-        sound = [row for outcome, row in zip(outcomes, cells, strict=True) if not outcome.problem]
-        if sound:
-            click.echo(table(head, sound))
-        written = [str(path) for path in (out, summary) if path is not None]
-        if written:
-            click.echo(f"\nWritten: {', '.join(written)}")
+        _print_table(head, [row for outcome, row in zip(outcomes, cells, strict=True) if not outcome.problem])
+        _print_written(out, summary)
     end_with([_with_file(outcome) for outcome in failed], len(outcomes))
+
+
+def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    if rows:
+        click.echo(table(head, rows))
+
+
+def _print_written(*paths: Path | None) -> None:
+    written = [str(path) for path in paths if path is not None]
+    if written:
+        click.echo(f"\nWritten: {', '.join(written)}")
 
 
 def end_with(problems: Sequence[str], n_sessions: int) -> None:

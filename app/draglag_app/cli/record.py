@@ -25,6 +25,7 @@ from draglag.store import clear_leftovers
 from draglag_app.cli.common import FiniteRange, Seed
 from draglag_app.cli.window import WINDOW_MODULES, need_display
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
+from draglag_app.session.details import parse_details
 from draglag_devices.addresses import parse_address
 from draglag_devices.calibration import as_mapping, load_calibration, load_touches
 from draglag_devices.rig import Rig, give_calibration, make_rig
@@ -53,6 +54,8 @@ _ON_SCREEN = "draglag_app.windows.participant.screen_display"
               help="Of the touchscreen, saved on the Geometry page of the window.")  # fmt: skip
 @click.option("--stylus-mm", type=FiniteRange(min=0, min_open=True), help="Diameter of the stylus.")
 @click.option("--note", default="", help="The operator's words for the file.")
+@click.option("--detail", "details", multiple=True, metavar="NAME=TEXT",
+              help="Kept in the file and the report: participant=P07, operator=…; may be repeated.")  # fmt: skip
 @click.option("--spare", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="FOLDER",
               help="Where the session goes on when the place of --out is full or gone.")  # fmt: skip
 @click.option("--lsl", is_flag=True, help="Also as streams of the Lab Streaming Layer: touch, laser and markers.")
@@ -70,6 +73,7 @@ def record(
     calibration: Path | None,
     stylus_mm: float | None,
     note: str,
+    details: tuple[str, ...],
     spare: Path | None,
     lsl: bool,
 ) -> None:
@@ -96,6 +100,7 @@ def record(
         raise DataError("which screen is under test is not known", "add --screen NAME (a preset or a TOML file)")
     rig = make_rig(addresses, screen_name, plan.seed if seed is None else seed, fast)
     options = session_options(rig, screen_name, seed, stylus_mm, note)
+    options = replace(options, details=parse_details(details))
     if calibration is not None:
         options = replace(options, calibration=calibrated(rig, touch, calibration))
     if out.absolute().parent.is_dir():

@@ -24,7 +24,7 @@ from draglag_app.cli.common import Seed, json_option, print_json, progress, tabl
 )
 @json_option
 def reproduce(out: Path | None, seed: int, n_further: int, as_json: bool) -> None:
-    """Measure simulated Screens 1 and 2 and set Tables 2 and 3 and Figures 4 to 8 beside the paper's.
+    """Measure simulated Screens 1 and 2 and compare Tables 2 and 3 and Figures 4 to 8 with the paper's.
 
     \b
     Example:
@@ -42,8 +42,8 @@ def reproduce(out: Path | None, seed: int, n_further: int, as_json: bool) -> Non
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose another folder") from error
-    with progress("Reproducing") as tell:
-        result = measure(seed, tell, n_further)
+    with progress("Reproducing") as on_progress:
+        result = measure(seed, on_progress, n_further)
     written = None if out is None else write_reproduction(result, out)
     if as_json:
         print_json(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -21,6 +22,9 @@ from draglag_app.cli.common import (
     warn,
 )
 
+if TYPE_CHECKING:
+    from draglag.validation import Validation
+
 BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
 
 
@@ -37,8 +41,8 @@ BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
 @json_option
 def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, smoothed: bool, as_json: bool) -> None:
     """Apply the latency model of one session to the runs of another and say how much of the misalignment of their
-    edges it removes (the paper's Eq. 4), per run and averaged over repeats. What an extended model names besides its
-    law (a drifting clock, a skewed scan …) is taken out of the session first.
+    edges it removes (the paper's Eq. 4), per run and averaged over repeats. Effects of an extended model (a drifting
+    clock, a skewed scan …) are taken out of the session first.
 
     \b
     Examples:
@@ -50,7 +54,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
     from draglag.latency.conduct import kept_runs
     from draglag.latency.estimate import prepare
     from draglag.model_file import left_unexplained, load_model, other_screen
-    from draglag.validation import Validation, validate_run
+    from draglag.validation import validate_run
 
     model = load_model(model_path)
     warn(left_unexplained(model))
@@ -65,10 +69,10 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
 
     done: list[Validation] = []
     problems: list[str] = []
-    with progress("Validating") as tell:
+    with progress("Validating") as on_progress:
         for k, run in enumerate(runs):
-            if tell:
-                tell(k / len(runs), run.id)
+            if on_progress:
+                on_progress(k / len(runs), run.id)
             try:
                 ready = prepare(run, data.stylus.diameter_mm)
                 done.append(validate_run(ready, law, model.speed_range_mm_s, smoothed))
@@ -76,25 +80,41 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
                 problems.append(str(error))
     if not done:
         raise EstimateError(f"{session}: no run could be validated", problems[0] if problems else "It holds no runs")
-    counts = {item.run: np.histogram(item.speeds_mm_s, [*BINS_MM_S, np.inf])[0] for item in done}
-    result = {
-        "session": data.name,
-        "simulated": is_simulated(data.devices),
-        "model": {"file": str(model_path), "form": model.form, "session": model.provenance.session},
-        "validation": [
-            {**item.to_dict(), "speed_histogram": {"from_mm_s": BINS_MM_S, "count": counts[item.run].tolist()}}
-            for item in done
-        ],
-        "validation_mean": mean_by_protocol(done),
-        "not_compensated": list(correction.left_but_law),
-        **correction.to_dict(),
-        "other_screen": elsewhere,
-        "excluded": excluded,
-        "problems": problems,
-    }
     if as_json:
-        print_json(result)
+        about = {"file": str(model_path), "form": model.form, "session": model.provenance.session}
+        print_json(
+            {
+                "session": data.name,
+                "simulated": is_simulated(data.devices),
+                "model": about,
+                "validation": [_with_histogram(item) for item in done],
+                "validation_mean": mean_by_protocol(done),
+                "not_compensated": list(correction.left_but_law),
+                **correction.to_dict(),
+                "other_screen": elsewhere,
+                "excluded": excluded,
+                "problems": problems,
+            }
+        )
         return
+    click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}")
+    warn(elsewhere)
+    if model.effects:
+        click.echo(correction.words())
+    click.echo()
+    click.echo(_table(done))
+    click.echo(_means(done))
+    for problem in problems:
+        click.echo(f"not done: {problem}", err=True)
+
+
+def _with_histogram(item: Validation) -> dict[str, Any]:
+    """A run's validation as JSON, with the histogram of its speeds."""
+    count = np.histogram(item.speeds_mm_s, [*BINS_MM_S, np.inf])[0].tolist()
+    return {**item.to_dict(), "speed_histogram": {"from_mm_s": BINS_MM_S, "count": count}}
+
+
+def _table(done: list[Validation]) -> str:
     rows = [
         [
             item.run,
@@ -109,17 +129,16 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
         for item in done
     ]
     head = ["run", "target", "edges", "J(0)/N mm²", "J/N mm²", "ΔJ %", "speeds mm/s", "verdict"]
-    click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}")
-    warn(elsewhere)
-    if model.effects:
-        click.echo(correction.words())
-    click.echo()
-    click.echo(table(head, rows, left=2))
+    return table(head, rows, left=2)
+
+
+def _means(done: list[Validation]) -> str:
+    """Means over the runs of each kind of target, one line each."""
+    from draglag.analysis import mean_by_protocol
+
     means = [
         f"  {row['protocol']}: ΔJ {number(row['delta_J_percent'], 2)} %, J(0)/N {number(row['J0_per_edge_mm2'], 2)} mm²"
         f" over {row['n_runs']} runs"
         for row in mean_by_protocol(done)
     ]
-    click.echo("\nMean of each target\n" + "\n".join(means))
-    for problem in problems:
-        click.echo(f"not done: {problem}", err=True)
+    return "\nMean of each target\n" + "\n".join(means)

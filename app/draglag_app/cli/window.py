@@ -19,7 +19,7 @@ WINDOW_MODULES = ("PySide6", "pyqtgraph")
 
 _REMEDY = "Start it from a desktop, or use a command that needs none"
 _NEED_NONE = ("offscreen", "minimal")  # platforms of Qt that draw into memory
-_PATIENCE_S = 20.0  # Qt starts within half a second; a display that does not answer may take for ever
+_TIMEOUT_S = 20.0  # Qt starts within half a second; a display that does not answer may take for ever
 
 
 def need_display() -> None:
@@ -41,7 +41,7 @@ def _qt_starts() -> bool:
     """Whether Qt finds something to draw on, tried in a process of its own: where it does not, it ends that one."""
     trial = [sys.executable, "-c", "from PySide6.QtGui import QGuiApplication; QGuiApplication([])"]
     try:
-        done = subprocess.run(trial, stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE_S, check=False)
+        done = subprocess.run(trial, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:
         return False
     # A missing module or library is no matter of the display: whoever opens the window says which.

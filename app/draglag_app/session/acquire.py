@@ -36,7 +36,7 @@ def run_session(
     Args:
         rig: sources (not yet open) and their stage; sources with the roles "touch" and "laser" are needed for
             runs, "touch" and "walt" for taps.
-        listener: told of everything (see ``events``), from two threads.
+        listener: called with every event (see ``events``), from two threads.
         control: requests from other threads.
 
     Returns the path of the file. When a device is lost or the operator stops, the file is whole, holds what was
@@ -70,7 +70,7 @@ def run_session(
     finished = False
     try:
         recorder.start()
-        conductor.everything(plan)
+        conductor.run_plan(plan)
         finished = True
     finally:
         rig.stage.stop()
@@ -115,6 +115,7 @@ def _header(protocol: Protocol, rig: Rig, options: SessionOptions, infos: dict[s
         started_s=now_s,
         clock="host CLOCK_MONOTONIC, seconds" if rig.stage.time_base.realtime else "simulated clock, seconds",
         notes=notes,
+        details=dict(options.details),
         protocol_toml=protocol.source,
         seed=protocol.seed if options.seed is None else options.seed,
         devices={role: f"{info.address} · {info.description}" for role, info in infos.items()},

@@ -24,7 +24,7 @@ class Comparisons:
         self._saver = saver
 
     def ask(self, roles: tuple[str, ...]) -> dict[str, threading.Event]:
-        """Have sources that offer it compare their clocks in full; each event tells that one has."""
+        """Have sources that offer it compare their clocks in full; each returned event is set when one has."""
         living = {role: source for role, source in self._comparing.items() if role not in self._saver.lost}
         return {role: source.synchronise() for role, source in living.items() if role in roles}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,7 +20,7 @@ from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
-from draglag_app.session.place import another_place
+from draglag_app.session.place import resume_elsewhere
 from draglag_app.session.recorder import Recorder
 from draglag_app.session.watch import STUCK_S, Watch
 from draglag_devices.rig import Rig
@@ -30,12 +30,14 @@ TAIL_S = 0.5
 # By then a screen of ordinary latency has shown all but the last few edges: enough for a first estimate.
 PREVIEW_S = 0.2
 # By the first the stylus is mostly on the target, and the run hardly begun; a hand that comes late is seen later.
-LOOKS_AFTER_S = (1.5, 4.0, 10.0)
+CHECKS_AFTER_S = (1.5, 4.0, 10.0)
+# A run that goes wrong again and again says something about the rig, not about the run.
+MOST_ATTEMPTS = 3
 # A hand that follows the target has touched the screen by then.
 TOUCHED_AFTER_S = 4.0
 
 _TURNED = (
-    "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and begin anew."
+    "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and start again."
 )
 _SILENT = "check that the stylus is on the screen under test and that this is the touchscreen in use."
 NO_TOUCH = "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them."
@@ -72,37 +74,27 @@ class Conductor:
         self._roles = tuple(source.role for source in rig.sources)
         self._display = display
         self._options = options
-        self._tell = listener
+        self._emit = listener
         self._control = control
         self._saver = recorder.saver
         self.axes: tuple[AxisInfo, ...] = ()
         self.problem = ""
         self._last: _Recorded | None = None
-        self._ran = self._touched = self._spoilt = False
+        self._ran = self._touched = self._unsaved = False
+        self._wrong: dict[str, _Recorded] = {}  # planned runs that went wrong, by id
         self._watch = Watch(self._time, self._roles, display, listener, control, self._saver)
         self._compare = Comparisons(rig.sources, self._time, self._saver)
 
-    def everything(self, plan: tuple[PlannedRun, ...]) -> None:
+    def run_plan(self, plan: tuple[PlannedRun, ...]) -> None:
         """Clock check, taps, runs, taps, clock check, with rests between."""
         self._watch.pulse.start()
         try:
-            self._step_by_step(plan)
+            self._run_steps(plan)
         finally:
             self._watch.pulse.stop()
 
-    def _step_by_step(self, plan: tuple[PlannedRun, ...]) -> None:
-        steps: list[Callable[[], None]] = []
-        taps, check = self._protocol.taps, self._protocol.clock_check
-        if check is not None:
-            steps.append(lambda: self._clock_check(check.duration_s))
-        if taps is not None and taps.when in ("start", "both"):
-            steps.append(lambda: self._taps(taps.count, taps.interval_s))
-        steps += [partial(self._planned, planned, number, len(plan)) for number, planned in enumerate(plan, 1)]
-        if taps is not None and taps.when in ("end", "both"):
-            steps.append(lambda: self._taps(taps.count, taps.interval_s))
-        if check is not None:
-            steps.append(lambda: self._clock_check(check.duration_s))
-        for k, step in enumerate(steps):
+    def _run_steps(self, plan: tuple[PlannedRun, ...]) -> None:
+        for k, step in enumerate(self._steps(plan)):
             if k and not self._between():
                 break
             self._last = None
@@ -111,26 +103,46 @@ class Conductor:
                 break
         else:
             while self._last is not None and self._control.take_repeat() and self._rest() and not self._over():
-                self._again()
+                self._repeat_run()
         if self._ran and not self._touched and not self.problem:
             self.problem = NO_TOUCH
+
+    def _steps(self, plan: tuple[PlannedRun, ...]) -> Iterator[Callable[[], None]]:
+        """What the protocol asks for, and before its end the runs that went wrong, once more."""
+        taps, check = self._protocol.taps, self._protocol.clock_check
+        if check is not None:
+            yield lambda: self._clock_check(check.duration_s)
+        if taps is not None and taps.when in ("start", "both"):
+            yield lambda: self._taps(taps.count, taps.interval_s)
+        for number, planned in enumerate(plan, 1):
+            yield partial(self._planned, planned, number, len(plan))
+        while self._control.queued:
+            yield partial(self._once_more, self._control.queued[0])
+        if taps is not None and taps.when in ("end", "both"):
+            yield lambda: self._taps(taps.count, taps.interval_s)
+        if check is not None:
+            yield lambda: self._clock_check(check.duration_s)
 
     def _between(self) -> bool:
         """Rest, and record the run that just ended again as often as asked. False if the session is to end."""
         while self._rest():
-            asked = self._control.take_repeat()
-            if self._last is None or not asked:
+            repeat = self._control.take_repeat()
+            if self._last is None or not repeat:
                 return True
-            self._again()
+            self._repeat_run()
             if self._over():
                 break
         return False
 
     def _over(self) -> bool:
         """Whether the session cannot or shall not go on; ``problem`` then says why."""
-        if self._saver.failure is not None and another_place(self._saver, self._control, self._tell) and self._spoilt:
+        if (
+            self._saver.failure is not None
+            and resume_elsewhere(self._saver, self._control, self._emit)
+            and self._unsaved
+        ):
             self._control.repeat_run()  # the run that could not be saved whole
-        self._spoilt = False
+        self._unsaved = False
         if self._saver.failure is not None:
             self.problem = self._saver.failure.problem
         elif self._control.stopping:
@@ -151,7 +163,27 @@ class Conductor:
         self._last = _Recorded(planned, number, count)
         self._run(planned, planned.id, number, count)
 
-    def _again(self) -> None:
+    def _once_more(self, run_id: str) -> None:
+        """A run that went wrong, unless the operator has thought better of it in the rest before."""
+        if self._control.unqueue(run_id) and run_id in self._wrong:
+            self._control.take_repeat()
+            self._last = self._wrong.pop(run_id)
+            self._repeat_run()
+
+    def _queue_or_forget(self, planned: PlannedRun, outcome: str) -> None:
+        """Queue a run that went wrong; one that is complete need not come again."""
+        last = self._last
+        if outcome == "complete":
+            self._control.unqueue(planned.id)
+            self._wrong.pop(planned.id, None)
+            return
+        wanted = self._control.retries and not planned.practice and not self._control.stopping
+        if wanted and last is not None and last.attempt < MOST_ATTEMPTS:
+            self._wrong[planned.id] = last
+            self._control.queue(planned.id)
+            self._emit(events.RunQueued(planned.id, outcome))
+
+    def _repeat_run(self) -> None:
         """The run that just ended, under an id of its own."""
         last = self._last
         if last is None or "laser" in self._saver.lost:
@@ -166,7 +198,7 @@ class Conductor:
         def go(signal: Signal, remaining_s: float = 0.0) -> None:
             nonlocal state
             state = advance(state, signal)
-            self._tell(events.StateChanged(run_id, state.phase, remaining_s, number, count))
+            self._emit(events.StateChanged(run_id, state.phase, remaining_s, number, count))
 
         self._control.take_abort()
         go(Signal.PREPARE)
@@ -176,10 +208,10 @@ class Conductor:
         if signal is None:
             self._compare.ask(RUN_ROLES)
             go(Signal.READY, self._options.countdown_s)
-            signal = self._watch.pass_time(start_s, RUN_ROLES)
+            signal = self._watch.wait_until(start_s, RUN_ROLES)
         if signal is None:
             go(Signal.TARGET_MOVES, planned.duration_s)
-            self._tell(events.RunStarted(run_id, planned, start_s))
+            self._emit(events.RunStarted(run_id, planned, start_s))
             signal = self._follow(planned, start_s, end_s)
         if signal is not None:
             # The target is gone: what the hand would have done next never happens.
@@ -195,27 +227,28 @@ class Conductor:
             if signal is not None:
                 go(signal)
         self._compare.wait(RUN_ROLES)
-        self._watch.look_for_standstill()
+        self._watch.check_standstill()
         run = self._saver.call(lambda: self._saver.end_run(state.ending or "failed", end_s - start_s))
         if self._saver.failure is not None and not self._saved_elsewhere(run):
-            self._spoilt = True
+            self._unsaved = True
             go(Signal.FAILURE)
         go(Signal.DRAINED)
         if run is None:
             run = self._empty_run(planned, run_id, start_s)
         self._ran, self._touched = True, self._touched or len(run.touch.t_s) > 0
         outcome = state.outcome or "failed"
-        self._tell(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
+        self._emit(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
+        self._queue_or_forget(planned, outcome)
 
     def _saved_elsewhere(self, run: Run | None) -> bool:
         """Whether a run that was whole when the disk failed is in another place now."""
         whole = run is not None and run.outcome != "failed"
-        return whole and another_place(self._saver, self._control, self._tell)
+        return whole and resume_elsewhere(self._saver, self._control, self._emit)
 
     def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
         self._display.prompt(f"{run_id}: follow the target")
         self._display.show(planned.target, start_s)
-        self._watch.look_at_disk(force=True)
+        self._watch.check_disk(force=True)
         run = self._empty_run(planned, run_id, start_s)
         try:
             self._saver.call(lambda: self._saver.begin_run(run, start_s + planned.duration_s + TAIL_S))
@@ -229,40 +262,40 @@ class Conductor:
         return None
 
     def _follow(self, planned: PlannedRun, start_s: float, end_s: float) -> Signal | None:
-        """The target moves: the sooner a turned touchscreen is told the better, but a hand may come late."""
-        told = False
-        for after_s in LOOKS_AFTER_S:
-            signal = self._watch.pass_time(min(start_s + after_s, end_s), RUN_ROLES, frames=True)
+        """Record while the target moves; a turned touchscreen is reported as early as the touches allow."""
+        reported = False
+        for after_s in CHECKS_AFTER_S:
+            signal = self._watch.wait_until(min(start_s + after_s, end_s), RUN_ROLES, frames=True)
             if signal is not None:
                 return signal
-            told = told or self._look_which_way(planned, start_s)
+            reported = reported or self._check_orientation(planned, start_s)
             if after_s == TOUCHED_AFTER_S and start_s + after_s < end_s:
-                self._look_for_touch(planned.id, after_s)
-        return self._watch.pass_time(end_s, RUN_ROLES, frames=True)
+                self._check_touch(planned.id, after_s)
+        return self._watch.wait_until(end_s, RUN_ROLES, frames=True)
 
-    def _look_which_way(self, planned: PlannedRun, start_s: float) -> bool:
-        """Tell of touches that are mirrored against the target: the panel was turned after its calibration."""
+    def _check_orientation(self, planned: PlannedRun, start_s: float) -> bool:
+        """Report touches that are mirrored against the target: the panel was turned after its calibration."""
         run = self._saver.call(self._saver.so_far)
         wrong = None if run is None else wrong_way_round(run.touch, planned.target, start_s, self._options.screen)
         if wrong is not None:
             self._watch.log("error", "touch", f"The touches are {WORDS[wrong]} against the target: {_TURNED}")
         return wrong is not None
 
-    def _look_for_touch(self, run_id: str, after_s: float) -> None:
+    def _check_touch(self, run_id: str, after_s: float) -> None:
         run = self._saver.call(self._saver.so_far)
         if run is not None and not len(run.touch.t_s):
             words = f"No touch has come in the first {after_s:.0f} s of {run_id}: {_SILENT}"
             self._watch.log("warning", "touch", words)
 
     def _preview(self, end_s: float) -> None:
-        """Tell what the run holds, without waiting for the longest latency that may yet come."""
+        """Emit a preview of the run without waiting for the longest possible latency."""
         self._time.advance_to(end_s + PREVIEW_S)
         patience_s = TAIL_S if self._time.realtime else STUCK_S
         if self._saver.wait_past(end_s + PREVIEW_S, RUN_ROLES, patience_s):
             return
         run = self._saver.call(self._saver.so_far)
         if run is not None:
-            self._tell(events.RunPreviewed(run, self._saver.clocks))
+            self._emit(events.RunPreviewed(run, self._saver.clocks))
 
     def _empty_run(self, planned: PlannedRun, run_id: str, start_s: float) -> Run:
         return Run(
@@ -299,10 +332,10 @@ class Conductor:
         self._stage.begin_taps(tap, start_s)
         # A person may need longer than planned; whoever taps in time is done when the last tap was paired.
         patience_s = tap.duration_s * (2.0 if self._time.realtime else 1.0) + 1.0
-        self._watch.pass_time(
+        self._watch.wait_until(
             start_s + patience_s,
             TAP_ROLES,
-            until=lambda: self._time.realtime and self._saver.tap_count - already >= count,
+            condition=lambda: self._time.realtime and self._saver.tap_count - already >= count,
         )
         self._watch.drain(self._time.now(), TAP_ROLES)
         with suppress(DraglagError):  # the saver keeps the failure; the session ends because of it
@@ -314,7 +347,7 @@ class Conductor:
     def _clock_check(self, duration_s: float) -> None:
         self._control.take_abort()
         self._display.prompt("Comparing clocks: leave the screen alone")
-        self._watch.pass_time(self._time.now() + duration_s, ())
+        self._watch.wait_until(self._time.now() + duration_s, ())
         self._display.prompt("")
 
     def _rest(self) -> bool:
@@ -323,13 +356,14 @@ class Conductor:
         self._display.prompt("Rest")
         by_hand = not self._control.auto
         until_s = self._time.now() + (np.inf if by_hand else self._protocol.rest_s)
+        self._emit(events.Resting(until_s - self._time.now()))
         # Who asks for the run again has said what is next; who aborts between runs has nothing to abort.
-        self._watch.pass_time(
+        self._watch.wait_until(
             until_s,
             (),
-            until=lambda: (
+            condition=lambda: (
                 self._control.take_proceed() or (by_hand and self._last is not None and self._control.repeating)
             ),
-            heed_abort=False,
+            abortable=False,
         )
         return not self._over()

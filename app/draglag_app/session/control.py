@@ -21,9 +21,10 @@ class Control:
         auto: begin each run by itself after the rest; False waits for ``proceed()`` before every run.
         asks: somebody answers where to go on when nothing can be saved any more (``name_place``).
         spare: the folder to go on in then, without asking; used once.
+        retries: runs that were aborted or failed are queued to be recorded again after the planned ones.
     """
 
-    def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None) -> None:
+    def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None, retries: bool = False) -> None:
         self._changed = threading.Condition()
         self._auto = auto
         self._stop = False
@@ -34,6 +35,8 @@ class Control:
         self._asks = asks
         self._spare = spare
         self._place: Place | None = None
+        self._retries = retries
+        self._queue: list[str] = []
 
     def stop(self) -> None:
         """End the session: the present run is aborted, the file is closed."""
@@ -52,6 +55,29 @@ class Control:
         with self._changed:
             self._repeat = True
             self._changed.notify_all()
+
+    def queue(self, run_id: str) -> None:
+        """Record that planned run again after the others; twice is once."""
+        with self._changed:
+            if run_id not in self._queue:
+                self._queue.append(run_id)
+
+    def unqueue(self, run_id: str) -> bool:
+        """Do not record that run again; whether it was queued."""
+        with self._changed:
+            there = run_id in self._queue
+            self._queue = [queued for queued in self._queue if queued != run_id]
+            return there
+
+    @property
+    def queued(self) -> tuple[str, ...]:
+        """Planned runs that will be recorded again, the next one first."""
+        with self._changed:
+            return tuple(self._queue)
+
+    @property
+    def retries(self) -> bool:
+        return self._retries
 
     def proceed(self) -> None:
         """Begin the next run now, without waiting for the rest to end."""
@@ -125,14 +151,14 @@ class Control:
         with self._changed:
             return self._asks or self._spare is not None
 
-    def wait_for_place(self, heed_stop: bool) -> Place | None:
-        """Wait until a place is named; None where nobody will, or (``heed_stop``) once the session is to stop."""
+    def wait_for_place(self, stoppable: bool) -> Place | None:
+        """Wait until a place is named; None where nobody will, or (``stoppable``) once the session is to stop."""
         with self._changed:
             if self._spare is not None:
                 place, self._spare = Place(self._spare), None
                 return place
             self._place = None
-            self._changed.wait_for(lambda: self._place is not None or not self._asks or (heed_stop and self._stop))
+            self._changed.wait_for(lambda: self._place is not None or not self._asks or (stoppable and self._stop))
             return self._place
 
     def wait(self, timeout_s: float) -> None:

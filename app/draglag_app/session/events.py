@@ -1,4 +1,4 @@
-"""What a session tells whoever listens. Events about data are told after the data were appended to the file."""
+"""Events of a session for its listener. Events about data are emitted after the data were appended to the file."""
 
 from __future__ import annotations
 
@@ -34,6 +34,21 @@ class StateChanged:
     remaining_s: float = 0.0
     run_number: int = 0
     run_count: int = 0
+
+
+@dataclass(frozen=True)
+class Resting:
+    """A rest began. ``remaining_s``: until the next step; infinite where the operator begins it."""
+
+    remaining_s: float
+
+
+@dataclass(frozen=True)
+class RunQueued:
+    """A run went wrong (``outcome``) and will be recorded again after the planned ones (``Control.unqueue``)."""
+
+    run_id: str
+    outcome: str
 
 
 @dataclass(frozen=True)
@@ -74,7 +89,7 @@ class SamplesArrived:
     Attributes:
         run_id: the run they were saved in; empty between runs, when they are shown and not kept.
         t_s, x_mm, y_mm: (n,) decimated touch events. edge_s, light: (m,) edges.
-        count: samples in all, before decimation. rate_hz: of this batch, 0 where it cannot be told.
+        count: samples in all, before decimation. rate_hz: of this batch, 0 where unknown.
         age_s: how old the newest sample was when it was read.
         lost: samples known to be lost since the session began.
         batch: all of them, as they were read; None where only the digest is at hand.
@@ -149,6 +164,8 @@ class SessionFinished:
 Event = (
     DeviceOpened
     | StateChanged
+    | Resting
+    | RunQueued
     | RunStarted
     | RunPreviewed
     | RunFinished

@@ -40,7 +40,7 @@ _ENDINGS = {
     Signal.DEVICE_LOST: "device_lost",
     Signal.FAILURE: "failed",
 }
-# Of several endings the worst is told: a failure to save outranks a lost device, that outranks the operator.
+# Of several endings the worst is reported: a failure to save outranks a lost device, that outranks the operator.
 _SEVERITY = ("complete", "aborted", "device_lost", "failed")
 
 

@@ -1,21 +1,26 @@
-"""What a session is made of beside its protocol and its sources."""
+"""Options of a session in addition to its protocol and its sources."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from draglag.recording import Beam, Screen, Stylus, TouchCalibration
 
+COUNTDOWN_S = 3.0
+"""A target stands still for so long before it moves."""
+
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """What a session is made of beside its protocol. ``seed`` None leaves it to the protocol."""
+    """Options of a session in addition to its protocol. ``seed`` None: that of the protocol."""
 
     screen: Screen
     stylus: Stylus = field(default_factory=lambda: Stylus(7.0))
     beam: Beam | None = None
     seed: int | None = None
-    countdown_s: float = 3.0
+    countdown_s: float = COUNTDOWN_S
     name: str = ""
     note: str = ""
+    details: Mapping[str, str] = field(default_factory=dict)
     calibration: TouchCalibration | None = None

@@ -12,16 +12,16 @@ from draglag_app.session.control import Control
 from draglag_app.session.saver import Saver
 
 
-def another_place(saver: Saver, control: Control, tell: events.Listener) -> bool:
+def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> bool:
     """Ask until saving goes on; False if nobody names a place, or the session is to stop."""
 
     def go_on(place: Path | None) -> None:
         saver.call(lambda: saver.resume(place))
 
-    return control.has_place and _ask(saver.failure, saver.path, go_on, control, tell, heed_stop=True)
+    return control.has_place and _request_place(saver.failure, saver.path, go_on, control, emit, stoppable=True)
 
 
-def close(writer: SessionWriter, control: Control, tell: events.Listener) -> Path:
+def close(writer: SessionWriter, control: Control, emit: events.Listener) -> Path:
     """Make the session file, in another place where it has to be. Raises DataError: the journal is what there is."""
     try:
         return writer.close()
@@ -33,7 +33,7 @@ def close(writer: SessionWriter, control: Control, tell: events.Listener) -> Pat
             writer.move(place)
         writer.close()
 
-    if not control.has_place or not _ask(failure, writer.path, go_on, control, tell, heed_stop=False):
+    if not control.has_place or not _request_place(failure, writer.path, go_on, control, emit, stoppable=False):
         raise elsewhere(failure, writer.partial)
     return writer.path
 
@@ -45,18 +45,18 @@ def elsewhere(failure: DraglagError, partial: Path) -> DataError:
     )
 
 
-def _ask(
+def _request_place(
     failure: DraglagError | None,
     path: Path,
     go_on: Callable[[Path | None], None],
     control: Control,
-    tell: events.Listener,
-    heed_stop: bool,
+    emit: events.Listener,
+    stoppable: bool,
 ) -> bool:
     """Wait for answers and try them, until one does."""
     while failure is not None:
-        tell(events.PlaceWanted(path, failure.problem, failure.remedy))
-        answer = control.wait_for_place(heed_stop)
+        emit(events.PlaceWanted(path, failure.problem, failure.remedy))
+        answer = control.wait_for_place(stoppable)
         if answer is None:
             return False
         folder = answer.folder

@@ -11,7 +11,7 @@ import numpy as np
 
 from draglag.recording import concatenate, empty_laser, empty_touch
 from draglag_app.session.orderly import Order
-from draglag_devices.source import Batch, Concludes, DeviceError, Source, SourceInfo
+from draglag_devices.source import Batch, Concludes, DeviceError, Paced, Source, SourceInfo
 
 READ_TIMEOUT_S = 0.1
 
@@ -43,7 +43,7 @@ class OpenFaults(DeviceError):
 
 
 def open_all(sources: tuple[Source, ...]) -> dict[str, SourceInfo]:
-    """Open every source. Raises OpenFaults that tells all faults at once, with the others closed again."""
+    """Open every source. Raises OpenFaults with all faults, after closing the others."""
     opened: list[Source] = []
     infos: dict[str, SourceInfo] = {}
     faults: list[DeviceError] = []
@@ -83,7 +83,7 @@ class ReaderThread(threading.Thread):
         self._queue = post
         # Not ``_stop``: the thread class has a method of that name.
         self._stopping = stop
-        self._realtime = getattr(source, "realtime", True)
+        self._realtime = source.realtime if isinstance(source, Paced) else True
         self._order = Order()
         self._lost = 0
         self._gap_from_s: float | None = None
@@ -96,13 +96,13 @@ class ReaderThread(threading.Thread):
             except Exception as error:  # whatever a driver raises ends this source, not the session
                 self._put_waiting(Lost(self._source.role, as_device_error(self._source, error)))
                 return
-            self._hand_on(self._order.kept(batch))
+            self._forward(self._order.kept(batch))
         if isinstance(self._source, Concludes):
-            notices = self._source.last_words()
+            notices = self._source.final_notices()
             with suppress(queue.Full):  # whoever saves has ended as well
                 self._queue.put(Reported(self._source.role, Batch(-np.inf, notices=notices)), timeout=READ_TIMEOUT_S)
 
-    def _hand_on(self, batch: Batch) -> None:
+    def _forward(self, batch: Batch) -> None:
         if not self._realtime:
             self._put_waiting(Reported(self._source.role, batch))
             return

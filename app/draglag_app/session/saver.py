@@ -1,4 +1,4 @@
-"""The writer thread: the only one that touches the file. What arrives is saved first and told afterwards."""
+"""The writer thread: the only one that touches the file. Data are saved before events about them are emitted."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Saver:
         self._taps = {"down": 0, "release": 0, "rejected": 0}
         self._losses: dict[str, int] = {}
         self._clocks: list[ClockBounds] = []
-        self._untold: list[events.Event] = []
+        self._pending_events: list[events.Event] = []
         self._flushed = time.monotonic()
         self._restored = 0
         self.thread = threading.Thread(target=self._work, name="draglag-writer", daemon=True)
@@ -88,7 +88,7 @@ class Saver:
         self._inbox.put(act)
         return result.result()
 
-    def behind(self, t_s: float, roles: Iterable[str]) -> list[str]:
+    def lagging_roles(self, t_s: float, roles: Iterable[str]) -> list[str]:
         """Living sources of these roles that have not reported past ``t_s`` yet."""
         return [role for role in roles if role not in self.lost and self._marks.get(role, np.inf) < t_s]
 
@@ -98,8 +98,8 @@ class Saver:
         Returns at once, and nobody, when saving has failed.
         """
         with self._progress:
-            self._progress.wait_for(lambda: not self.behind(t_s, roles) or self.failure is not None, timeout_s)
-            return [] if self.failure is not None else self.behind(t_s, roles)
+            self._progress.wait_for(lambda: not self.lagging_roles(t_s, roles) or self.failure is not None, timeout_s)
+            return [] if self.failure is not None else self.lagging_roles(t_s, roles)
 
     @property
     def clocks(self) -> tuple[ClockBounds, ...]:
@@ -149,7 +149,7 @@ class Saver:
         run = run if saving else replace(run, outcome="failed")
         with suppress(DraglagError):  # it is kept as ``failure``
             self._keep(lambda: self._writer.end_run(run.id, run.outcome, duration_s, flush=saving))
-        self._tell()
+        self._emit_pending()
         return run
 
     def append_display(self, trace: DisplayTrace) -> None:
@@ -196,7 +196,7 @@ class Saver:
             except Exception as error:  # an unforeseen fault must end the run with an outcome, not the thread
                 self._fail(DataError(f"{self.partial}: cannot be written ({error})"))
             if item is None:
-                self._tell()
+                self._emit_pending()
                 return
 
     def _take(self, item: Any) -> None:
@@ -219,7 +219,7 @@ class Saver:
             self.lost[item.role] = item.error
             self._progress.notify_all()
         error = item.error
-        self._untold.append(events.DeviceFault(item.role, error.source, error.problem, error.remedy))
+        self._pending_events.append(events.DeviceFault(item.role, error.source, error.problem, error.remedy))
         t_s = self._marks[item.role]
         with suppress(DraglagError):  # it is kept as ``failure``
             self.log(LogEntry(t_s if np.isfinite(t_s) else 0.0, "error", item.role, str(error)))
@@ -228,7 +228,7 @@ class Saver:
         opened = self._run
         for notice in batch.notices:
             self.log(LogEntry(notice.t_s, notice.level, role, notice.text))
-            self._untold.append(events.NoticeRaised(notice.t_s, notice.level, role, notice.text, notice.state))
+            self._pending_events.append(events.NoticeRaised(notice.t_s, notice.level, role, notice.text, notice.state))
         if batch.clock is not None and len(batch.clock.device_s):
             self._take_clock(batch.clock, opened)
         touch, laser = batch.touch, batch.laser
@@ -248,7 +248,7 @@ class Saver:
         self._losses[role] = self._losses.get(role, 0) + lost
         seen = digest(role, "" if opened is None else opened.run.id, batch, self._losses[role])
         if seen is not None:
-            self._untold.append(seen)
+            self._pending_events.append(seen)
 
     def _take_clock(self, bounds: ClockBounds, opened: OpenRun | None) -> None:
         run_id = None if opened is None else opened.run.id
@@ -268,7 +268,7 @@ class Saver:
         self._taps["down"] += int((taps.down == 1).sum())
         self._taps["release"] += int((taps.down == 0).sum())
         self._taps["rejected"] += sum(taps.rejected.values())
-        self._untold.append(events.TapsArrived(**self._taps))
+        self._pending_events.append(events.TapsArrived(**self._taps))
 
     def _keep(self, append: Callable[[], _T]) -> _T:
         """Hand to the writer, which has it on the disk after the next flush. Raises DraglagError."""
@@ -281,7 +281,7 @@ class Saver:
         else:
             if self._writer.restored > self._restored:
                 self._restored = self._writer.restored
-                self._untold.append(events.NoticeRaised(0.0, "warning", "file", f"{self.partial}: {DELETED}"))
+                self._pending_events.append(events.NoticeRaised(0.0, "warning", "file", f"{self.partial}: {DELETED}"))
             return done
         self._fail(failure)
         raise failure
@@ -292,11 +292,11 @@ class Saver:
         self._flushed = time.monotonic()
         if self.failure is None:
             self._keep(self._writer.flush)
-        self._tell()
+        self._emit_pending()
 
-    def _tell(self) -> None:
-        untold, self._untold = self._untold, []
-        for event in untold:
+    def _emit_pending(self) -> None:
+        pending, self._pending_events = self._pending_events, []
+        for event in pending:
             self._listener(event)
 
     def _fail(self, error: DraglagError) -> None:
@@ -304,4 +304,4 @@ class Saver:
             with self._progress:
                 self.failure = error
                 self._progress.notify_all()
-            self._untold.append(events.NoticeRaised(0.0, "error", "file", str(error)))
+            self._pending_events.append(events.NoticeRaised(0.0, "error", "file", str(error)))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 # Between two looks. A reader waits 0.1 s at most for its device.
-_LOOK_S = 0.05
+_PERIOD_S = 0.05
 # A thread that wakes so late did not merely wait its turn: on two cores with a load of 12 the longest wait in a minute
 # was 1.0 s (half of all waits: 3 ms).
 LATE_S = 1.5
@@ -27,7 +27,7 @@ class Standstill:
     to_s: float
     suspended_s: float
 
-    def words(self) -> str:
+    def message(self) -> str:
         """What happened and what it means for the run, in one sentence and a half."""
         if self.suspended_s > SLEPT_S:
             return (
@@ -54,14 +54,14 @@ class Pulse:
     def __init__(self, clocks: Callable[[], tuple[float, float]] = _clocks) -> None:
         self._clocks = clocks
         self._lock = threading.Lock()
-        self._seen: list[Standstill] = []
+        self._found: list[Standstill] = []
         self._last = clocks()
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
         self._last = self._clocks()
-        self._thread = threading.Thread(target=self._look_on, name="draglag-pulse", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="draglag-pulse", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
@@ -71,20 +71,20 @@ class Pulse:
 
     def take(self) -> list[Standstill]:
         """What was seen since this was last asked, the moment of asking included."""
-        self._look()
+        self._sample()
         with self._lock:
-            seen, self._seen = self._seen, []
-            return seen
+            found, self._found = self._found, []
+            return found
 
-    def _look_on(self) -> None:
-        while not self._ending.wait(_LOOK_S):
-            self._look()
+    def _run(self) -> None:
+        while not self._ending.wait(_PERIOD_S):
+            self._sample()
 
-    def _look(self) -> None:
+    def _sample(self) -> None:
         with self._lock:
             now_s, boot_s = self._clocks()
             before_s, boot_before_s = self._last
             self._last = (now_s, boot_s)
             suspended_s = (boot_s - boot_before_s) - (now_s - before_s)
             if now_s - before_s > LATE_S or suspended_s > SLEPT_S:
-                self._seen.append(Standstill(before_s, now_s, suspended_s))
+                self._found.append(Standstill(before_s, now_s, suspended_s))

@@ -44,27 +44,27 @@ class Watch:
         self._time = time_base
         self._roles = roles
         self._display = display
-        self._tell = listener
+        self._emit = listener
         self._control = control
         self._saver = saver
-        self._disk_looked = -np.inf
+        self._disk_checked = -np.inf
         self._disk_warned = False
         self.pulse = Pulse()
 
-    def pass_time(
+    def wait_until(
         self,
         until_s: float,
         roles: tuple[str, ...],
         *,
         frames: bool = False,
-        until: Callable[[], bool] = lambda: False,
-        heed_abort: bool = True,
+        condition: Callable[[], bool] = lambda: False,
+        abortable: bool = True,
     ) -> Signal | None:
-        """Let time pass up to ``until_s`` or until ``until()``; a signal says that something ended it early."""
+        """Let time pass up to ``until_s`` or until ``condition()``; a signal says that something ended it early."""
         while True:
-            if not heed_abort:
+            if not abortable:
                 self._control.take_abort()  # keeps the request to stop altogether
-            signal = self._look(roles)
+            signal = self._interruption(roles)
             if signal is not None:
                 return signal
             now_s = self._time.now()
@@ -74,7 +74,7 @@ class Watch:
                     self._saver.call(partial(self._saver.append_display, trace))
                 except DraglagError:
                     return Signal.FAILURE
-            if now_s >= until_s or until():
+            if now_s >= until_s or condition():
                 return None
             if self._time.realtime:
                 self._control.wait(min(TICK_S, until_s - now_s))
@@ -87,12 +87,12 @@ class Watch:
                 for role in self._saver.wait_past(step_s, self._roles, STUCK_S):
                     self._saver.call(partial(self._saver.give_up, role))
 
-    def _look(self, roles: tuple[str, ...]) -> Signal | None:
+    def _interruption(self, roles: tuple[str, ...]) -> Signal | None:
         """Operator, program, devices, disk."""
-        self.look_for_standstill()
+        self.check_standstill()
         for text in self._control.take_notes():
             self.log("note", "operator", text)
-        self.look_at_disk()
+        self.check_disk()
         if self._saver.failure is not None:
             return Signal.FAILURE
         if any(role in self._saver.lost for role in roles):
@@ -112,22 +112,22 @@ class Watch:
             return Signal.FAILURE
         return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
 
-    def look_for_standstill(self) -> None:
+    def check_standstill(self) -> None:
         """Say in the file that this program, or its computer, stood still. Simulated time stands with it."""
-        for seen in self.pulse.take():
+        for found in self.pulse.take():
             if self._time.realtime:
-                self.log("error", STANDSTILL, seen.words())
+                self.log("error", STANDSTILL, found.message())
 
-    def look_at_disk(self, force: bool = False) -> None:
-        if not force and time.monotonic() - self._disk_looked < _DISK_EVERY_S:
+    def check_disk(self, force: bool = False) -> None:
+        if not force and time.monotonic() - self._disk_checked < _DISK_EVERY_S:
             return
-        self._disk_looked = time.monotonic()
+        self._disk_checked = time.monotonic()
         folder = self._saver.path.absolute().parent
         try:
             free, size = shutil.disk_usage(folder).free, self._saver.partial.stat().st_size
         except OSError:
             return  # the writer meets the same trouble and says so
-        self._tell(events.DiskStatus(free, size))
+        self._emit(events.DiskStatus(free, size))
         if free < _DISK_LOW and not self._disk_warned:
             self._disk_warned = True
             self.log("warning", "disk", f"only {free // 1_000_000} MB are free in {folder}: make room")
@@ -139,4 +139,4 @@ class Watch:
         except DraglagError:
             return  # the saver keeps the failure
         if level != "note":
-            self._tell(events.NoticeRaised(entry.t_s, level, source, text))
+            self._emit(events.NoticeRaised(entry.t_s, level, source, text))

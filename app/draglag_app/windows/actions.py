@@ -11,6 +11,7 @@ from PySide6.QtGui import QAction, QKeySequence, QUndoStack
 from PySide6.QtWidgets import QMenuBar, QWidget
 
 from draglag_app.windows.parts.letter_menu import LetterMenu
+from draglag_app.windows.parts.recent_menu import RecentMenu
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
 CONTEXT = "Actions"
@@ -38,10 +39,16 @@ ACTIONS = (
     ActionSpec("open", "session", QT_TRANSLATE_NOOP("Actions", "Open session…"), "Ctrl+O", "idle"),
     ActionSpec("import", "session", QT_TRANSLATE_NOOP("Actions", "Import exchange folder…"), "Ctrl+I", "idle"),
     ActionSpec("export", "session", QT_TRANSLATE_NOOP("Actions", "Export session…"), "Ctrl+E", "idle"),
+    ActionSpec("csv", "session", QT_TRANSLATE_NOOP("Actions", "Export tables (CSV)…"), "", "idle"),
+    ActionSpec("netcdf", "session", QT_TRANSLATE_NOOP("Actions", "Export netCDF…"), "", "idle"),
+    ActionSpec("mat", "session", QT_TRANSLATE_NOOP("Actions", "Export MATLAB…"), "", "idle"),
+    ActionSpec("figures", "session", QT_TRANSLATE_NOOP("Actions", "Export figures (PDF, SVG)…"), "", "idle"),
     ActionSpec("report", "session", QT_TRANSLATE_NOOP("Actions", "Write report…"), "Ctrl+Shift+E", "idle"),
+    ActionSpec("gap_report", "session", QT_TRANSLATE_NOOP("Actions", "Write gap report…"), "", "idle"),
     ActionSpec("quit", "session", QT_TRANSLATE_NOOP("Actions", "Quit"), "Ctrl+Q"),
     ActionSpec("undo", "edit", QT_TRANSLATE_NOOP("Actions", "Undo"), "Ctrl+Z"),
     ActionSpec("redo", "edit", QT_TRANSLATE_NOOP("Actions", "Redo"), "Ctrl+Shift+Z"),
+    ActionSpec("details", "measure", QT_TRANSLATE_NOOP("Actions", "Session details…"), "Ctrl+D", "idle"),
     ActionSpec("start", "measure", QT_TRANSLATE_NOOP("Actions", "Start measuring"), "F5", "idle"),
     ActionSpec("proceed", "measure", QT_TRANSLATE_NOOP("Actions", "Begin next run now"), "F6", "recording"),
     ActionSpec("repeat", "measure", QT_TRANSLATE_NOOP("Actions", "Repeat this run"), "F7", "recording"),
@@ -62,6 +69,7 @@ ACTIONS = (
     ActionSpec("go_log", "go", QT_TRANSLATE_NOOP("Actions", "Log"), "Ctrl+8"),
     ActionSpec("go_preferences", "go", QT_TRANSLATE_NOOP("Actions", "Preferences"), "Ctrl+9"),
     ActionSpec("go_help", "go", QT_TRANSLATE_NOOP("Actions", "Help"), "F1"),
+    ActionSpec("help_here", "help", QT_TRANSLATE_NOOP("Actions", "The manual on this page"), "Shift+F1"),
     ActionSpec("theme", "help", QT_TRANSLATE_NOOP("Actions", "Dark or light"), "Ctrl+T"),
     ActionSpec("fullscreen", "help", QT_TRANSLATE_NOOP("Actions", "Full screen"), "F11"),
 )
@@ -107,6 +115,11 @@ class Actions(QObject):
             action.triggered.connect(_without_argument(handler))
             self.made[spec.id] = action
 
+    def use_keys(self, chosen: Mapping[str, str]) -> None:
+        """Let actions have these keys; those that are not named have the usual ones."""
+        for name, action in self.made.items():
+            action.setShortcut(QKeySequence(keys_of(name, chosen)))
+
     def fill(self, bar: QMenuBar) -> None:
         """Menus in the order of the table."""
         for name, title in MENUS.items():
@@ -115,6 +128,12 @@ class Actions(QObject):
             for spec in ACTIONS:
                 if spec.menu == name and spec.id in self.made:
                     menu.addAction(self.made[spec.id])
+
+    def add_recent(self, bar: QMenuBar, recent: RecentMenu) -> None:
+        """The sessions opened last, below *Open session…*."""
+        first = bar.findChild(LetterMenu)
+        if first is not None:
+            first.insertMenu(first.actions()[1], recent)
 
     def serve(self, window: QWidget) -> None:
         """Let the keys that steer a session, and those that go to a page, work in another window too."""
@@ -155,9 +174,21 @@ def _without_argument(handler: Callable[[], object]) -> Callable[[], None]:
     return call
 
 
-def key_list() -> list[tuple[str, str]]:
-    """(keys, what they do) of every action, for the Help page."""
-    return [(QKeySequence(spec.keys).toString(), say(spec.text)) for spec in ACTIONS if spec.keys]
+def key_list(chosen: Mapping[str, str]) -> list[tuple[str, str]]:
+    """(keys, what they do) of every action, for the Help page; ``chosen``: keys of the operator's own, by action."""
+    rows = [(keys_of(spec.id, chosen), say(spec.text)) for spec in ACTIONS]
+    return [(keys, text) for keys, text in rows if keys]
+
+
+def keys_of(action: str, chosen: Mapping[str, str]) -> str:
+    """The keys of an action, as people read them; empty where it has none."""
+    usual = next((spec.keys for spec in ACTIONS if spec.id == action), "")
+    return QKeySequence(chosen.get(action, usual)).toString()
+
+
+def who_has(keys: str, chosen: Mapping[str, str]) -> str:
+    """The action that has these keys already; empty where they are free."""
+    return next((spec.id for spec in ACTIONS if keys and keys_of(spec.id, chosen) == keys), "")
 
 
 def other_keys() -> list[tuple[str, str]]:

@@ -28,6 +28,8 @@ class SessionBridge(QObject):
 
     device_opened = Signal(object)
     state_changed = Signal(object)
+    resting = Signal(object)
+    run_queued = Signal(object)
     run_started = Signal(object)
     run_previewed = Signal(object)
     run_finished = Signal(object)
@@ -80,6 +82,8 @@ class SessionBridge(QObject):
         emitters: dict[type, Any] = {
             events.DeviceOpened: self.device_opened,
             events.StateChanged: self.state_changed,
+            events.Resting: self.resting,
+            events.RunQueued: self.run_queued,
             events.RunStarted: self.run_started,
             events.RunPreviewed: self.run_previewed,
             events.RunFinished: self.run_finished,

@@ -44,22 +44,25 @@ def open_session(window: OperatorWindow) -> None:
 
 def import_folder(window: OperatorWindow) -> None:
     """Read an exchange folder of another rig."""
+    title = tr("Import exchange folder")
+    ask_folder(window, title, window.space.settings.folder, lambda path: read_folder(window, path))
+
+
+def read_folder(window: OperatorWindow, path: Path) -> None:
+    """Put the session of an exchange folder at hand."""
     exchange = optional("draglag.exchange")
     if exchange is None:
         window.tell("warning", tr("Importing is not built in this version."))
         return
     read = exchange.read_exchange
 
-    def begin(path: Path) -> None:
-        def take(session: Session) -> None:
-            window.space.take(session, None)
-            window.go("results")
+    def take(session: Session) -> None:
+        window.space.take(session, None)
+        window.go("results")
 
-        window.space.tasks.start(
-            tr("Importing"), lambda progress: read(path), take, lambda text: window.tell("error", text)
-        )
-
-    ask_folder(window, tr("Import exchange folder"), window.space.settings.folder, begin)
+    window.space.tasks.start(
+        tr("Importing"), lambda progress: read(path), take, lambda text: window.tell("error", text)
+    )
 
 
 def export_session(window: OperatorWindow) -> None:
@@ -79,9 +82,9 @@ def export_session(window: OperatorWindow) -> None:
         return made
 
     def begin(path: Path) -> None:
-        _work(window, tr("Exporting"), lambda progress: write(path), path)
+        do_work(window, tr("Exporting"), lambda progress: write(path), path)
 
-    ask_new_folder(window, title, _proposed(window, "exchange"), begin)
+    ask_new_folder(window, title, proposed(window, "exchange"), begin)
 
 
 def write_report(window: OperatorWindow) -> None:
@@ -96,20 +99,21 @@ def write_report(window: OperatorWindow) -> None:
     write = report.write_report
 
     def begin(path: Path) -> None:
-        _work(window, tr("Writing the report"), lambda progress: write(session, analysis, path), path)
+        do_work(window, tr("Writing the report"), lambda progress: write(session, analysis, path), path)
 
-    ask_new_folder(window, tr("Folder for the report"), _proposed(window, "report"), begin)
+    ask_new_folder(window, tr("Folder for the report"), proposed(window, "report"), begin)
 
 
-def _proposed(window: OperatorWindow, what: str) -> Path:
+def proposed(window: OperatorWindow, what: str) -> Path:
     """Beside the session, named after it."""
     path, space = window.space.path, window.space
     stem = path.stem if path is not None else "session"
     return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
 
 
-def _work(window: OperatorWindow, what: str, work: Any, where: Path) -> None:
-    saved = tr("Saved: {path}").format(path=where)
+def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
+    """Work in a worker, then say where the result is, and ``more``."""
+    saved = " ".join(part for part in (tr("Saved: {path}").format(path=where), more) if part)
     window.space.tasks.start(
         what, work, lambda result: window.tell("info", saved), lambda text: window.tell("error", text)
     )

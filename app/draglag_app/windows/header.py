@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 
@@ -10,14 +11,17 @@ from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from draglag_app.session import events
+from draglag_app.session.details import STANDARD
 from draglag_app.windows.parts.full_texts import ElidedLabel
 from draglag_app.windows.parts.plain import plain
-from draglag_app.windows.parts.widgets import Light, label, restyle
+from draglag_app.windows.parts.theme import wide
+from draglag_app.windows.parts.widgets import Light, button, label, restyle
 from draglag_app.windows.wording import words
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 
+_HELP_PX = 44
 _LOW_BYTES = 1_000_000_000
 
 
@@ -53,6 +57,11 @@ class Header(QFrame):
         row.addWidget(self.disk)
         row.addSpacing(14)
         row.addWidget(self.clock)
+        self.help = button("?", tip=self.tr("The manual on this page (Shift+F1)"))
+        self.help.setAccessibleName(self.tr("The manual on this page (Shift+F1)"))
+        self.help.setFixedWidth(wide(_HELP_PX))
+        row.addSpacing(8)
+        row.addWidget(self.help)
         bridge = workspace.bridge
         bridge.device_opened.connect(lambda event: self.set_light(event.role, "live", in_words(event.description)))
         bridge.device_fault.connect(self._fault)
@@ -114,10 +123,10 @@ class Header(QFrame):
         self.simulated.setVisible(self._space.simulated)
         recording = self._space.recording
         if recording.active and recording.order is not None:
-            self.session.setText("● " + recording.order.out.name)
+            self.session.setText("● " + recording.order.out.name + _who(recording.order.options.details))
         elif self._space.session is not None:
             file = f"  ({self._space.path.name})" if self._space.path else ""
-            self.session.setText(self._space.session.name + file)
+            self.session.setText(self._space.session.name + file + _who(self._space.session.details))
         else:
             self.session.setText(self.tr("No session"))
 
@@ -136,3 +145,9 @@ class Header(QFrame):
     def _show_disk(self, free_bytes: int) -> None:
         self.disk.setText(self.tr("{size} free").format(size=words.size(free_bytes)))
         restyle(self.disk, "alarm", "true" if free_bytes < _LOW_BYTES else "false")
+
+
+def _who(details: Mapping[str, str]) -> str:
+    """Participant, session and operator, where they are known."""
+    known = [details[name] for name in STANDARD if details.get(name)]
+    return "".join(f" · {text}" for text in known)

@@ -37,11 +37,15 @@ def open_operator_window(session: Path | None = None) -> int:
     install_excepthook(lambda text: window.tell("error", text))
     if problem:
         window.tell("warning", problem)
+    window.restore()
     show_whole(window)
     if session is not None:
         window.space.open(session, lambda: window.go("results"))
     else:
         window.offer_salvage()
+        last = next((path for path in map(Path, settings.recent) if path.is_file()), None)
+        if settings.reopen and last is not None:
+            window.open_file(last)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, frame: window.end())
     # Python sees a signal only while it runs: give it the chance.

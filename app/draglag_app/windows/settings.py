@@ -21,6 +21,7 @@ from draglag.reading.limits import DOCUMENT_BYTES, SIZE_PX
 from draglag.recording import Beam, Screen, Stylus, TouchCalibration
 from draglag.simulation import rig_for_screen
 from draglag_app.calibrating import TARGETS, as_recorded, fit_touches
+from draglag_app.session.details import TEMPLATE
 from draglag_devices.addresses import ROLES, parse_address
 
 Positive = Annotated[float, Field(gt=0, lt=1e5, allow_inf_nan=False)]
@@ -117,11 +118,29 @@ class Settings(_Table):
     language: Literal["system", "en", "nl"] = "system"
     text_scale: Annotated[float, Field(ge=0.8, le=2.0)] = 1.0
     operator: str = ""
+    participant: str = ""
+    session_label: str = ""
+    fields: dict[str, str] = Field(default_factory=dict)  # free fields of a session
+    ask_details: bool = False  # before every session
+    file_template: Annotated[str, Field(min_length=1)] = TEMPLATE
     folder: Annotated[str, Field(min_length=1)] = Field(default_factory=lambda: str(user_documents_path() / "draglag"))
+    recent: tuple[str, ...] = ()  # session files, the last one first
+    reopen: bool = False  # the last one, when the window opens
+    geometry: str = ""  # of the window, as Qt keeps it, base64
+    page: str = ""  # the one in sight when the window was closed
     protocol: str = "latency-sweep"
     begin_by_hand: bool = False
+    sound: bool = False  # at the end of every run
+    flash: bool = False
+    reduced_motion: bool = False
+    keys: dict[str, str] = Field(default_factory=dict)  # action → keys other than the usual ones
     rig: RigSettings = RigSettings()
     panel: PanelSettings = PanelSettings()
+
+    def details(self) -> dict[str, str]:
+        """What sessions are about, as their files keep it: fields with a text."""
+        known = {"participant": self.participant, "session": self.session_label, "operator": self.operator}
+        return {name: text for name, text in (known | self.fields).items() if text}
 
     def touched_screen(self) -> Screen:
         """The screen that is touched: the simulated rig brings its own. Raises DraglagError."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from draglag.errors import DraglagError
 from draglag.protocols import Protocol
 from draglag.recording import Screen, TouchCalibration
 from draglag_app.session import SessionOptions
+from draglag_app.session.details import file_name
 from draglag_app.windows.participant.placement import axes_problem, shape_problem
 from draglag_app.windows.participant.screen_display import numbered_screen
 from draglag_app.windows.recording.session_thread import Order
@@ -27,21 +27,42 @@ def tr(text: str) -> str:
     return QCoreApplication.translate("Start", text)
 
 
-def obstacles(space: Workspace) -> tuple[list[str], bool]:
-    """What stands in the way, a sentence each, and whether nothing can be recorded because of it."""
+@dataclass(frozen=True)
+class Obstacle:
+    """Something in the way of a measurement.
+
+    Attributes:
+        page: where it is mended, and the step it belongs to.
+        short: what to do in a few words ("choose touchscreen and laser sensor").
+        sentence: the same for whoever asked to begin.
+        hopeless: nothing can be recorded until it is mended.
+    """
+
+    page: str
+    short: str
+    sentence: str
+    hopeless: bool = False
+
+
+def obstacles(space: Workspace) -> list[Obstacle]:
+    """What stands in the way of a measurement, the step to mend first before the others."""
     rig, protocol = space.settings.rig, space.protocol
-    problems, hopeless = [], False
-    for role, name in (("touch", tr("touchscreen")), ("laser", tr("laser sensor"))):
-        if protocol.runs and not getattr(rig, role):
-            problems.append(tr("No {device} is chosen: choose one on the Bench page.").format(device=name))
-            hopeless = True
+    found = []
+    names = {"touch": tr("touchscreen"), "laser": tr("laser")}
+    missing = [name for role, name in names.items() if protocol.runs and not getattr(rig, role)]
+    if missing:
+        devices = tr("{one} and {other}").format(one=missing[0], other=missing[1]) if missing[1:] else missing[0]
+        short = tr("choose {devices}").format(devices=devices)
+        sentence = tr("No {devices} chosen: choose on the Bench page.").format(devices=devices)
+        found.append(Obstacle("bench", short, sentence, True))
     if protocol.taps is not None and not rig.walt and rig.addresses():
-        problems.append(tr("The protocol has taps, but no WALT is chosen: taps would be left out."))
-        hopeless = hopeless or not protocol.runs
-    if not rig.addresses() and not problems:
-        problems.append(tr("No instruments are chosen: choose them on the Bench page."))
-        hopeless = True
-    return [*problems, *_misplaced(space)], hopeless
+        sentence = tr("The protocol has taps, but no WALT is chosen: taps would be skipped.")
+        found.append(Obstacle("bench", tr("choose a WALT for the taps"), sentence, not protocol.runs))
+    if not rig.addresses() and not found:
+        sentence = tr("No instruments are chosen: choose them on the Bench page.")
+        found.append(Obstacle("bench", tr("choose the instruments"), sentence, True))
+    turned = [Obstacle("geometry", tr("check the screen"), sentence) for sentence in _misplaced(space)]
+    return found + turned
 
 
 def _misplaced(space: Workspace) -> list[str]:
@@ -73,12 +94,18 @@ def make_order(space: Workspace) -> Order:
         screen, stylus, beam = world.rig.screen, world.rig.stylus, world.rig.beam
     calibration = _calibrate(rig, settings, screen)
     options = SessionOptions(screen, stylus, beam, calibration=calibration)
-    if settings.operator:
-        options = replace(options, note=tr("Operator: {name}").format(name=settings.operator))
+    options = replace(options, details=settings.details())
     return Order(
-        with_source(protocol), rig, file_name(Path(settings.folder), protocol.name, screen.name),
+        with_source(protocol), rig, session_path(settings, protocol.name, screen.name),
         options, settings.rig.display, auto=not settings.begin_by_hand,
     )  # fmt: skip
+
+
+def session_path(settings: Settings, protocol: str, screen: str) -> Path:
+    """Where a session that begins now would be saved. Raises DataError for a template without sense."""
+    folder, now = Path(settings.folder), datetime.now()
+    details = dict.fromkeys(settings.fields, "") | settings.details()  # the template may name a field left empty
+    return file_name(folder, settings.file_template, protocol, screen, details, now)
 
 
 def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration | None:
@@ -90,16 +117,6 @@ def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration
     fit = used.fit(screen)
     give_calibration(rig, as_mapping(fit), used.device, fit.rms_mm)
     return used.recorded(screen)
-
-
-def file_name(folder: Path, protocol: str, screen: str) -> Path:
-    """A name that is not taken yet: date, protocol, screen."""
-    stem = "-".join(re.sub(r"[^\w.-]+", "_", part) for part in (protocol, screen))
-    stem = f"{datetime.now():%Y-%m-%d_%H%M%S}_{stem}"
-    path, k = folder / f"{stem}.h5", 2
-    while path.exists() or path.with_name(path.name + ".partial").exists():
-        path, k = folder / f"{stem}-{k}.h5", k + 1
-    return path
 
 
 def with_source(protocol: Protocol) -> Protocol:

@@ -7,15 +7,14 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QCloseEvent, QKeyEvent
+from PySide6.QtCore import QByteArray, QMimeData, Qt
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QApplication,
     QHBoxLayout,
     QMainWindow,
     QMessageBox,
     QPushButton,
-    QStackedWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -23,8 +22,8 @@ from PySide6.QtWidgets import (
 from draglag.errors import DraglagError
 from draglag.provenance import Source, source_of
 from draglag_app.session import events
-from draglag_app.windows import files
-from draglag_app.windows.actions import Actions
+from draglag_app.windows import exports, files
+from draglag_app.windows.actions import ACTIONS, Actions, keys_of
 from draglag_app.windows.another_place import ask_another_place, withdraw
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
@@ -32,17 +31,27 @@ from draglag_app.windows.navigation import Navigation
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
+from draglag_app.windows.pages.gap import GapPage
 from draglag_app.windows.pages.geometry import GeometryPage
+from draglag_app.windows.pages.help import HelpPage
 from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
+from draglag_app.windows.parts.keyed_buttons import show_keys
+from draglag_app.windows.parts.page_stack import ColumnScroll, PageScroll, PageStack
 from draglag_app.windows.parts.plain import plain
-from draglag_app.windows.parts.theme import apply_theme, theme
+from draglag_app.windows.parts.recent_menu import RecentMenu
+from draglag_app.windows.parts.theme import apply_theme, theme, wide
+from draglag_app.windows.session_dialog import SessionDialog
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
+from draglag_app.windows.steps import STEPS, StepGuide, steps_of
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
+
+# A window narrower than that, with letters of the usual size, shows the pages' icons without their titles.
+_NARROW_PX = 1100
 
 
 class OperatorWindow(QMainWindow):
@@ -53,11 +62,15 @@ class OperatorWindow(QMainWindow):
         self.setWindowTitle("draglag")
         self.resize(1280, 800)
         self.space = Workspace(settings, settings_file, self)
+        self._keys: dict[str, str] = {}
         self.pages = make_pages(self.space)
         self.keyboard = Keyboard(self)
         self.actions_table = Actions(self, self._handlers())
         self.run_keys = self.actions_table.run_keys
         self.actions_table.fill(self.menuBar())
+        self.recent = RecentMenu(self.menuBar(), lambda: self.space.settings.recent, self.open_file)
+        self.actions_table.add_recent(self.menuBar(), self.recent)
+        self.setAcceptDrops(True)
         self.actions_table.follow(self.space.undo)
         self.setCentralWidget(self._frame())
         FieldKeys(self)
@@ -84,6 +97,8 @@ class OperatorWindow(QMainWindow):
         self.space.noticed.connect(self.tell)
         record.noted.connect(self.keyboard.give_back)
         self.header.lights_changed.connect(self._show_readiness)
+        self.space.settings_changed.connect(self._use_keys)
+        self._use_keys()
         for changed in (self.space.settings_changed, self.space.protocol_changed):
             changed.connect(self.record.forget_outcome)
             changed.connect(self._show_readiness)
@@ -100,16 +115,20 @@ class OperatorWindow(QMainWindow):
         outer.setSpacing(0)
         self.header = Header(self.space)
         outer.addWidget(self.header)
+        self.header.help.clicked.connect(lambda: self.ask("help_here"))
+        self.steps = StepGuide()
+        self.steps.chosen.connect(self.go)
+        outer.addWidget(self.steps)
         row = QHBoxLayout()
         row.setSpacing(0)
         titles = {name: title for name, (title, _) in self.pages.items()}
         self.navigation = Navigation(titles, self.actions_table.made)
         self.navigation.chosen.connect(self.go)
-        row.addWidget(self.navigation)
-        self.stack = QStackedWidget()
+        row.addWidget(ColumnScroll(self.navigation))
+        self.stack = PageStack()
         for _, page in self.pages.values():
             self.stack.addWidget(page)
-        row.addWidget(self.stack, 1)
+        row.addWidget(PageScroll(self.stack), 1)
         outer.addLayout(row, 1)
         self.notice = NoticeStrip(self.space.tasks)
         self.notice_text = self.notice.text
@@ -124,11 +143,18 @@ class OperatorWindow(QMainWindow):
             "open": lambda: files.open_session(self),
             "import": lambda: files.import_folder(self),
             "export": lambda: files.export_session(self),
+            "csv": lambda: exports.export_as(self, "csv"),
+            "netcdf": lambda: exports.export_as(self, "netcdf"),
+            "mat": lambda: exports.export_as(self, "mat"),
+            "figures": lambda: exports.export_figures(self),
             "report": lambda: files.write_report(self),
+            "gap_report": self._gap_report,
             "quit": self.close,
             "undo": self._undo,
             "redo": self._redo,
-            "start": self.start,
+            "details": self.ask_details,
+            "help_here": self.help_here,
+            "start": lambda: self.start(),
             "proceed": lambda: self._control("proceed"),
             "repeat": self._repeat,
             "abort": lambda: self._control("abort_run"),
@@ -167,11 +193,49 @@ class OperatorWindow(QMainWindow):
             return  # the keyboard stays where it is
         self.notice.forget_done()
         self.stack.setCurrentWidget(page)
+        self._show_steps()
         page.setFocus()
 
     def tell(self, level: str, text: str) -> None:
         """One sentence in the strip below: "info", "warning" or "error"; an empty one clears it."""
         self.notice.tell(level, text)
+
+    def open_file(self, path: Path) -> None:
+        """Put a session file at hand, or read an exchange folder; not while a session is being recorded."""
+        if self.space.recording.active:
+            self.tell("info", self.tr("A session is being recorded: open others when it is done."))
+        elif path.is_dir() or path.name == "session.json":
+            files.read_folder(self, path if path.is_dir() else path.parent)
+        else:
+            self.space.open(path, lambda: self.go("results"))
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        if _dropped(event.mimeData()) is not None:
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        path = _dropped(event.mimeData())
+        if path is not None:
+            event.acceptProposedAction()
+            self.open_file(path)
+
+    def _gap_report(self) -> None:
+        gap = self.pages["gap"][1] if "gap" in self.pages else None
+        if isinstance(gap, GapPage):
+            gap.write_report()
+
+    def restore(self) -> None:
+        """Size, place and page as they were when the window was last closed."""
+        settings = self.space.settings
+        if settings.geometry:
+            self.restoreGeometry(QByteArray.fromBase64(settings.geometry.encode()))
+        if settings.page in self.pages and not settings.first_start:
+            self.go(settings.page)
+
+    def _remember(self) -> None:
+        geometry = self.saveGeometry().toBase64().data()
+        text = geometry.decode() if isinstance(geometry, bytes) else ""
+        self.space.change_settings(geometry=text, page=self.page)
 
     def offer_salvage(self) -> None:
         """Recordings that a crash left behind can be saved."""
@@ -179,18 +243,26 @@ class OperatorWindow(QMainWindow):
 
     # --- recording ------------------------------------------------------------------------------------------
 
-    def start(self) -> None:
-        """Begin to measure. What is missing is told, and asked about with No as the default."""
+    def start(self, asked: bool = False) -> None:
+        """Begin to measure. What is missing is said, and asked about with No as the default.
+
+        ``asked``: the details of the session have been asked for, where the settings want that.
+        """
+        if self.space.settings.ask_details and not asked:
+            dialog = SessionDialog(self.space, self)
+            dialog.accepted.connect(lambda: self.start(asked=True))
+            dialog.open()
+            return
         self.space.calibrating.cancel()
         self.go("record")
         self.tell("", "")
-        problems, hopeless = obstacles(self.space)
-        problems += self.header.faults()
+        found = obstacles(self.space)
+        problems = [*(obstacle.sentence for obstacle in found), *self.header.faults()]
         if problems and not self.space.recording.active:
-            if hopeless:
+            if any(obstacle.hopeless for obstacle in found):
                 self.tell("error", " ".join(problems))
                 return
-            question = " ".join(problems) + "\n\n" + self.tr("Start nevertheless?")
+            question = " ".join(problems) + "\n\n" + self.tr("Start anyway?")
             if QMessageBox.question(self, "draglag", plain(question), defaultButton=QMessageBox.StandardButton.No) != (
                 QMessageBox.StandardButton.Yes
             ):
@@ -199,6 +271,18 @@ class OperatorWindow(QMainWindow):
             self.space.recording.start(make_order(self.space))
         except DraglagError as error:
             self.tell("error", str(error))
+
+    def help_here(self) -> None:
+        """The manual's section on the page in sight."""
+        title = self.pages[self.page][0]
+        self.go("help")
+        page = self.pages["help"][1]
+        assert isinstance(page, HelpPage)
+        page.show_section(title)
+
+    def ask_details(self) -> None:
+        """Ask what the next session is about: screen, participant, operator, free fields, the file's name."""
+        SessionDialog(self.space, self).open()
 
     def _control(self, request: str) -> None:
         control = self.space.recording.control
@@ -233,8 +317,35 @@ class OperatorWindow(QMainWindow):
 
     def _show_readiness(self) -> None:
         """Whether F5 would begin, as the lights and the choices are now."""
-        problems, _ = obstacles(self.space)
-        self.record.show_readiness([*problems, *self.header.faults()])
+        found, faults = obstacles(self.space), self.header.faults()
+        self.record.show_readiness(found, faults)
+        self._show_steps()
+
+    def _show_steps(self) -> None:
+        """The steps of a measurement, on the pages that are steps, while nothing is being recorded."""
+        page = self.page
+        self.steps.setVisible(page in STEPS and not self.space.recording.active)
+        if self.steps.isVisibleTo(self):
+            self.steps.show_steps(steps_of(obstacles(self.space), self.header.faults()), page)
+
+    @property
+    def page(self) -> str:
+        """The name of the page in sight."""
+        shown = self.stack.currentWidget()
+        return next((name for name, (_, page) in self.pages.items() if page is shown), "bench")
+
+    def _use_keys(self) -> None:
+        """The keys as the settings have them, in menus, on buttons and in the tips of the pages."""
+        chosen = self.space.settings.keys
+        if chosen == self._keys:
+            return
+        self._keys = dict(chosen)
+        self.actions_table.use_keys(chosen)
+        usual, present = ({spec.id: keys_of(spec.id, which) for spec in ACTIONS} for which in ({}, chosen))
+        show_keys(self, usual, present)
+        help_page = self.pages["help"][1]
+        assert isinstance(help_page, HelpPage)
+        help_page.show_keys()
 
     def figure_source(self) -> str:
         """What figures of this window are drawn from."""
@@ -289,6 +400,10 @@ class OperatorWindow(QMainWindow):
             if redraw is not None:
                 redraw()
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.navigation.set_narrow(self.width() < wide(_NARROW_PX))
+
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Return presses the button that has the keyboard, as in dialogs; here Qt gives that to the space bar alone."""
         focus = self.focusWidget()
@@ -304,6 +419,7 @@ class OperatorWindow(QMainWindow):
         if self.space.recording.active and not self._sure_to_stop():
             event.ignore()
             return
+        self._remember()
         self.shut_down()
         event.accept()
 
@@ -330,3 +446,12 @@ class OperatorWindow(QMainWindow):
         self.space.recording.stop_and_wait()
         self.space.tasks.finish()
         self.space.quiet_tasks.finish()
+
+
+def _dropped(data: QMimeData) -> Path | None:
+    """The one session file or folder that is dragged; None for anything else."""
+    paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
+    if len(paths) != 1:
+        return None
+    path = paths[0]
+    return path if path.is_dir() or path.suffix == ".h5" or path.name == "session.json" else None

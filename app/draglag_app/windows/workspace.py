@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,8 +16,9 @@ from draglag.errors import DraglagError
 from draglag.protocols import Protocol, load_protocol
 from draglag.provenance import is_simulated
 from draglag.recording import Session
-from draglag.store import PARTIAL, add_analysis, read_session
+from draglag.store import PARTIAL, add_analysis, read_analyses, read_session
 from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.parts.recent_menu import remembered
 from draglag_app.windows.parts.tasks import Progress, Tasks
 from draglag_app.windows.recording.calibrating import Calibrating
 from draglag_app.windows.recording.live_estimates import LiveEstimates
@@ -29,7 +30,7 @@ from draglag_app.windows.wording.library_words import in_words
 class Edit(QUndoCommand):
     """One undoable change: what to do and how to take it back."""
 
-    def __init__(self, text: str, do: Callable[[], None], undo: Callable[[], None]) -> None:
+    def __init__(self, text: str, do: Callable[[], object], undo: Callable[[], object]) -> None:
         super().__init__(text)
         self._do = do
         self._undo = undo
@@ -49,6 +50,7 @@ class Workspace(QObject):
     session_changed = Signal()
     """Another session is at hand, or none."""
     analysis_changed = Signal()
+    comments_changed = Signal()
     noticed = Signal(str, str)
     """(level, sentence) for the operator."""
 
@@ -67,6 +69,7 @@ class Workspace(QObject):
         self.path: Path | None = None
         self.analysis: Analysis | None = None
         self.options = AnalysisOptions()
+        self.comments: dict[str, str] = {}  # on runs of the session at hand
         self.live = LiveEstimates(self)
         self.recording.ended.connect(self._ended)
 
@@ -110,20 +113,22 @@ class Workspace(QObject):
     def open(self, path: Path, done: Callable[[], object] | None = None) -> None:
         """Read a session file in a worker, then analyse it; ``done`` is called once it could be read."""
 
-        def take(got: tuple[Session, Path]) -> None:
-            self.take(*got)
+        def take(got: tuple[Session, dict[str, str]]) -> None:
+            self.take(got[0], path, got[1])
+            self.change_settings(recent=tuple(remembered(path, self.settings.recent)))
             if done is not None:
                 done()
 
-        def work(progress: Progress) -> tuple[Session, Path]:
+        def work(progress: Progress) -> tuple[Session, dict[str, str]]:
             progress(0.1, path.name)
-            return read_session(path), path
+            return read_session(path), kept_comments(path)
 
         self.tasks.start(self.tr("Reading"), work, take, self.fault)
 
-    def take(self, session: Session, path: Path | None) -> None:
-        """Put a session at hand and analyse it."""
+    def take(self, session: Session, path: Path | None, comments: Mapping[str, str] | None = None) -> None:
+        """Put a session at hand and analyse it; ``comments`` are those on its runs."""
         self.session, self.path, self.analysis = session, path, None
+        self.comments = dict(comments or {})
         self.options = replace(self.options, exclude={})
         self.undo.clear()
         self.session_changed.emit()
@@ -146,14 +151,26 @@ class Workspace(QObject):
         """Leave a run out of the curve. Can be undone."""
         before = self.options
         after = replace(before, exclude={**before.exclude, run_id: reason}, include=before.include - {run_id})
-        self._change_runs(self.tr("leave out {run}").format(run=run_id), before, after)
+        self._change_runs(self.tr("exclude {run}").format(run=run_id), before, after)
 
     def include(self, run_id: str) -> None:
         """Take a run into the curve that was left out by hand, or for how it went. Can be undone."""
         before = self.options
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})
-        self._change_runs(self.tr("take {run} in again").format(run=run_id), before, after)
+        self._change_runs(self.tr("include {run}").format(run=run_id), before, after)
+
+    def comment(self, run_id: str, text: str) -> None:
+        """Words on a run, kept with the results; empty ones take them away. Can be undone."""
+        before = dict(self.comments)
+        after = {key: said for key, said in {**before, run_id: text}.items() if said}
+        if after != before:
+            what = self.tr("comment on {run}").format(run=run_id)
+            self.undo.push(Edit(what, lambda: self._set_comments(after), lambda: self._set_comments(before)))
+
+    def _set_comments(self, comments: dict[str, str]) -> None:
+        self.comments = comments
+        self.comments_changed.emit()
 
     def _change_runs(self, what: str, before: AnalysisOptions, after: AnalysisOptions) -> None:
         def to(runs: AnalysisOptions) -> None:
@@ -171,7 +188,7 @@ class Workspace(QObject):
             "estimator": analysis.options.estimator,
             "update_rate_hz": analysis.options.update_rate_hz,
             "form": analysis.options.form,
-        }
+        } | ({"comments": dict(self.comments)} if self.comments else {})
         made = datetime.now(UTC).isoformat(timespec="seconds")
 
         def work(progress: Progress) -> int:
@@ -203,3 +220,13 @@ class Workspace(QObject):
             self.noticed.emit("warning" if whole else "error", in_words(problem) + saved)
         if path is not None:
             self.open(path)
+
+
+def kept_comments(path: Path) -> dict[str, str]:
+    """Comments on runs, run → words, as they were kept last with results; none where they cannot be read."""
+    try:
+        stored = read_analyses(path)
+    except DraglagError:
+        return {}
+    found: object = next((one.options["comments"] for one in reversed(stored) if "comments" in one.options), {})
+    return {str(run): str(text) for run, text in found.items()} if isinstance(found, dict) else {}

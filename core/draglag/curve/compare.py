@@ -52,7 +52,7 @@ class CurveDifference:
 
         Raises DraglagError where matplotlib is not installed.
         """
-        from draglag.report.drawn import draw_difference, own_axes
+        from draglag.drawing.results import draw_difference, own_axes
 
         axes = own_axes(ax)
         draw_difference(axes, self)
@@ -74,9 +74,9 @@ def curve_difference(
         inner = [v for v in SPEEDS_MM_S if low < v < high]
         speeds_mm_s = np.array([low, *inner, high])
     speed = speeds_mm_s[(speeds_mm_s >= low) & (speeds_mm_s <= high)]
-    apart = second.predict_s(speed) - first.predict_s(speed)
+    difference = second.predict_s(speed) - first.predict_s(speed)
     halves = [0.5 * (band[1] - band[0]) for band in (first.band_s(speed), second.band_s(speed))]
     half = np.maximum(np.hypot(*halves), 1e-9)
-    largest = float(np.max(np.abs(apart) / half)) * 1.96
+    largest = float(np.max(np.abs(difference) / half)) * 1.96
     p_value = min(1.0, 2 * float(ndtr(-largest)) * speed.size)
-    return CurveDifference(speed, apart, apart - half, apart + half, p_value)
+    return CurveDifference(speed, difference, difference - half, difference + half, p_value)

@@ -16,7 +16,7 @@ from draglag.errors import EstimateError
 from draglag.recording import FloatArray
 from draglag.shown import table_html
 
-FEWEST_SPEEDS = 5  # as many as Eq. 5 has coefficients: fewer cannot tell a decay from anything else
+FEWEST_SPEEDS = 5  # as many as Eq. 5 has coefficients: fewer do not identify a decay
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
 
 
@@ -36,7 +36,7 @@ class CurveFit:
         covariance: of ``values``; zero rows for parameters at a bound.
         rms_s: RMS of L − L̂ over the points, unweighted (the paper's Table 2).
         between_runs_s: scatter of runs about the curve beyond their own standard errors.
-        tied_asymptote_s: the tap latency a7 was held at, or None.
+        tied_asymptote_s: the tap latency a7 was fixed at, or None.
     """
 
     form: str
@@ -116,7 +116,7 @@ class CurveFit:
 
         Raises DraglagError where matplotlib is not installed.
         """
-        from draglag.report.drawn import draw_curve, own_axes
+        from draglag.drawing.results import draw_curve, own_axes
 
         axes = own_axes(ax)
         draw_curve(axes, self)
@@ -250,15 +250,15 @@ def _finish(
     # The runs' own standard errors are known; the scatter between runs is profiled, so both enter the likelihood.
     deviance = float(np.sum(error_s**2 / variance_s2 + np.log(variance_s2)))
     return CurveFit(
-        form.name,
-        values,
-        covariance,
-        float(np.sqrt(np.mean(error_s**2))),
-        (float(speed.min()), float(speed.max())),
-        between_s,
-        n,
-        deviance + penalty,
-        float("nan"),
+        form=form.name,
+        values=values,
+        covariance=covariance,
+        rms_s=float(np.sqrt(np.mean(error_s**2))),
+        speed_range_mm_s=(float(speed.min()), float(speed.max())),
+        between_runs_s=between_s,
+        n_points=n,
+        aicc=deviance + penalty,
+        held_out_rms_s=float("nan"),
         tied_asymptote_s=tied_s,
         points=points,
     )

@@ -87,6 +87,7 @@ def write_session_extras(place: Path, session: Session, end: str) -> dict[str, A
         "software": session.software,
         SIMULATED: is_simulated(session.devices),
         "devices": dict(session.devices),
+        "details": dict(session.details),
         "beam": None if session.beam is None else asdict(session.beam),
         "calibration": calibration,
         "clocks": _clock_keys(session.clocks, "clock", end),
@@ -114,6 +115,7 @@ def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:
         "protocol_toml": _protocol(folder, header),
         "seed": header.seed,
         "devices": devices,
+        "details": dict(header.details),
         "software": header.software,
         "calibration": None if known is None else _calibration(known),
     }

@@ -135,6 +135,7 @@ class HeaderPart(_Part):
     software: str = ""
     simulated: Annotated[bool, Field(strict=True)] = False
     devices: dict[str, str] = Field(default_factory=dict)
+    details: dict[str, str] = Field(default_factory=dict)
     beam: BeamPart | None = None
     calibration: CalibrationPart | None = None
     clocks: list[ClockPart] = Field(default_factory=list)

@@ -13,7 +13,7 @@ def left_out(session: Session, kind: str) -> tuple[str, ...]:
     if kind != "csv":
         return ()
     runs = session.runs
-    held = {
+    held_columns = {
         "screen": True,
         "stylus": True,
         "clock comparisons": bool(session.clocks) or any(run.sync for run in runs),
@@ -24,6 +24,7 @@ def left_out(session: Session, kind: str) -> tuple[str, ...]:
         "calibration": session.calibration is not None,
         "beam": session.beam is not None,
         "devices": bool(session.devices),
+        "participant, operator and other details": bool(session.details),
         "target parameters": any(run.target for run in runs),
         "protocol": bool(session.protocol_toml),
         "seeds": session.seed is not None or any(run.seed is not None for run in runs),
@@ -31,4 +32,4 @@ def left_out(session: Session, kind: str) -> tuple[str, ...]:
         "notes and logs": bool(session.notes) or any(run.log for run in runs),
         "counts of rejected taps": session.taps is not None and bool(session.taps.rejected),
     }
-    return tuple(what for what, there in held.items() if there)
+    return tuple(what for what, there in held_columns.items() if there)

@@ -32,17 +32,17 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
     if path is None:
         return empty_touch(), ["there is no touch file"]
     table, names = _with_more(path, read_table(path, ("t_s", "x_mm", "y_mm")), more, TOUCH_MORE)
-    rows, said = _finite(path, table, 3)
-    rows, told = _in_order(path, rows)
-    said += told
+    rows, notes = _finite(path, table, 3)
+    rows, sorting = _in_order(path, rows)
+    notes += sorting
     doubled = np.append((np.diff(rows, axis=0) == 0).all(axis=1), False)[: len(rows)]
     if doubled.any() and not as_recorded:
-        said.append(f"{path.name}: {int(doubled.sum())} rows come twice and count once")
+        notes.append(f"{path.name}: {int(doubled.sum())} rows come twice and count once")
         rows = rows[~doubled]
     if not len(rows):
-        return empty_touch(), said if as_recorded else [*said, f"{path.name}: holds no touch events"]
+        return empty_touch(), notes if as_recorded else [*notes, f"{path.name}: holds no touch events"]
     t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T[:3])
-    return TouchTrace(t_s, x_mm, y_mm, **_further(more, names, rows[:, 3:])), said
+    return TouchTrace(t_s, x_mm, y_mm, **_further(more, names, rows[:, 3:])), notes
 
 
 def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[LaserTrace, list[str]]:
@@ -57,26 +57,26 @@ def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = 
     table = read_table(path, ("t_s", "light"))
     odd = np.flatnonzero(~np.isin(table[:, 1], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     table, names = _with_more(path, table, more, LASER_MORE)
-    rows, said = _finite(path, table, 2)
+    rows, notes = _finite(path, table, 2)
     if len(odd):
         raise DataError(
             f"{path}, line {line_of_row(path, int(odd[0]))}: expected light 0 or 1, found {table[odd[0], 1]:g}",
             "Correct or remove that line",
         )
-    rows, told = _in_order(path, rows)
-    said += told
+    rows, sorting = _in_order(path, rows)
+    notes += sorting
     same = np.append(False, (np.diff(rows[:, 0]) == 0) & (np.diff(rows[:, 1]) == 0))[: len(rows)]
     if same.any() and not as_recorded:
-        said.append(f"{path.name}: {int(same.sum())} edges come twice and count once")
+        notes.append(f"{path.name}: {int(same.sum())} edges come twice and count once")
         rows = rows[~same]
     if not len(rows):
-        return empty_laser(), said if as_recorded else [*said, f"{path.name}: holds no edges"]
+        return empty_laser(), notes if as_recorded else [*notes, f"{path.name}: holds no edges"]
     missed = 0 if as_recorded else int((np.diff(rows[:, 1]) == 0).sum())
     if missed:
-        said.append(f"{path.name}: {missed} edges are missing (the same level twice running)")
+        notes.append(f"{path.name}: {missed} edges are missing (the same level twice running)")
     light = rows[:, 1].astype(np.int64)
     further = _further(more, names, rows[:, 2:])
-    return LaserTrace(np.ascontiguousarray(rows[:, 0]), light, missed=missed, **further), said
+    return LaserTrace(np.ascontiguousarray(rows[:, 0]), light, missed=missed, **further), notes
 
 
 def read_taps(path: Path) -> tuple[Taps, list[str]]:
@@ -84,7 +84,7 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
     if not path.is_file():
         raise DataError(f"{path}: there is no such file", "Set taps to null in session.json if there are none")
     table = read_table(path, ("physical_s", "registered_s", "down"))
-    rows, said = _finite(path, table)
+    rows, notes = _finite(path, table)
     odd = np.flatnonzero(~np.isin(table[:, 2], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     if len(odd):
         raise DataError(
@@ -93,15 +93,15 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
         )
     rows, more = _in_order(path, rows)
     physical_s, registered_s, down = (np.ascontiguousarray(column) for column in rows.T)
-    return Taps(physical_s, registered_s, down.astype(np.int64)), said + more
+    return Taps(physical_s, registered_s, down.astype(np.int64)), notes + more
 
 
 def read_display(path: Path, missed: int) -> tuple[DisplayTrace, list[str]]:
     """Where the target was drawn, and what was mended. Raises DataError."""
-    rows, said = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
+    rows, notes = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
     rows, more = _in_order(path, rows)
     t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T)
-    return DisplayTrace(t_s, x_mm, y_mm, missed), said + more
+    return DisplayTrace(t_s, x_mm, y_mm, missed), notes + more
 
 
 def read_gaps(path: Path) -> Floats:
@@ -166,5 +166,5 @@ def _in_order(path: Path, rows: Floats) -> tuple[Floats, list[str]]:
     back = np.flatnonzero(np.diff(rows[:, 0]) < 0)
     if not len(back):
         return rows, []
-    said = f"{path.name}: times go back {len(back)} times (first to {rows[back[0] + 1, 0]:g} s); put in order"
-    return rows[np.argsort(rows[:, 0], kind="stable")], [said]
+    notes = f"{path.name}: times go back {len(back)} times (first to {rows[back[0] + 1, 0]:g} s); put in order"
+    return rows[np.argsort(rows[:, 0], kind="stable")], [notes]

@@ -21,7 +21,7 @@ def find_table(folder: Path, stem: str) -> Path | None:
     """``<stem>.csv`` or ``<stem>.csv.gz``, whichever is there. Raises DataError where both are."""
     found = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.csv.gz") if path.is_file()]
     if len(found) > 1:
-        raise DataError(f"{found[0]}: stands beside {found[1].name}", "Remove the one that is out of date")
+        raise DataError(f"{found[0]}: exists in addition to {found[1].name}", "Remove the one that is out of date")
     return found[0] if found else None
 
 

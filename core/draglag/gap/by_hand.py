@@ -92,7 +92,7 @@ def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) ->
         changed.after_mm,
         min(pool.probability_of(column_of(effect)), STATED_AT_MOST),
         twins_of(effect),
-        effect_class(effect).shown_apart_by,
+        effect_class(effect).separated_by,
         fit,
     )
 

@@ -21,7 +21,7 @@ def not_shown(session: Session, fit: Fit) -> dict[str, str]:
     for name, effect in EFFECTS.items():
         if effect.needs not in lacks or column_of(name) in inside - {name}:
             continue  # where its column is in the model, the step of that effect names this one as its rival
-        out[name] = lacks[effect.needs] or effect.unseen_without
+        out[name] = lacks[effect.needs] or effect.identifiable_with
     return out
 
 

@@ -161,7 +161,7 @@ def step_of(
         gap_mm(after),
         float(p),
         tuple(dict.fromkeys(rivals)),
-        effect_class(effect).shown_apart_by if rivals else "",
+        effect_class(effect).separated_by if rivals else "",
         after,
     )
 
@@ -208,7 +208,7 @@ def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fi
             after,
             STATED_AT_MOST,
             item.rivals,
-            effect_class(item.effect).shown_apart_by if item.rivals else "",
+            effect_class(item.effect).separated_by if item.rivals else "",
         )
         for k, item in enumerate(found)
     ]
@@ -265,7 +265,7 @@ def with_taps(
         gap_mm(after),
         offset.probability * sum(shares[e] for e in (best, *rivals)),
         rivals,
-        EFFECTS[best].shown_apart_by if rivals else "",
+        EFFECTS[best].separated_by if rivals else "",
         after,
     )
     return [step], after

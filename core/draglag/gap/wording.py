@@ -106,7 +106,7 @@ def _to_separate(report: GapReport) -> list[str]:
 
 def separating_run(effect: str, alike: Sequence[str], extra_run: str) -> str:
     """The recording that would separate an effect from those that look alike; empty where none is known."""
-    known = (EFFECTS[name].shown_apart_by for name in (effect, *alike) if name in EFFECTS)
+    known = (EFFECTS[name].separated_by for name in (effect, *alike) if name in EFFECTS)
     return extra_run or next(filter(None, known), "")
 
 

@@ -1,7 +1,8 @@
 """Latency of one run: Eq. 1–2 as the paper has them, and the efficient estimator (joint maximum likelihood)."""
 
 from draglag.latency.budget import with_systematics
-from draglag.latency.estimate import RunEstimate, estimate_run
+from draglag.latency.estimate import RunEstimate
 from draglag.latency.on_clock import estimate_on_clock
+from draglag.latency.run import estimate_run
 
 __all__ = ["RunEstimate", "estimate_on_clock", "estimate_run", "with_systematics"]

@@ -36,7 +36,7 @@ class Arrival:
 
     t_s: FloatArray
     late_s: FloatArray
-    unseen_s: float
+    unobserved_s: float
 
     def at_edges(self, at_s: FloatArray) -> tuple[float, float, float]:
         """Mean lateness of the trace at times (m,), its standard error, and how much it scatters by chance, s."""
@@ -47,7 +47,7 @@ class Arrival:
         parts = (np.bincount(at, weight, self.t_s.size) for at, weight in ((k, 1 - after), (k + 1, after)))
         share: FloatArray = np.asarray(sum(parts), np.float64) / at_s.size
         alone = float(np.sqrt(share @ share))
-        return float(share @ self.late_s), self.unseen_s * alone, float(self.late_s.std()) * alone
+        return float(share @ self.late_s), self.unobserved_s * alone, float(self.late_s.std()) * alone
 
 
 def lateness_s(t_s: FloatArray) -> FloatArray:
@@ -62,11 +62,11 @@ def lateness_s(t_s: FloatArray) -> FloatArray:
     cuts = [0, *(1 + np.flatnonzero(np.diff(slot) > LONGEST_FILL)), t_s.size]
     for first, end in pairwise(cuts):
         if end - first >= FEWEST:
-            late_s[first:end] = _behind_s(t_s[first:end], slot[first:end], SLIP * dt_s)
+            late_s[first:end] = _lateness_of_stretch_s(t_s[first:end], slot[first:end], SLIP * dt_s)
     return late_s
 
 
-def _behind_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
+def _lateness_of_stretch_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
     """Stamps (n,) less the straight line through their slots, on both sides of a slip by lines of their own."""
     if t_s.size < FEWEST:
         return np.zeros(t_s.size)
@@ -81,19 +81,19 @@ def _behind_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
         return np.asarray(off_s)
     cut = at + AROUND
     parts = (slice(None, cut), slice(cut, None))
-    return np.concatenate([_behind_s(t_s[part], slot[part], slip_s) for part in parts])
+    return np.concatenate([_lateness_of_stretch_s(t_s[part], slot[part], slip_s) for part in parts])
 
 
 def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
     """The run with each stamp set back by its lateness, as far as the positions confirm it, and that lateness; its
     smooth path, where that was needed to see that no stamp is set back."""
     touch = ready.touch
-    came_s = _came_s(ready)
-    every_s = lateness_s(came_s)
-    none = Arrival(came_s, np.zeros(came_s.size), 0.0)
+    arrival_s = _arrival_s(ready)
+    every_s = lateness_s(arrival_s)
+    none = Arrival(arrival_s, np.zeros(arrival_s.size), 0.0)
     if every_s.std() < LEAST_S:
         return ready, none, None
-    late_s = every_s[np.searchsorted(came_s, touch.t_s, side="right") - 1]
+    late_s = every_s[np.searchsorted(arrival_s, touch.t_s, side="right") - 1]
     share, again, first = 0.0, ready, smoothed_of(ready)
     smoothed = first
     for _ in range(REFINED):
@@ -107,8 +107,8 @@ def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
             break
         smoothed = smoothed_of(again)
     # Where stamps scatter by what is lateness and by what is not, lateness is known by this much.
-    unseen_s = float(every_s.std() * np.sqrt(share * (1 - share)))
-    return again, Arrival(came_s - share * every_s, share * every_s, unseen_s), None
+    unobserved_s = float(every_s.std() * np.sqrt(share * (1 - share)))
+    return again, Arrival(arrival_s - share * every_s, share * every_s, unobserved_s), None
 
 
 def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
@@ -119,8 +119,8 @@ def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
     return float(np.vdot(shown_mm, place_mm - ready.xy_mm) / max(float(np.vdot(shown_mm, shown_mm)), 1e-12))
 
 
-def _came_s(ready: Prepared) -> FloatArray:
+def _arrival_s(ready: Prepared) -> FloatArray:
     """Stamps of all that came: two reports of one poll share theirs, and still are two. Of batches, the last ones."""
-    came = ready.run.touch
-    came_s = np.sort(came.t_s[np.isfinite(came.t_s) & np.isfinite(came.x_mm) & np.isfinite(came.y_mm)])
-    return came_s if ready.touch.t_s.size > (1 - BATCHED) * came_s.size else ready.touch.t_s
+    events = ready.run.touch
+    arrival_s = np.sort(events.t_s[np.isfinite(events.t_s) & np.isfinite(events.x_mm) & np.isfinite(events.y_mm)])
+    return arrival_s if ready.touch.t_s.size > (1 - BATCHED) * arrival_s.size else ready.touch.t_s

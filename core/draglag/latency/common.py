@@ -28,18 +28,18 @@ def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_sl
     side = sides(edges.falling, v_mm_s[:, 1])
     lines, residual = fit_lines(x_mm, y_mm, side, shared_slope)
     return Alignment(
-        edges.t_s,
-        raw[0],
-        raw[1],
-        x_mm,
-        y_mm,
-        side,
-        edges.falling,
-        residual,
-        latency_s,
-        fit.speed_mm_s,
-        v_mm_s,
-        lines,
+        edge_t_s=edges.t_s,
+        x_raw_mm=raw[0],
+        y_raw_mm=raw[1],
+        x_mm=x_mm,
+        y_mm=y_mm,
+        side=side,
+        falling=edges.falling,
+        residual_mm=residual,
+        latency_s=latency_s,
+        speed_mm_s=fit.speed_mm_s,
+        v_mm_s=v_mm_s,
+        lines=lines,
     )
 
 

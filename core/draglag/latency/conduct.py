@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate, estimate_run
+from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate
+from draglag.latency.run import estimate_run
 from draglag.recording import FloatArray, Run, Session
 
 # Source of the entry in a run's log that says that the recording program, or its computer, stood still.
@@ -28,7 +29,7 @@ EXCLUDED = ("aborted", "device_lost", "failed", STANDSTILL, "laser_missing", "fa
 def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
     """The estimate with the flags of how its run went, before those it has."""
     flags = _outcome(run)
-    share = _seen_passes(estimate, run)
+    share = _observed_passes(estimate, run)
     if share is not None and share < FEWEST_PASSES:
         flags.append("laser_missing")
     if estimate.speed_mm_s and run.nominal_speed_mm_s:
@@ -92,7 +93,7 @@ def _halves(estimate: RunEstimate) -> float:
     return _ratio(float(speed[early].mean()), float(speed[~early].mean()))
 
 
-def _seen_passes(estimate: RunEstimate, run: Run) -> float | None:
+def _observed_passes(estimate: RunEstimate, run: Run) -> float | None:
     """Edges of the laser over twice the passes of the touch trace across the beam; None where nothing says."""
     if estimate.alignment is None or not run.laser.t_s.size:
         return None

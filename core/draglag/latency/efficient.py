@@ -20,7 +20,7 @@ from draglag.latency.arrival import Arrival, set_back
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared, RunEstimate
-from draglag.latency.path import APART_S
+from draglag.latency.path import INDEPENDENT_S
 from draglag.latency.pauses import NONE, Pauses, without_pauses
 from draglag.latency.scan import Scan, scan
 from draglag.latency.track import Track, track_of
@@ -29,10 +29,10 @@ from draglag.recording import FloatArray
 
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
 SCATTER_LASTS_S = 0.03
-NEAR_S = 3e-5  # a step from here ends closer than any interval tells
-SURELY_CALM = 0.2  # nothing calls for another explanation of the edges
+CONVERGED_S = 3e-5  # smaller steps are far below any interval
+SCATTER_CERTAIN = 0.2  # nothing calls for another explanation of the edges
 GRAZING = 0.15  # below this fraction of the speed across the beam, the side of an edge is a guess
-UNSURE = 3.0  # a place this many times less sure than the median is none
+LARGEST_SE_RATIO = 3.0  # a place this many times less sure than the median is none
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Solution:
     residual_mm: FloatArray
     log_likelihood: float
     tau_mm: float
-    calm: float
+    p_no_scatter: float
     n_outside: int
     track: Track
 
@@ -86,12 +86,12 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
         return replace(blank, flags=("unidentifiable",))
     solutions.sort(key=lambda s: -s.log_likelihood / max(s.edges.t_s.size, 1))
     best = solutions[0]
-    if track.tremor is not None and best.calm < SURELY_CALM:
-        # Where a steep law re-times the trace, what looks like tremor is not where the stylus was: the edges tell.
+    if track.tremor is not None and best.p_no_scatter < SCATTER_CERTAIN:
+        # Where a steep law re-times the trace, apparent tremor is not movement of the stylus: the edges decide.
         plain = _on_track(best, replace(track, with_tremor=False))
         if plain.log_likelihood > best.log_likelihood:
             best = plain
-    best, pauses = _apart_from_pauses(ready, best)
+    best, pauses = _without_pauses(ready, best)
     extra = []
     if any(
         best.log_likelihood - rival.log_likelihood < ALIAS_LOG_LIKELIHOOD
@@ -106,11 +106,11 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     return common_flags(_describe(ready, blank, best, arrival, pauses), ready, best.edges, window_s, tuple(extra))
 
 
-def _apart_from_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
+def _without_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
     """The solution from the edges outside the hand's pauses, and those inside."""
     others, pauses = without_pauses(ready, best.track, best.latency_s, best.parameters[1:4])
-    apart = _solved(others, best.latency_s, best.track) if pauses.t_s.size else None
-    return (best, NONE) if apart is None else (apart, pauses)
+    without = _solved(others, best.latency_s, best.track) if pauses.t_s.size else None
+    return (best, NONE) if without is None else (without, pauses)
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
@@ -153,7 +153,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         side = sides(edges.falling, across)
         design = _design(track, at_s, slope, side, xy_mm, v_mm_s)
         change, residual = known_fit(design, xy_mm[:, 1], known)
-        slope, seen_s = float(change[1]), latency_s
+        slope, linearised_s = float(change[1]), latency_s
         latency_s += float(np.clip(change[0], -0.03, 0.03))
         if abs(latency_s - start_s) > 0.06:
             return None
@@ -161,28 +161,28 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         if step >= 1 and outlier.any() and edges.t_s.size - np.count_nonzero(outlier) >= FEWEST_EDGES:
             edges, known, residual = edges.take(~outlier), None, None
             continue
-        if abs(change[0]) < NEAR_S and step >= 1:
+        if abs(change[0]) < CONVERGED_S and step >= 1:
             break
     if residual is None or known is None:
         return None
     fit = weighted_fit(design, xy_mm[:, 1], known, likely_scatter_mm(residual))
-    latency_s = seen_s + float(np.clip(fit.estimate[0], -0.03, 0.03))
+    latency_s = linearised_s + float(np.clip(fit.estimate[0], -0.03, 0.03))
     parameters = fit.estimate.copy()
     parameters[0] = latency_s
     return Solution(
-        latency_s,
-        parameters,
-        fit.spread,
-        edges,
-        xy_mm,
-        v_mm_s,
-        side,
-        fit.residual,
-        fit.log_likelihood,
-        fit.tau_mm,
-        fit.calm,
-        n_lost,
-        track,
+        latency_s=latency_s,
+        parameters=parameters,
+        covariance=fit.spread,
+        edges=edges,
+        xy_mm=xy_mm,
+        v_mm_s=v_mm_s,
+        side=side,
+        residual_mm=fit.residual,
+        log_likelihood=fit.log_likelihood,
+        tau_mm=fit.tau_mm,
+        p_no_scatter=fit.p_no_scatter,
+        n_outside=n_lost,
+        track=track,
     )
 
 
@@ -206,7 +206,7 @@ def _on_track(solution: Solution, track: Track) -> Solution:
         residual_mm=fit.residual,
         log_likelihood=fit.log_likelihood,
         tau_mm=fit.tau_mm,
-        calm=fit.calm,
+        p_no_scatter=fit.p_no_scatter,
         track=track,
     )
 
@@ -235,7 +235,7 @@ def _design(
 def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
     """What scatters edges beyond what is known lasts tens of milliseconds: two edges of a fast crossing share it."""
     m = edge_t_s.size
-    reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + APART_S) - np.arange(m)))
+    reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + INDEPENDENT_S) - np.arange(m)))
     row = np.arange(reach)[:, None] + np.arange(m)[None, :]
     inside = row < m
     row = np.minimum(row, m - 1)
@@ -291,18 +291,18 @@ def _alignment(ready: Prepared, best: Solution) -> Alignment:
     touch = ready.touch
     raw = [np.interp(best.edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
     return Alignment(
-        best.edges.t_s,
-        raw[0],
-        raw[1],
-        best.xy_mm[:, 0],
-        best.xy_mm[:, 1],
-        best.side,
-        best.edges.falling,
-        best.residual_mm,
-        np.full(best.edges.t_s.size, best.latency_s),
-        best.speed_mm_s,
-        best.v_mm_s,
-        Lines(slope, slope, middle - half_mm, middle + half_mm),
+        edge_t_s=best.edges.t_s,
+        x_raw_mm=raw[0],
+        y_raw_mm=raw[1],
+        x_mm=best.xy_mm[:, 0],
+        y_mm=best.xy_mm[:, 1],
+        side=best.side,
+        falling=best.edges.falling,
+        residual_mm=best.residual_mm,
+        latency_s=np.full(best.edges.t_s.size, best.latency_s),
+        speed_mm_s=best.speed_mm_s,
+        v_mm_s=best.v_mm_s,
+        lines=Lines(slope, slope, middle - half_mm, middle + half_mm),
     )
 
 

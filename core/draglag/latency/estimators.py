@@ -8,14 +8,16 @@ from functools import cache
 from typing import cast
 
 from draglag.errors import DraglagError, EstimateError
+from draglag.latency.efficient import estimate_efficient
 from draglag.latency.estimate import Prepared, RunEstimate
+from draglag.latency.paper import estimate_paper
 from draglag.plugins import brought
 
 GROUP = "draglag.estimators"
-OWN = ("efficient", "paper")
-
 Estimator = Callable[[Prepared, RunEstimate, tuple[float, float]], RunEstimate]
 """From a prepared run, the estimate without figures, and the latencies to search (s), to the estimate with figures."""
+
+OWN: dict[str, Estimator] = {"efficient": estimate_efficient, "paper": estimate_paper}
 
 
 def estimator_names() -> list[str]:
@@ -25,14 +27,8 @@ def estimator_names() -> list[str]:
 
 def estimator_of(name: str) -> Estimator:
     """The estimator of that name. Raises EstimateError for one that nobody brings."""
-    if name == "efficient":
-        from draglag.latency.efficient import estimate_efficient
-
-        return estimate_efficient
-    if name == "paper":
-        from draglag.latency.paper import estimate_paper
-
-        return estimate_paper
+    if name in OWN:
+        return OWN[name]
     others = _of_other_packages()
     if name not in others:
         raise EstimateError(f"unknown estimator {name!r}", f"Use one of {', '.join([*OWN, *others])}")

@@ -10,10 +10,11 @@ import numpy as np
 from draglag.clocks import WARN_S, clock_warnings, fit_clocks, remapped_within
 from draglag.errors import DataError
 from draglag.latency.budget import widened
-from draglag.latency.estimate import WINDOW_S, RunEstimate, estimate_run
+from draglag.latency.estimate import WINDOW_S, RunEstimate
+from draglag.latency.run import estimate_run
 from draglag.recording import ClockBounds, FloatArray, Run, Session, Taps
 
-# Comparisons this long before and after a run still tell of its clock: over longer times no quartz is a straight line.
+# Comparisons this long before and after a run still constrain its clock: over longer times no quartz is linear.
 NEARBY_S = 120.0
 # A run whose own comparisons reach this close to its first and last edge needs no others.
 REACH_S = 2.0
@@ -58,7 +59,7 @@ def estimate_on_clock(
     around = nearby(run, clocks)
     try:
         run, bound_s = remapped_within(run, around)
-    except DataError:  # comparisons that cannot be read as such tell nothing
+    except DataError:  # unreadable comparisons constrain nothing
         bound_s = None
     return with_clock(estimate_run(run, stylus_diameter_mm, estimator, update_rate_hz, window_s), bound_s)
 

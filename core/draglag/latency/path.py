@@ -29,7 +29,7 @@ SEGMENT_S = 8.0
 KNOTS_PER_PERIOD = 10.0  # of the corner frequency
 LONGEST_FILL = 3  # missing events that interpolation bridges without harm
 NOISE_UP_TO_HZ = 7.0  # between the path and tremor there is only noise
-APART_S = 3.0  # edges further apart share no error
+INDEPENDENT_S = 3.0  # edges further apart share no error
 LAG_STEP_S, LAG_POINTS = 0.005, 2048  # of the table of covariances
 QUIET_FROM_HZ = 14.0  # and above tremor
 FILTERS_HZ = (2.0, 4.0, 8.0, 16.0)
@@ -323,8 +323,8 @@ def looked_up(table: FloatArray, position: FloatArray) -> FloatArray:
 
 
 def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
-    """A table of autocovariances, zero from APART_S on, still a covariance (Parzen's window)."""
-    u = step_s * np.arange(int(APART_S / step_s) + 2) / APART_S
+    """A table of autocovariances, zero from INDEPENDENT_S on, still a covariance (Parzen's window)."""
+    u = step_s * np.arange(int(INDEPENDENT_S / step_s) + 2) / INDEPENDENT_S
     window = np.where(u < 0.5, 1 - 6 * u**2 * (1 - u), 2 * np.maximum(1 - u, 0.0) ** 3)
     out = np.zeros(u.size)
     k = min(u.size, by_lag.size)
@@ -387,4 +387,15 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
     # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.
     noise_dof = 0.5 * max(NOISE_UP_TO_HZ - corner_hz, 1.0) * float(t_s[-1] - t_s[0])
     noise_dof = max(noise_dof, 3.0)
-    return Path(start_s, step_s, coefficients, factor, noise_mm, rhythm_hz, corner_hz, noise_dof, events.dt_s, gather)
+    return Path(
+        start_s=start_s,
+        step_s=step_s,
+        coefficients=coefficients,
+        factor=factor,
+        noise_mm=noise_mm,
+        rhythm_hz=rhythm_hz,
+        corner_hz=corner_hz,
+        noise_dof=noise_dof,
+        dt_s=events.dt_s,
+        gather=gather,
+    )

@@ -48,7 +48,7 @@ def scan(
     circle's top and bottom, perfectly aligned.
     """
     latency_s = np.arange(window_s[0], window_s[1] + step_s / 2, step_s)
-    # An odd stride keeps both kinds of edges; to tell minima apart some sixty are plenty.
+    # An odd stride keeps both kinds of edges; some sixty edges are enough to separate minima.
     some = slice(None, None, 2 * (edges.t_s.size // (2 * MANY_EDGES)) + 1)
     at_s = edges.t_s[None, some] + latency_s[:, None]
     placed = in_contact(touch.t_s, at_s, contact_losses(touch.t_s) if losses_s is None else losses_s)

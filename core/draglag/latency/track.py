@@ -9,7 +9,7 @@ import numpy as np
 from draglag.events import contact_losses
 from draglag.latency.estimate import Prepared
 from draglag.latency.path import (
-    APART_S,
+    INDEPENDENT_S,
     Events,
     Path,
     Spectrum,
@@ -66,7 +66,7 @@ def independent_places(path: Path, t_s: FloatArray) -> float:
     shared = variance * max(m, 1)
     for k in range(1, m):
         lag_s = t_s[k:] - t_s[:-k]
-        if float(lag_s.min()) > APART_S:
+        if float(lag_s.min()) > INDEPENDENT_S:
             break
         shared += 2 * float(path.by_lag(lag_s).sum())
     return max(m**2 * variance / max(shared, variance), 1.0)

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from draglag.latency.path import APART_S, Events, Path, looked_up, tapered
+from draglag.latency.path import INDEPENDENT_S, Events, Path, looked_up, tapered
 from draglag.recording import FloatArray
 
 BAND_HZ = (7.0, 14.0)
-BESIDE_HZ = ((4.5, 7.0), (14.0, 20.0))
+FLANKS_HZ = ((4.5, 7.0), (14.0, 20.0))
 SMOOTH_HZ = 1.2
-REMEMBERED_S = 0.5  # tremor this old says nothing of its phase
+COHERENCE_S = 0.5  # tremor this old does not predict its phase
 NOISE_CORNER_HZ = 4.0  # of noise that a digitiser's filter leaves; what counts is that it falls as 1/f² in the band
 FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4 % at 10 Hz
 
@@ -26,7 +26,7 @@ FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4
 class Tremor:
     """Estimated tremor on a fine grid, (g, 2) mm, and autocovariances by lag in the same steps, mm², (k,).
 
-    ``unseen``: of the estimate's own error. ``whole``: of the tremor, for those who leave it out.
+    ``unobserved``: of the estimate's own error. ``whole``: of the tremor, for those who leave it out.
     ``speed2``: variance of one component of the tremor's velocity, (mm/s)². Both are from what lies across the motion:
     a latency that depends on speed re-times the trace, and so magnifies what lies along it.
     """
@@ -34,7 +34,7 @@ class Tremor:
     start_s: float
     step_s: float
     xy_mm: FloatArray
-    unseen: FloatArray
+    unobserved: FloatArray
     whole: FloatArray
     speed2: float
 
@@ -47,7 +47,7 @@ class Tremor:
 
     def by_lag(self, lag_s: FloatArray, estimated: bool) -> FloatArray:
         """Covariance, mm², of the errors of one coordinate that far apart, with or without the estimate."""
-        return looked_up(self.unseen if estimated else self.whole, lag_s / self.step_s)
+        return looked_up(self.unobserved if estimated else self.whole, lag_s / self.step_s)
 
     def mean_speed2(self, t_s: FloatArray, ahead: FloatArray) -> float:
         """Variance of the mean, over edges at rising times t_s (m,), of the tremor's velocity along ``ahead`` (m, 2).
@@ -55,7 +55,7 @@ class Tremor:
         Edges a period of the tremor apart meet the same phase of it, those half a period apart opposite ones.
         """
         m = t_s.size
-        reach = int(np.max(np.searchsorted(t_s, t_s + REMEMBERED_S) - np.arange(m)))
+        reach = int(np.max(np.searchsorted(t_s, t_s + COHERENCE_S) - np.arange(m)))
         later = np.arange(1, reach)[:, None] + np.arange(m)
         inside = later < m
         later = np.minimum(later, m - 1)
@@ -75,14 +75,14 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
     f_hz = np.arange(size // 2 + 1) / (size * events.dt_s)
-    if f_hz[-1] < BESIDE_HZ[1][1] + 2 or n * events.dt_s < 2.0:
+    if f_hz[-1] < FLANKS_HZ[1][1] + 2 or n * events.dt_s < 2.0:
         return None
     left = events.xy_mm - path.at(events.t_s)
     speed = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
     even = np.zeros((3, size))  # what is left of x, of y, and of both across the motion
     even[:2, events.slot] = left.T
     even[2, events.slot] = (left[:, 0] * v_mm_s[:, 1] - left[:, 1] * v_mm_s[:, 0]) / speed
-    f_hz = f_hz[: np.searchsorted(f_hz, BESIDE_HZ[1][1] + 2)]
+    f_hz = f_hz[: np.searchsorted(f_hz, FLANKS_HZ[1][1] + 2)]
     transform = rfft(even)[:, : f_hz.size]
     squared = (transform.real**2 + transform.imag**2) * (2 * events.dt_s / events.slot.size)
     power = squared[:2].mean(0)
@@ -98,14 +98,14 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None
     rest = 1.0 if under is None else 1 - under.keeps(f_hz)
     fine = irfft(transform[:2] * (gain * rest), size * finer).T * finer
     step_s = events.dt_s / finer
-    points = 2 ** int(np.ceil(np.log2(2 * APART_S / step_s)))
+    points = 2 ** int(np.ceil(np.log2(2 * INDEPENDENT_S / step_s)))
     lag_hz = np.arange(points // 2 + 1) / (points * step_s)
     to_lag = 0.5 * lag_hz[1] * points
-    unseen, whole = (
+    unobserved, whole = (
         tapered(irfft(to_lag * np.interp(lag_hz, f_hz, one, right=0.0), points)[: points // 2], step_s)
         for one in (gain * floor * rest, excess_across * rest)
     )
-    return Tremor(float(events.t_s[0]), step_s, fine[: n * finer], unseen, whole, speed2)
+    return Tremor(float(events.t_s[0]), step_s, fine[: n * finer], unobserved, whole, speed2)
 
 
 def _over_the_floor(
@@ -118,8 +118,8 @@ def _over_the_floor(
     # both sides would lie above it and take a fifth of the tremor for noise.
     falling = 1 / (1 + (f_hz / NOISE_CORNER_HZ) ** 2)
     (p_low, g_low), (p_high, g_high) = (
-        (float(power[beside].mean()), float(falling[beside].mean()))
-        for beside in ((f_hz >= low) & (f_hz < high) for low, high in BESIDE_HZ)
+        (float(power[flank].mean()), float(falling[flank].mean()))
+        for flank in ((f_hz >= low) & (f_hz < high) for low, high in FLANKS_HZ)
     )
     floor = p_high + (p_low - p_high) * np.maximum(falling - g_high, 0.0) / (g_low - g_high)
     return floor, np.where(inside, np.maximum(smooth - floor, 0.0), 0.0)

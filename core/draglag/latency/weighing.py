@@ -39,7 +39,7 @@ class Fit:
     spread: FloatArray
     residual: FloatArray
     tau_mm: float
-    calm: float
+    p_no_scatter: float
     log_likelihood: float
 
 
@@ -89,8 +89,8 @@ def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter
     total = float(share.sum())
     share /= total
     mean = share @ estimates
-    apart = estimates - mean
-    together = np.einsum("t,tpq->pq", share, spreads) + (apart * share[:, None]).T @ apart
+    deviation = estimates - mean
+    together = np.einsum("t,tpq->pq", share, spreads) + (deviation * share[:, None]).T @ deviation
     best = mean / scale
     return Fit(
         best,
@@ -103,7 +103,7 @@ def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter
 
 
 def likely_scatter_mm(residual: FloatArray) -> FloatArray:
-    """The scatters τ that can have weight beside residuals (m,).
+    """The scatters τ with non-negligible weight, given residuals (m,).
 
     From three times their size on the likelihood falls with τ^(m/2 − 5) or faster (edges in pairs, five parameters);
     what is 10¹¹ times less likely than there is left out.

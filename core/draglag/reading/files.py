@@ -55,15 +55,21 @@ def decoded(path: Path | str, data: bytes) -> str:
         raise DataError(problem, "Save it as UTF-8") from error
 
 
+def plain_bytes(path: Path | str) -> bytes:
+    """A recording, unpacked where it is gzipped.
+
+    Raises DataError: as ``read_bytes``; not sound gzip; too many bytes.
+    """
+    data = read_bytes(path, TABLE_BYTES, "Check the file and its rights")
+    return _unpacked(path, data) if data[:2] == _GZIP or Path(path).suffix == ".gz" else data
+
+
 def plain_lines(path: Path | str) -> bytes:
     """A table of lines, unpacked where it is gzipped, each line ended by a newline character alone.
 
-    Raises DataError: as ``read_bytes``; not sound gzip; too many bytes or lines, or one line too long.
+    Raises DataError: as ``plain_bytes``; too many lines, or one line too long.
     """
-    data = read_bytes(path, TABLE_BYTES, "Check the file and its rights")
-    if data[:2] == _GZIP or Path(path).suffix == ".gz":
-        data = _unpacked(path, data)
-    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    data = plain_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
     if len(ends) > TABLE_ROWS:
         raise DataError(f"{path}: has more than {TABLE_ROWS} lines", "Split the run")

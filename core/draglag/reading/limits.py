@@ -49,3 +49,6 @@ TIME_S = 1e11
 
 CONTACTS = 128
 """Contacts of one touchscreen at a time: the largest touch tables follow 100. Frames are compared pair by pair."""
+
+CONTACT = 2**53
+"""Largest number of a contact in a table: above it doubles no longer tell two whole numbers apart."""

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from draglag.analysis import Analysis
+from draglag.drawing import style
+from draglag.drawing.results import TAP_STYLE, draw_latency
 from draglag.latency.estimate import Alignment
 from draglag.recording import Run, Session
-from draglag.report import style
-from draglag.report.drawn import TAP_LOOK, draw_latency
 
 _TITLE_LETTERS = 60  # that go on a line above a small figure
 
@@ -62,7 +62,7 @@ def alignment_figure(run: Run, alignment: Alignment, title: str, session: Sessio
 
 
 def width_figure(analysis: Analysis, session: Session) -> Any:
-    """Stylus width from the distance of the two lines, against speed, beside the true width (Fig. 7)."""
+    """Stylus width from the distance of the two lines, against speed, with the true width (Fig. 7)."""
     figure = style.new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     runs = [run for run in analysis.runs if run.stylus_diameter_mm is not None and run.speed_mm_s is not None]
@@ -91,7 +91,7 @@ def taps_figure(analysis: Analysis) -> Any:
     rng = np.random.default_rng(0)  # spreads the points, so that equal ones stay visible
     for place, name in enumerate(names):
         latency_ms = 1e3 * analysis.taps[name].latency_s
-        colour, marker, _ = TAP_LOOK[name]
+        colour, marker, _ = TAP_STYLE[name]
         axes.boxplot(
             [latency_ms],
             positions=[place],
@@ -120,9 +120,9 @@ def speeds_figure(analysis: Analysis) -> Any:
     low, high = curve.speed_range_mm_s
     speed = np.linspace(max(low, 1.0), high, 300)
     axes.plot(speed, 1e3 * curve.predict_s(speed), color=style.BLACK, label="curve, measured range")
-    looks = [(style.VERMILION, "o"), (style.GREEN, "s"), (style.BLUE, "^"), (style.PURPLE, "D"), (style.ORANGE, "v")]
+    markers = [(style.VERMILION, "o"), (style.GREEN, "s"), (style.BLUE, "^"), (style.PURPLE, "D"), (style.ORANGE, "v")]
     kinds = list(dict.fromkeys(item.protocol for item in analysis.validation))
-    for kind, (colour, marker) in zip(kinds, looks, strict=False):
+    for kind, (colour, marker) in zip(kinds, markers, strict=False):
         same = [item for item in analysis.validation if item.protocol == kind]
         speeds = np.concatenate([item.speeds_mm_s for item in same])
         latency = 1e3 * np.concatenate([item.latency_s for item in same])

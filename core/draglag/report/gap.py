@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing.style import FIGURE_CSS, house_style, sign, themed
 from draglag.errors import DataError, DraglagError
 from draglag.gap.provisional import Provisional
 from draglag.gap.replaying.replay import Replay, replays
@@ -28,7 +29,6 @@ from draglag.provenance import Source, source_of
 from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
-from draglag.report.style import FIGURE_CSS, house_style, sign, themed
 from draglag.temporary import new_file
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -151,7 +151,7 @@ def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, st
 
 
 def _left_out(report: GapReport) -> str:
-    """That edges are no longer judged by, about the switches of a second filter or beside holes, if any."""
+    """Sentence on edges left out near switches of a second filter or near holes; empty if none."""
     if report.first is None or report.last is None or report.first.use.size != report.last.use.size:
         return ""
     lost = np.count_nonzero(report.first.use & ~report.last.use)
@@ -183,7 +183,7 @@ def _small_print(step: Step) -> tuple[str, str]:
     """The evidence with its p value, and the run that would separate the effect from those that look alike."""
     p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
     run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
-    return f"{step.evidence}; p\u00a0{p}", f"to tell them apart: {run}" if step.indistinguishable_from and run else ""
+    return f"{step.evidence}; p\u00a0{p}", f"to separate them: {run}" if step.indistinguishable_from and run else ""
 
 
 def _explanations(report: GapReport) -> str:

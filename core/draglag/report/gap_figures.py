@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing.style import BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, plain_log_ticks
 from draglag.gap.fitting.heldout import noise_variance_mm2
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import FlexibleLaw
 from draglag.gap.results import GapReport
 from draglag.report import replayed
-from draglag.report.style import BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, plain_log_ticks
 
 
 def ms_per_mm(fit: Fit) -> float:

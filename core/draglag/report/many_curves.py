@@ -9,7 +9,7 @@ import numpy as np
 
 from draglag.curve import CurveFit
 from draglag.curve.ranking import Ranking
-from draglag.report import style
+from draglag.drawing import style
 
 MOST_IN_COLOURS = 6  # curves whose colours can be distinguished
 ACROSS = 6  # small pictures in a row

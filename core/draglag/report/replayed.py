@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
 from draglag.gap.replaying.replay import Overlay, Replay
 from draglag.gap.results import GapReport
 from draglag.recording import FloatArray
-from draglag.report.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_log_ticks
 from draglag.simulation.effects import effect_class
 
 BINS = 12
@@ -98,7 +98,7 @@ def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str
         axes.set_xscale("log")
         plain_log_ticks(axes.xaxis)
     if covariate == "kind_of_edge":
-        axes.set_xticks([0, 1], ["goes dark", "returns"])
+        axes.set_xticks([0, 1], ["beam blocked", "beam clear"])
     if covariate == "direction":
         axes.set_xticks([-1, 1], ["up", "down"])
 
@@ -114,14 +114,21 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     """The beam at one crossing, and the differences of edge times by run."""
     figure = new_figure(7.2, 5.6)
     top, bottom = figure.subplots(2, 1, height_ratios=[1, 1.3])
-    k = _most_off(before)
+    models = _models(before, after)
+    _draw_light(top, before, models)
+    _draw_edge_differences(bottom, before, models)
+    return figure
+
+
+def _draw_light(top: Any, before: Replay, models: Any) -> None:
+    """The light on the sensor at two crossings of the run that deviates most, measured and by each model."""
+    k = _most_deviating_run(before)
     own = np.flatnonzero(before.run == k)
     name = before.runs[k].id
     # Two whole shadows in the middle of the run.
     start = _darkening(before, own)
     chosen = own[start : start + 4]
     origin = before.measured_s[chosen[0]]
-    models = _models(before, after)
     lines = [(before, BLACK, "s", "measured"), *models]
     for row, (replay, colour, _, text) in enumerate(lines):
         times = replay.measured_s if row == 0 else replay.simulated_s
@@ -138,6 +145,10 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     top.set_xlabel("time (ms)")
     top.set_title(f"Light on the sensor in {name}, {_speed(before, k):.0f} mm/s")
     top.grid(axis="y", visible=False)
+
+
+def _draw_edge_differences(bottom: Any, before: Replay, models: Any) -> None:
+    """Median and 95 % range of simulated less measured edge times, by run, for each model."""
     order = sorted(range(len(before.runs)), key=lambda r: _speed(before, r))
     order = [r for r in order if np.count_nonzero(before.run == r)]
     shifts = (-0.17, 0.17) if len(models) > 1 else (0.0,)
@@ -157,10 +168,9 @@ def edges_figure(before: Replay, after: Replay) -> Any:
     bottom.set_xlabel("runs, by drag speed (mm/s)")
     bottom.set_ylabel("simulated − measured edge (ms)")
     bottom.legend(loc="best")
-    return figure
 
 
-def _most_off(replay: Replay) -> int:
+def _most_deviating_run(replay: Replay) -> int:
     """The run whose edges the simulation misses most, as a distance."""
     ids = [int(k) for k in np.unique(replay.run) if np.count_nonzero(replay.run == k) >= 8]
     if not ids:

@@ -13,10 +13,12 @@ from typing import Any
 
 import draglag
 from draglag.analysis import Analysis
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.provenance import source_of
 from draglag.recording import Session
-from draglag.report import figures, style
+from draglag.report import figures
+from draglag.report.notes import citation, note_rows
 from draglag.store.schema import slug
 from draglag.temporary import publish, temporary_for
 
@@ -130,17 +132,14 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
     environment.filters["number"] = _number
     environment.filters["moment"] = _moment
     result = analysis.to_dict()
-    excluded = [
-        {"level": "warning", "text": f"{run}: not in the curve ({why})"} for run, why in analysis.excluded.items()
-    ]
-    notes = [{"level": note.level, "text": note.text} for note in session.notes]
     return environment.get_template("report.html").render(
         session=session,
         analysis=analysis,
         result=result,
         runs=sorted(analysis.runs, key=lambda run: run.speed_mm_s or 0.0),
         pictures=pictures,
-        notes=excluded + notes,
+        notes=note_rows(session, analysis),
+        citation=citation(),
         version=draglag.__version__,
         source=source_of(session),
         verdict=_verdict(analysis),

@@ -1,4 +1,4 @@
-"""Table 2: one sweep on one simulated screen, and its curve's coefficients beside the paper's."""
+"""Table 2: one sweep on one simulated screen, and its curve's coefficients with the published ones."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ class Row2:
     curve: CurveFit
     analysis: Analysis
     session: Session
-    held_rms_ms: float | None = None
+    sample_hold_rms_ms: float | None = None
 
 
-def held_rms_ms(row: Row2) -> float | None:
-    """RMS of the same row, ms, as the paper measures: events held at 100 Hz, its estimator. None without a curve."""
+def sample_hold_rms_ms(row: Row2) -> float | None:
+    """RMS of the same row, ms, as the paper measures: sample-and-hold at 100 Hz, Eq. 2. None without a curve."""
     options = replace(row.analysis.options, estimator="paper", update_rate_hz=100.0)
     curve = analyze(row.session, options).curve
     return None if curve is None else 1e3 * curve.rms_s
 
 
 def effects_of(screen: str) -> list[str]:
-    """What a screen of the paper does besides Eq. 5, for ``parse_effects``."""
+    """Effects of a screen of the paper in addition to Eq. 5, for ``parse_effects``."""
     return [] if screen == "Screen 1" else [f"low_speed_plateau={PLATEAU_MM_S:g}"]
 
 

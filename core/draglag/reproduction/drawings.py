@@ -12,23 +12,23 @@ import numpy as np
 
 from draglag.curve import CurveFit
 from draglag.curve.ranking import Ranked, Ranking
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.provenance import Source, joint_source
-from draglag.report import style
 from draglag.report.many_curves import MOST_IN_COLOURS, each_figure, ranked_figure
 from draglag.reproduction.measure import Reproduction
 from draglag.reproduction.published import RELEASE_TAP_MS
 from draglag.temporary import new_file
 from draglag.tracking import TrackingResponse
 
-LOOKS = ((style.BLUE, "s"), (style.VERMILION, "o"), (style.GREEN, "^"), (style.PURPLE, "D"), (style.ORANGE, "v"))
+MARKERS = ((style.BLUE, "s"), (style.VERMILION, "o"), (style.GREEN, "^"), (style.PURPLE, "D"), (style.ORANGE, "v"))
 
 
 def figure_5(result: Reproduction) -> Any:
     """Latency against speed for both screens, with fitted curves and release taps (Fig. 5)."""
     figure = style.new_figure()
     axes = figure.add_subplot()
-    for row, (colour, marker) in zip(result.table_2, LOOKS, strict=False):
+    for row, (colour, marker) in zip(result.table_2, MARKERS, strict=False):
         points = row.curve.points
         if points is not None:
             axes.plot(points.speed_mm_s, 1e3 * points.latency_s, marker, color=colour, label=f"{row.screen}, runs")
@@ -47,7 +47,7 @@ def figure_7(result: Reproduction) -> Any:
     """Stylus width by Eq. 3 against speed (Fig. 7)."""
     figure = style.new_figure(7.2, 3.2)
     axes = figure.add_subplot()
-    for row, (colour, marker) in zip(result.table_2, LOOKS, strict=False):
+    for row, (colour, marker) in zip(result.table_2, MARKERS, strict=False):
         runs = [run for run in row.analysis.runs if run.stylus_diameter_mm is not None]
         speeds, widths = [run.speed_mm_s for run in runs], [run.stylus_diameter_mm for run in runs]
         axes.plot(speeds, widths, marker, color=colour, label=row.screen)
@@ -62,7 +62,7 @@ def figure_8(result: Reproduction, screen: str = "Screen 2") -> Any:
     figure = style.new_figure(7.2, 3.4)
     axes = figure.add_subplot()
     cells = [cell for cell in result.table_3 if cell.screen == screen]
-    for cell, (colour, _) in zip(cells, LOOKS, strict=False):
+    for cell, (colour, _) in zip(cells, MARKERS, strict=False):
         speeds = np.concatenate([run.speeds_mm_s for run in cell.runs])
         label = f"{cell.target} ({cell.reading})" if cell.reading else cell.target
         axes.hist(speeds, bins=np.arange(0, 1100, 25), histtype="step", density=True, color=colour, label=label)
@@ -81,7 +81,7 @@ def tracking_figure(responses: Mapping[str, TrackingResponse]) -> Any:
     """Gain and phase at the frequencies of Table 1."""
     figure = style.new_figure(7.2, 4.4)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for (name, response), (colour, marker) in zip(responses.items(), LOOKS, strict=False):
+    for (name, response), (colour, marker) in zip(responses.items(), MARKERS, strict=False):
         upper.semilogx(response.frequency_rad_s, response.gain, marker + "-", color=colour, label=name)
         lower.semilogx(response.frequency_rad_s, response.phase_deg, marker + "-", color=colour, label=name)
     style.plain_log_ticks(lower.xaxis)
@@ -149,16 +149,16 @@ def _in_colours(curves: Sequence[tuple[str, CurveFit, Source]]) -> Any:
 
     both = style.new_figure(7.2, 6.4)
     upper, lower = both.subplots(2, 1, sharex=True)
-    for (name, curve, source), (colour, _) in zip(curves, LOOKS * 4, strict=False):
+    for (name, curve, source), (colour, _) in zip(curves, MARKERS * 4, strict=False):
         speed = np.geomspace(*curve.speed_range_mm_s, 300)
         upper.plot(speed, 1e3 * curve.predict_s(speed), color=colour, label=name + mark(source))
         upper.fill_between(speed, *(1e3 * v for v in curve.band_s(speed)), color=colour, alpha=0.2, linewidth=0)
-    for (name, curve, _), (colour, _) in zip(curves[1:], (LOOKS * 4)[1:], strict=False):
-        apart = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
-        if apart is not None:
-            band = (1e3 * apart.low_s, 1e3 * apart.high_s)
-            lower.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=colour, label=name)
-            lower.fill_between(apart.speed_mm_s, *band, color=colour, alpha=0.2, linewidth=0)
+    for (name, curve, _), (colour, _) in zip(curves[1:], (MARKERS * 4)[1:], strict=False):
+        difference = curve_difference(curves[0][1], curve, np.geomspace(*curve.speed_range_mm_s, 300))
+        if difference is not None:
+            band = (1e3 * difference.low_s, 1e3 * difference.high_s)
+            lower.plot(difference.speed_mm_s, 1e3 * difference.difference_s, color=colour, label=name)
+            lower.fill_between(difference.speed_mm_s, *band, color=colour, alpha=0.2, linewidth=0)
     lower.axhline(0, color=style.BLACK, linewidth=0.8)
     upper.set(ylabel="latency, ms")
     lower.set(xlabel="drag speed, mm/s", ylabel=f"minus {curves[0][0]}, ms")
@@ -171,10 +171,13 @@ def _difference_cells(curves: Sequence[tuple[str, CurveFit, Source]]) -> list[li
 
     rows = []
     for name, curve, _ in curves[1:]:
-        apart = curve_difference(curves[0][1], curve)
-        for k in range(0 if apart is None else apart.speed_mm_s.size):
-            assert apart is not None
-            values = (apart.speed_mm_s[k], *(1e3 * v[k] for v in (apart.difference_s, apart.low_s, apart.high_s)))
+        difference = curve_difference(curves[0][1], curve)
+        for k in range(0 if difference is None else difference.speed_mm_s.size):
+            assert difference is not None
+            values = (
+                difference.speed_mm_s[k],
+                *(1e3 * v[k] for v in (difference.difference_s, difference.low_s, difference.high_s)),
+            )
             rows.append([name, "{:.0f}".format(*values), f"{values[1]:.2f}", f"{values[2]:.2f} to {values[3]:.2f}"])
     return rows
 
@@ -198,7 +201,7 @@ def table_html(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def page(title: str, body: str) -> str:
     """One self-contained page."""
-    look = (
+    css = (
         ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;"
         "padding:0 1rem}table{border-collapse:collapse;font-variant-numeric:tabular-nums}th,td{padding:.3rem .7rem;"
         "border-bottom:1px solid #8884;text-align:right}th:first-child,td:first-child{text-align:left}"
@@ -206,5 +209,5 @@ def page(title: str, body: str) -> str:
     )
     return (
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f"<style>{look}</style></head><body><h1>{html.escape(title)}</h1>{body}</body></html>"
+        f"<style>{css}</style></head><body><h1>{html.escape(title)}</h1>{body}</body></html>"
     )

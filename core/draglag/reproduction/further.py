@@ -1,4 +1,4 @@
-"""How often the intervals of Table 2 hold the paper's values: one seed cannot tell, as 1 interval in 20 should miss."""
+"""Coverage of the paper's values by the intervals of Table 2, over many seeds: 1 interval in 20 should miss."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Tally:
 
     screen: str
     name: str
-    held: int
+    covered: int
     judged: int
 
 
@@ -31,8 +31,8 @@ class FurtherSeeds:
     tallies: tuple[Tally, ...]
 
     @property
-    def held(self) -> int:
-        return sum(tally.held for tally in self.tallies)
+    def covered(self) -> int:
+        return sum(tally.covered for tally in self.tallies)
 
     @property
     def judged(self) -> int:
@@ -43,21 +43,21 @@ class FurtherSeeds:
         """Binomial 95 % interval of the share that holds (Clopper–Pearson); None where nothing was judged."""
         if not self.judged:
             return None
-        interval = binomtest(self.held, self.judged).proportion_ci()
+        interval = binomtest(self.covered, self.judged).proportion_ci()
         return float(interval.low), float(interval.high)
 
     def to_dict(self) -> dict[str, object]:
         return {
             "seeds": list(self.seeds),
-            "held": self.held,
+            "held": self.covered,
             "judged": self.judged,
-            "share": self.held / self.judged if self.judged else None,
+            "share": self.covered / self.judged if self.judged else None,
             "share_ci95": None if self.share_ci95 is None else list(self.share_ci95),
             "coefficients": [
                 {
                     "screen": tally.screen,
                     "name": tally.name,
-                    "held": tally.held,
+                    "held": tally.covered,
                     "judged": tally.judged,
                 }
                 for tally in self.tallies
@@ -69,12 +69,12 @@ def further_seeds(seeds: Sequence[int], progress: Progress | None = None) -> Fur
     """Measure Table 2 with every seed and count; None without seeds. About half a second a row."""
     if not seeds:
         return None
-    tell = progress or (lambda fraction, text: None)
+    on_progress = progress or (lambda fraction, text: None)
     found: dict[tuple[str, str], list[Coefficient]] = {}
     done = 0
     for seed in seeds:
         for screen in TABLE_2:
-            tell(done / (len(seeds) * len(TABLE_2)), f"{screen}: further seed {seed}")
+            on_progress(done / (len(seeds) * len(TABLE_2)), f"{screen}: further seed {seed}")
             for coefficient in measured_row(screen, seed).coefficients:
                 found.setdefault((screen, coefficient.name), []).append(coefficient)
             done += 1
@@ -89,10 +89,10 @@ def _tally(screen: str, name: str, several: Sequence[Coefficient]) -> Tally:
 def table_further(found: FurtherSeeds) -> tuple[list[str], list[list[str]]]:
     """Head and rows: how many of the determined intervals hold the paper's value."""
     rows = [
-        [tally.screen, tally.name, f"{tally.held} of {tally.judged}", str(len(found.seeds) - tally.judged)]
+        [tally.screen, tally.name, f"{tally.covered} of {tally.judged}", str(len(found.seeds) - tally.judged)]
         for tally in found.tallies
     ]
-    rows.append(["all", "", f"{found.held} of {found.judged}", str(len(found.seeds) * len(rows) - found.judged)])
+    rows.append(["all", "", f"{found.covered} of {found.judged}", str(len(found.seeds) * len(rows) - found.judged)])
     return ["screen", "coefficient", "95 % interval holds the paper's", "not determined"], rows
 
 
@@ -103,11 +103,11 @@ def further_words(found: FurtherSeeds) -> Iterator[str]:
     low, high = found.share_ci95
     yield (
         f"Table 2 measured again with {len(found.seeds)} further seeds ({found.seeds[0]} to {found.seeds[-1]}): "
-        f"{found.held} of {found.judged} intervals that the data determine hold the paper's value, "
-        f"{100 * found.held / found.judged:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %, counting those of one "
-        "session as independent, which they are not quite); 95 % is what they promise."
+        f"{found.covered} of {found.judged} intervals that the data determine hold the paper's value, "
+        f"{100 * found.covered / found.judged:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %, counting those of "
+        "one session as independent, which they are not quite); 95 % is what they promise."
     )
     for tally in found.tallies:
-        rare = tally.judged > 0 and binomtest(tally.held, tally.judged, 0.95, "less").pvalue < 0.05
+        rare = tally.judged > 0 and binomtest(tally.covered, tally.judged, 0.95, "less").pvalue < 0.05
         if rare:
-            yield f"{tally.screen} {tally.name}: {tally.held} of {tally.judged} hold, fewer than chance leaves."
+            yield f"{tally.screen} {tally.name}: {tally.covered} of {tally.judged} hold, fewer than chance leaves."

@@ -1,4 +1,4 @@
-"""Simulate the paper's screens, measure them as it does, and set the numbers beside its own."""
+"""Simulate the paper's screens, measure them as it does, and compare the numbers with the published ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from draglag.inversion import Law
 from draglag.latency.estimate import prepare
 from draglag.protocols import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
-from draglag.reproduction.curves import Row2, effects_of, held_rms_ms, measured_row
+from draglag.reproduction.curves import Row2, effects_of, measured_row, sample_hold_rms_ms
 from draglag.reproduction.further import FurtherSeeds, further_seeds
 from draglag.reproduction.own_gap import OwnGap, own_gap
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2, TABLE_3
@@ -60,7 +60,7 @@ class Reproduction:
                     "screen": row.screen,
                     "rms_ms": row.rms_ms,
                     "paper_rms_ms": row.paper_rms_ms,
-                    "rms_held_at_100_hz_ms": row.held_rms_ms,
+                    "rms_held_at_100_hz_ms": row.sample_hold_rms_ms,
                     "rms_no_worse": row.rms_ms <= row.paper_rms_ms,
                     "coefficients": [
                         {
@@ -100,25 +100,25 @@ def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 
 
     ``n_further``: how many further seeds, the next ones, measure Table 2 again to count what its intervals hold.
     """
-    tell = progress or (lambda fraction, text: None)
+    on_progress = progress or (lambda fraction, text: None)
     rows = []
     for k, screen in enumerate(TABLE_2):
-        tell(0.02 * k, f"{screen}: sweep")
+        on_progress(0.02 * k, f"{screen}: sweep")
         row = measured_row(screen, seed)
-        rows.append(replace(row, held_rms_ms=held_rms_ms(row)))
+        rows.append(replace(row, sample_hold_rms_ms=sample_hold_rms_ms(row)))
     further = further_seeds(
-        range(seed + 1, seed + 1 + n_further), lambda fraction, text: tell(0.06 + 0.29 * fraction, text)
+        range(seed + 1, seed + 1 + n_further), lambda fraction, text: on_progress(0.06 + 0.29 * fraction, text)
     )
     cells: list[Cell3] = []
     sessions: dict[str, Session] = {}
     for k, screen in enumerate(TABLE_3):
         row = next(r for r in rows if r.screen == ("Screen 1" if screen == "Screen 1" else "Screen 2 (corrected)"))
-        tell(0.35 + 0.2 * k, f"{screen}: validation")
+        on_progress(0.35 + 0.2 * k, f"{screen}: validation")
         session, found = _cells(screen, row, seed)
         sessions[screen] = session
         cells += found
-    gap = own_gap(seed, progress=lambda fraction, text: tell(0.75 + 0.25 * fraction, f"own gap: {text}"))
-    tell(1.0, "done")
+    gap = own_gap(seed, progress=lambda fraction, text: on_progress(0.75 + 0.25 * fraction, f"own gap: {text}"))
+    on_progress(1.0, "done")
     return Reproduction(tuple(rows), tuple(cells), sessions, seed, gap, further)
 
 
@@ -145,16 +145,18 @@ def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
         share = {"diameter": 0.1, "radius": 0.2}.get(reading)
         cells.append(
             Cell3(
-                screen,
-                target,
-                reading,
-                float(np.mean([v.j0_per_edge_mm2 for v in same])),
-                float(np.mean([v.delta_j_percent for v in same])),
-                j0,
-                gained,
-                None if share is None else chirp_j0_mm2(lambda v: np.asarray(true_law.latency_s(v)), share * width_mm),
-                float(np.mean([_j0_about_corrected_lines(v) for v in same])),
-                tuple(same),
+                screen=screen,
+                target=target,
+                reading=reading,
+                j0_per_edge_mm2=float(np.mean([v.j0_per_edge_mm2 for v in same])),
+                delta_j_percent=float(np.mean([v.delta_j_percent for v in same])),
+                paper_j0_mm2=j0,
+                paper_delta_j_percent=gained,
+                expected_j0_mm2=None
+                if share is None
+                else chirp_j0_mm2(lambda v: np.asarray(true_law.latency_s(v)), share * width_mm),
+                j0_fixed_lines_mm2=float(np.mean([_j0_about_corrected_lines(v) for v in same])),
+                runs=tuple(same),
             )
         )
     return session, cells

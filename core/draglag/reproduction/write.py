@@ -1,4 +1,4 @@
-"""The reproduction as a page: the paper's tables and figures, ours beside them, and the differences in words."""
+"""The reproduction as a page: published and reproduced tables and figures, and their differences in words."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from draglag.drawing import style
 from draglag.errors import DataError
 from draglag.provenance import Source
-from draglag.report import figures, style
+from draglag.report import figures
 from draglag.reproduction.curves import Coefficient
 from draglag.reproduction.drawings import (
     embed,
@@ -121,7 +122,7 @@ def words(result: Reproduction) -> Iterator[str]:
         yield (
             f"Not determined: {', '.join(open_ones)}. In the paper's uncorrected fit of Screen 2 the first exponential "
             "has decayed to 1 % of its 9.9 ms at 58 mm/s, below the slowest run off the plateau; what is left of it "
-            "and the asymptote cannot be told apart."
+            "and the asymptote cannot be separated."
         )
     if outside:
         yield f"Outside its own interval: {', '.join(outside)}. Of twenty coefficients one is expected to be."
@@ -157,11 +158,12 @@ def words(result: Reproduction) -> Iterator[str]:
 
 def _rms_words(result: Reproduction) -> Iterator[str]:
     """What holding the events at 100 Hz explains of the paper's RMS, and what it does not."""
-    several = [row for row in result.table_2 if row.held_rms_ms is not None]
+    several = [row for row in result.table_2 if row.sample_hold_rms_ms is not None]
     if not several:
         return
     each = "; ".join(
-        f"{row.screen} {row.rms_ms:.2f} ms here, {row.held_rms_ms:.2f} ms held, {row.paper_rms_ms:.2f} ms in the paper"
+        f"{row.screen} {row.rms_ms:.2f} ms here, {row.sample_hold_rms_ms:.2f} ms held, "
+        f"{row.paper_rms_ms:.2f} ms in the paper"
         for row in several
     )
     yield (

@@ -40,6 +40,7 @@ PLACES = (
     Place("/beam", "the beam as the operator measured it, y = slope · x + intercept_mm",
           {"slope": (_NUMBER, ""), "intercept_mm": (_NUMBER, "mm")}),
     Place("/devices", "an attribute a device: role → address and description", {}, optional=False),
+    Place("/details", "an attribute a detail of the session: participant, session, operator, and free fields", {}),
     Place("/calibration", "touched targets, and the affine from device units to mm", {
         "device": (_TEXT, "name of the touchscreen"), "made_utc": (_TEXT, "ISO 8601"),
         **dict.fromkeys(schema.AFFINE, (_NUMBER, "of the affine")),
@@ -95,7 +96,7 @@ def layout_of(file: Any) -> dict[str, Any]:
     """An open session file as JSON: path → {"attributes": …, "columns": name → {"type", "units"}}."""
     groups: dict[str, Any] = {}
 
-    def look(name: str, item: Any) -> None:
+    def visit(name: str, item: Any) -> None:
         if hasattr(item, "shape"):
             parent, _, column = f"/{name}".rpartition("/")
             about = {"type": item.dtype.kind, "units": item.attrs["units"].decode(), "rank": len(item.shape)}
@@ -104,7 +105,7 @@ def layout_of(file: Any) -> dict[str, Any]:
             groups[f"/{name}"] = {"attributes": _attributes(item), "columns": {}}
 
     groups["/"] = {"attributes": _attributes(file), "columns": {}}
-    file.visititems(look)
+    file.visititems(visit)
     return groups
 
 

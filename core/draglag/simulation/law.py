@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-USUAL_LATENCY_S = 0.05  # in which the speed that a law follows is told relative to the moment of the report
+USUAL_LATENCY_S = 0.05  # by which a law's speed delay is counted from the moment of the report
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class View:
 
 @dataclass(frozen=True)
 class Averaged:
-    """How a displacement of the events becomes one of the edges: weights over all events, (n,) mm, told when asked."""
+    """How a displacement of the events moves the edges: weights over all events, (n,) mm, computed on request."""
 
     weights: Callable[[], csr_matrix]
     x_mm: FloatArray

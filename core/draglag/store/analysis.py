@@ -1,4 +1,4 @@
-"""Results beside the raw data: /analysis/<n>, each with software, options and the checksum of what it was made from."""
+"""Results with the raw data: /analysis/<n>, each with software, options and the checksum of what it was made from."""
 
 from __future__ import annotations
 

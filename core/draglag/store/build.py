@@ -27,7 +27,7 @@ from draglag.store.codec import row_count
 from draglag.store.frames import lock, sync_folder
 from draglag.store.lowlevel import put_attrs, put_node
 from draglag.store.nexus import mark
-from draglag.store.nodes import apart, merged
+from draglag.store.nodes import merged, separate
 from draglag.store.safely import BROKEN
 from draglag.store.schema import Node
 from draglag.temporary import publish, refuse
@@ -49,7 +49,7 @@ def write_session(session: Session, path: Path | str) -> Path:
     if twice is not None:
         raise DataError(f"{path}: there are two runs “{twice}”", "Give every run an id of its own")
     owners: dict[str, schema.Value] = {}
-    nodes = [apart(node, owners) for node in session_nodes.session_nodes(session)]
+    nodes = [separate(node, owners) for node in session_nodes.session_nodes(session)]
     bytes_ = sum(getattr(values, "nbytes", 0) for node in nodes for values in node.rows.values())
     return build(nodes, Path(path), bytes_ + _RUN_BYTES * len(ids))
 
@@ -90,7 +90,7 @@ def fill(file: Any, nodes: Iterable[Node]) -> None:
     started = _Started()
     for batch in _batches(nodes):
         for node in merged(batch):
-            started.look(node)
+            started.register(node)
             put_node(file, node, started.zero_utc())
     # A journal may be older than the layout that is written.
     put_attrs(file, {"schema_version": schema.VERSION})
@@ -118,7 +118,7 @@ def safe_hdf5(fd: int, mode: str, room: int, where: Path) -> Iterator[tuple[Any,
     """An HDF5 file over a descriptor, which is on the disk when the block ends.
 
     Args:
-        mode: "w" (anew) or "r+" (what is there is changed).
+        mode: "w" (a new file) or "r+" (an existing one is changed).
         room: bytes that it may need beyond its present size; they are taken first.
 
     Yields the file, and a function that says whether the disk has failed already. Raises OSError, and DataError for
@@ -226,7 +226,7 @@ class _Started:
         self._utc = ""
         self._s: float | None = None
 
-    def look(self, node: Node) -> None:
+    def register(self, node: Node) -> None:
         if node.path == "":
             self._utc = str(node.attrs.get("started_utc", self._utc))
         # Where nobody noted the host's clock, the session begins with its first run.

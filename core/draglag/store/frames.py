@@ -57,7 +57,7 @@ class FrameFile:
         return self._end
 
     def append(self, payload: bytes) -> None:
-        """The frame is on the disk when this returns. Raises OSError; the file then holds what it held before."""
+        """The frame is on the disk when this returns. Raises OSError; the file is then unchanged."""
         head = _HEAD.pack(MAGIC, self._nonce, self.count, len(payload), _crc(self._nonce, self.count, payload))
         data = head + payload + bytes(-(_HEAD.size + len(payload)) % PAGE)
         try:

@@ -102,7 +102,7 @@ def open_journal(path: Path) -> Iterator[int]:
 
 
 def lock_journal(fd: int, path: Path) -> bool:
-    """Whether nobody records into it, as far as locks tell: False where there are none. Raises DataError."""
+    """Whether no process records into it, by its lock; False where there are no locks. Raises DataError."""
     try:
         return lock(fd)
     except Locked:

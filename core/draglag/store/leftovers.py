@@ -43,7 +43,7 @@ def clear_leftovers(folder: Path | str) -> list[Path]:
 
 
 def _is_in_session(journal: Path) -> bool:
-    """Whether the session file beside a journal was made from the whole of it."""
+    """Whether the session file next to a journal was made from all of it."""
     session = final_name(journal)
     if not session.is_file():
         return False

@@ -37,7 +37,7 @@ def put_attrs(target: Any, attrs: Mapping[str, Value]) -> None:
 
 
 def add_counts(group: Any, counts: Mapping[str, int]) -> None:
-    """Add to counters in place: an attribute that keeps its size is overwritten, never removed and made anew."""
+    """Add to counters in place: an attribute that keeps its size is overwritten, never removed and created again."""
     for key, value in counts.items():
         if key in group.attrs:
             if value:
@@ -95,7 +95,7 @@ def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> N
                 continue
             make_column(group, column, table.chunk, before).dims[0].attach_scale(group[table.scale.name])
         if len(values) not in (0, total):
-            raise ValueError(f"{group.name}/{column.name}: {len(values)} rows beside {total}")
+            raise ValueError(f"{group.name}/{column.name}: {len(values)} rows, others {total}")
         _extend(_column(group, column.name), before, values if len(values) else np.full(total, column.fill))
     counted = np.arange(before, before + total)
     _extend(scale, before, counted if table.scale.kind == "i" else rows[table.scale.name])

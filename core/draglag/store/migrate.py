@@ -10,7 +10,7 @@ from draglag.store.read import read_session
 
 
 def migrate(path: Path | str, out: Path | str) -> Path:
-    """Write ``path`` anew to ``out`` in the present schema; stored results go along, marked with their software.
+    """Write ``path`` to ``out`` in the present schema; stored results go along, marked with their software.
 
     Raises DataError: ``path`` is no session file, or ``out`` exists.
     """

@@ -11,7 +11,7 @@ import numpy as np
 from draglag.store.schema import Node, Table, Value
 
 
-def apart(node: Node, owners: dict[str, Value]) -> Node:
+def separate(node: Node, owners: dict[str, Value]) -> Node:
     """The node in a group of its own stream: two streams whose names read the same as group names get a group each.
 
     ``owners``: path → stream, of all nodes so far; the node is entered.

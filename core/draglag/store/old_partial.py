@@ -71,8 +71,8 @@ def recover(path: Path) -> tuple[Session, list[str]]:
 
 
 def _with_header(copy: Any, runs: tuple[Run, ...], losses: list[str], path: Path) -> Session:
-    """The session; parts besides the runs that cannot be read are left out one by one."""
-    for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "protocol_toml"):
+    """The session; of its parts other than runs, those that cannot be read are left out one by one."""
+    for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "details", "protocol_toml"):
         if optional and optional in copy:
             losses.append(f"/{optional} is lost")
             del copy[optional]
@@ -216,24 +216,28 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
     longest = max((len(column.values) for column in columns.values()), default=0)
     if longest > length:
         losses.append(f"{source.name}: {longest - length} unfinished rows are lost")
-    kept = np.ones(length, bool) if scale is None or table.scale.kind == "i" else scale.readable.copy()
-    if scale is not None and table.scale.kind == "f":
-        kept &= np.isfinite(scale.values)  # room that HDF5 made and a writer that died did not fill
+    kept = _rows_with_times(scale, table, length)
     if not kept.all():
         losses.append(f"{source.name}: {int((~kept).sum())} rows are lost with their times")
     for column in table.every():
         rows = columns.get(column.name)
         if rows is None and column.optional:
             continue
+        lost = length - (0 if rows is None else int(rows.readable[:length].sum()))
+        if lost and column is not table.scale:
+            losses.append(f"{source.name}/{column.name}: {lost} of {length} values are lost")
         values = np.full(length, column.fill, column.dtype)
-        if rows is None or len(rows.values) < length or not rows.readable[:length].all():
-            lost = length - (0 if rows is None else int(rows.readable[:length].sum()))
-            if lost and column is not table.scale:
-                losses.append(f"{source.name}/{column.name}: {lost} of {length} values are lost")
         if rows is not None:
             values[: len(rows.values)] = rows.values[:length]
         target.create_dataset(column.name, data=values[kept])
     return {column.name for column in table.every()}
+
+
+def _rows_with_times(scale: _Rows | None, table: schema.Table, length: int) -> np.ndarray:
+    """Which rows (length,) have a readable scale; a time that is not finite is room that was never filled."""
+    if scale is None or table.scale.kind == "i":
+        return np.ones(length, bool)
+    return scale.readable & np.isfinite(scale.values) if table.scale.kind == "f" else scale.readable.copy()
 
 
 def _readable_rows(source: Any, column: schema.Column) -> _Rows:

@@ -129,10 +129,16 @@ def session_of(file: Any, runs: tuple[Run, ...]) -> Session:
         notes=_log(file.get("notes")),
         protocol_toml=_long_text(file, "protocol_toml"),
         seed=_seed(file),
-        devices={key: text_attr(file["devices"], key) for key in file["devices"].attrs} if "devices" in file else {},
+        devices=_texts(file, "devices"),
+        details=_texts(file, "details"),
         software=text_attr(file, "software", ""),
         calibration=_calibration(file.get("calibration")),
     )
+
+
+def _texts(file: Any, name: str) -> dict[str, str]:
+    """The attributes of an optional group of texts."""
+    return {key: text_attr(_group(file, name), key) for key in file[name].attrs} if name in file else {}
 
 
 def run_of(group: Any, columns: Columns = read_columns) -> Run:

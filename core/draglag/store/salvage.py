@@ -26,13 +26,13 @@ class Salvaged:
 def partial_files(folder: Path | str) -> list[Path]:
     """Recordings that ended without being closed and were not saved since: what the next start offers to salvage."""
     found = sorted(Path(folder).glob(f"*{PARTIAL}"))
-    return [path for path in found if not final_name(path).exists() and not _apart_name(path).exists()]
+    return [path for path in found if not final_name(path).exists() and not _salvaged_name(path).exists()]
 
 
 def final_name(unfinished: Path | str) -> Path:
     """``session.h5.partial`` → ``session.h5``; another name gets ``-salvaged``."""
     path = Path(unfinished)
-    return path.with_name(path.name.removesuffix(PARTIAL)) if path.name.endswith(PARTIAL) else _apart_name(path)
+    return path.with_name(path.name.removesuffix(PARTIAL)) if path.name.endswith(PARTIAL) else _salvaged_name(path)
 
 
 def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
@@ -52,7 +52,7 @@ def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
         return Salvaged(session, write_session(session, target), tuple(losses))
     with open_journal(unfinished) as fd:
         if not lock_journal(fd, unfinished) and out is None:
-            target = _apart_name(final_name(unfinished))
+            target = _salvaged_name(final_name(unfinished))
             _refuse(target)
         found = survey(fd, str(unfinished))
         lost = all_losses(found)
@@ -78,6 +78,6 @@ def _words(unfinished: Path, losses: tuple[str, ...]) -> str:
     return "; ".join((f"saved from {unfinished.name}", *losses))
 
 
-def _apart_name(path: Path) -> Path:
+def _salvaged_name(path: Path) -> Path:
     path = path.with_name(path.name.removesuffix(PARTIAL))
     return path.with_name(f"{path.stem}-salvaged{path.suffix}")

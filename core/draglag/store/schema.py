@@ -7,6 +7,7 @@ Layout, version 2 (version 1 had its texts as HDF5's UTF-8 type, which Octave ca
 
     /                   schema, schema_version, name, started_utc, clock, software, seed; protocol_toml
     /screen /stylus /beam /devices                      attributes
+    /details            attributes: participant session operator, and free fields
     /calibration        target: x_raw y_raw x_mm y_mm; attributes xx xy x0_mm yx yy y0_mm (where there was one)
     /clocks/<stream>    observation: device_s host_min_s host_max_s epoch
     /taps               tap: physical_s registered_s down;  /taps/rejected: reason → count
@@ -34,7 +35,7 @@ from draglag.errors import DataError
 SCHEMA = "draglag-session"
 VERSION = 2
 TEXT_BYTES = 256
-RAW_GROUPS = ("screen", "stylus", "beam", "devices", "calibration", "clocks", "taps", "notes", "runs")
+RAW_GROUPS = ("screen", "stylus", "beam", "devices", "details", "calibration", "clocks", "taps", "notes", "runs")
 
 TEXTS = {
     "protocol_toml": "the protocol of the session, TOML",

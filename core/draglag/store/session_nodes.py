@@ -36,6 +36,7 @@ from draglag.store.schema import (
     VERSION,
     Node,
     Value,
+    as_text,
     check_run_id,
     cut_text,
     encode,
@@ -157,6 +158,8 @@ def header_nodes(session: Session) -> Iterator[Node]:
         beam = session.beam
         yield Node("beam", {"slope": float(beam.slope), "intercept_mm": float(beam.intercept_mm)})
     yield Node("devices", dict(session.devices))
+    if session.details:
+        yield Node("details", {key: as_text(text) for key, text in session.details.items()})
     if session.calibration is not None:
         yield calibration_node(session.calibration)
     for bounds in session.clocks:

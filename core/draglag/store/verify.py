@@ -71,7 +71,7 @@ def _journal(path: Path) -> list[Finding]:
 def _layout(file: Any) -> list[Finding]:
     findings: list[Finding] = []
 
-    def look(name: str, item: Any) -> None:
+    def visit(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset):
             return
         if "units" not in item.attrs:
@@ -79,7 +79,7 @@ def _layout(file: Any) -> list[Finding]:
         if item.ndim == 1 and not item.is_scale and not len(item.dims[0]):
             findings.append(Finding("error", f"/{name}", "has no dimension scale"))
 
-    file.visititems(look)
+    file.visititems(visit)
     return findings
 
 

@@ -30,12 +30,12 @@ from draglag.store.build import build, reason
 from draglag.store.codec import Record, encode, row_count
 from draglag.store.frames import FrameFile, Locked, sync_folder
 from draglag.store.journal import PARTIAL, RECORDING, nodes, survey
-from draglag.store.nodes import apart, merged, pieces
+from draglag.store.nodes import merged, pieces, separate
 from draglag.store.schema import Node
 from draglag.temporary import refuse
 
 # The session as a whole: said in every record, in full where a run begins and ends.
-_HEADS = ("", "screen", "stylus", "beam", "devices", "calibration")
+_HEADS = ("", "screen", "stylus", "beam", "devices", "details", "calibration")
 # Rows of one table and record: of 0.2 s there are some hundreds; only runs handed over whole have more.
 _RECORD_ROWS = 1 << 14
 
@@ -225,7 +225,7 @@ class SessionWriter:
         return run_id
 
     def _wait(self, more: Iterable[Node]) -> None:
-        self._waiting.extend(apart(node, self._owners) for node in more)
+        self._waiting.extend(separate(node, self._owners) for node in more)
 
     def _append(self, record: list[Node]) -> None:
         """One record to the journal. Raises OSError."""

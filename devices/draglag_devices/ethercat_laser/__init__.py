@@ -34,6 +34,6 @@ def discover(asked: Collection[str] = ()) -> list[Found]:
     """
     if sys.platform != "linux":
         return []
-    from draglag_devices.ethercat_laser.look import look_for_buses
+    from draglag_devices.ethercat_laser.finding import find_buses
 
-    return look_for_buses(asked)
+    return find_buses(asked)

@@ -26,7 +26,7 @@ _SETTLING_CYCLES = 50
 # patience is free and spares frames that a busy machine handles late.
 _ANSWER_US = 5000
 _STATE_TIMEOUT_US = 100_000
-_STATE_PATIENCE_S = 1.0
+_STATE_TIMEOUT_S = 1.0
 # AL status: four bits of state and the error flag; above them a device may say more (identification loaded).
 _STATE, _STATE_AND_ERROR, _ERROR = 0x0F, 0x1F, 0x10
 _TRIES = 5
@@ -130,7 +130,7 @@ class Bus:
         if any(vendor == 0 or product == 0 for vendor, product in found):
             raise Refusal(
                 "unsteady",
-                f"the EtherCAT devices on {self.interface} do not tell what they are: answers get lost",
+                f"the EtherCAT devices on {self.interface} do not identify themselves: answers get lost",
                 "check the cable and the supply of the coupler",
             )
         if not places or not any((BECKHOFF, coupler) in found for coupler in COUPLERS):
@@ -140,7 +140,12 @@ class Bus:
                 f"the EtherCAT devices on {self.interface} are not an EK1101 with an EL1252, but: {names}",
                 "connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on",
             )
-        line = ", ".join(f"{place} {slave.name or 'unnamed'}" for place, slave in enumerate(slaves, 1))
+        self.position = self._choose(places)
+        return slaves[self.position - 1]
+
+    def _choose(self, places: list[int]) -> int:
+        """The position of the laser's EL1252 among those that are there. Raises Refusal."""
+        line = ", ".join(f"{place} {slave.name or 'unnamed'}" for place, slave in enumerate(self._master.slaves, 1))
         if self.position and self.position not in places:
             raise Refusal(
                 "position",
@@ -153,8 +158,7 @@ class Bus:
                 f"there are {len(places)} EL1252 on {self.interface}, and the laser may be on any; the line is: {line}",
                 f"say which in the laser's address: &position={' or &position='.join(map(str, places))}",
             )
-        self.position = self.position or places[0]
-        return slaves[self.position - 1]
+        return self.position or places[0]
 
     def _split_mapping(self) -> bytes:
         """Two FMMUs instead of SOEM's one, which maps RAM behind the inputs in place of the stamps (SOEM #873).
@@ -178,7 +182,7 @@ class Bus:
     def _enter(self, state: int) -> None:
         """Bring all devices into a state; some take a while, and some want process data before they run."""
         master = self._master
-        until = time.monotonic() + _STATE_PATIENCE_S
+        until = time.monotonic() + _STATE_TIMEOUT_S
         while True:
             master.state = state
             master.write_state()

@@ -38,7 +38,7 @@ class ClockWatch:
         lowest, highest = known.dc_ns - known.high_ns - slack, known.dc_ns - known.low_ns + slack
         return pair.dc_ns - pair.high_ns <= highest and pair.dc_ns - pair.low_ns >= lowest
 
-    def apart_ns(self, pair: Pair) -> float:
+    def offset_ns(self, pair: Pair) -> float:
         """By how much, at least, the clock read in ``pair`` (another device's) differs from the bus's."""
         known = self._reference
         if known is None:

@@ -35,10 +35,10 @@ _SILENCE_S = (1.0, 1.0, 2.0, 2.0, 4.0, 8.0, 30.0)
 # A life shorter than this was no real one: the pauses go on growing.
 _LONG_S = 2.0
 _DEAD_GAP_NS = 1_000_000_000
-_LOOK_S = 0.1
-# A bus that runs tells of itself every 10 ms.
+_POLL_S = 0.1
+# A running bus reports every 10 ms.
 _STUCK_S = 3.0
-_FAREWELL_S = 1.0
+_EXIT_TIMEOUT_S = 1.0
 _PR_SET_PDEATHSIG = 1
 
 Life = Callable[[int, Wire], None]
@@ -70,7 +70,7 @@ class Keeper:
         self.interface, self.wire, self._life = interface, wire, life
         self.number = first_epoch
         self._first = first_epoch == 0
-        self._until: int | None = None  # host time up to which all edges have been told
+        self._until: int | None = None  # host time up to which all edges have been reported
         self._level: int | None = None
         self._dead_from: int | None = None
         self._lost_at: int | None = None
@@ -86,7 +86,7 @@ class Keeper:
             hung += end.hung
             if end.ran:
                 self._first, hung = False, 0
-                self._tell_loss(end.reason)
+                self._report_loss(end.reason)
                 self.number += 1
                 if time.monotonic() - begun_s > _LONG_S:
                     attempt = 0
@@ -103,9 +103,9 @@ class Keeper:
         asked = 0
         while True:
             self._still_dead()
-            with contextlib.suppress(Refusal, OSError):  # the loss has been told, and the next try comes
+            with contextlib.suppress(Refusal, OSError):  # the loss has been reported, and the next try comes
                 preflight.check_interface(self.interface)
-                # SOEM takes many seconds to give up on a line that is dead or slow; two frames tell sooner.
+                # SOEM takes many seconds to give up on a line that is dead or slow; two frames show it sooner.
                 if all(count_slaves(self.interface, _PROMPT_S, (2 * asked + k) % 128) for k in (0, 1)):
                     return
             self.wire.check(_PROBE_PAUSES_S[min(asked, len(_PROBE_PAUSES_S) - 1)])
@@ -119,7 +119,7 @@ class Keeper:
         try:
             heard_s = time.monotonic()
             while True:
-                if self.wire.wait(child.out, _LOOK_S):
+                if self.wire.wait(child.out, _POLL_S):
                     heard_s = time.monotonic()
                     lines = child.lines()
                     if lines is None:
@@ -145,7 +145,7 @@ class Keeper:
             child.end()
 
     def _take(self, message: dict[str, Any], line: bytes) -> End | None:
-        """Pass on what the child tells, and take note of it; its end where it tells that."""
+        """Forward the child's messages and update the state from them; its end where it reports one."""
         kind = message["m"]
         if kind == "over":
             if message["dead_from"] is not None:
@@ -160,16 +160,16 @@ class Keeper:
             self._until, self._level = message["until"], message.get("level", self._level)
         if kind == "ready":
             self._until = message["since"]
-            self._tell_return(message["since"], message["level"])
+            self._report_return(message["since"], message["level"])
         return None
 
     # --- words ------------------------------------------------------------------------------------------------
 
-    def _tell_return(self, since: int, level: int) -> None:
+    def _report_return(self, since: int, level: int) -> None:
         if self._dead_from is not None:
             # A level that changed meanwhile proves one lost edge; more may be missing.
             missed = int(self._level is not None and level != self._level)
-            self.wire.tell("gap", start=self._dead_from, end=since, missed=missed)
+            self.wire.send("gap", start=self._dead_from, end=since, missed=missed)
             away_s = (since - (self._lost_at or self._dead_from)) / 1e9
             words = f"The laser sensor is back after {away_s:.2f} s and records again; edges in between may be missing."
             self._notice("info", words, "back")
@@ -179,11 +179,11 @@ class Keeper:
     def _still_dead(self) -> None:
         now = time.monotonic_ns()
         if self._dead_from is not None and now - self._dead_from > _DEAD_GAP_NS:
-            self.wire.tell("gap", start=self._dead_from, end=now, missed=0)
+            self.wire.send("gap", start=self._dead_from, end=now, missed=0)
             self._dead_from = now
-        self.wire.tell("tick", until=now if self._dead_from is None else self._dead_from, alive=False)
+        self.wire.send("tick", until=now if self._dead_from is None else self._dead_from, alive=False)
 
-    def _tell_loss(self, reason: str) -> None:
+    def _report_loss(self, reason: str) -> None:
         if self._dead_from is None:
             self._dead_from = time.monotonic_ns()
         if self._lost_at is None:
@@ -192,7 +192,7 @@ class Keeper:
             self._notice("error", f"The laser sensor is lost: {reason}. draglag tries to bring it back.", "lost")
 
     def _notice(self, level: str, text: str, state: str) -> None:
-        self.wire.tell("notice", t=time.monotonic_ns(), level=level, text=text, state=state)
+        self.wire.send("notice", t=time.monotonic_ns(), level=level, text=text, state=state)
 
 
 class _Child:
@@ -229,7 +229,7 @@ class _Child:
             return
         self._alive = False
         os.close(self._in)
-        until = time.monotonic() + _FAREWELL_S
+        until = time.monotonic() + _EXIT_TIMEOUT_S
         while os.waitpid(self._pid, os.WNOHANG)[0] == 0:
             if time.monotonic() > until:
                 self.kill()

@@ -21,7 +21,7 @@ _INHERIT_S = 3.0
 
 
 def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, position: int = 0) -> int:
-    """Check, claim, bring up, run. Tells a refusal on the wire and returns 1, or 0 when the reader went."""
+    """Check, claim, bring up, run. Sends a refusal on the wire and returns 1, or 0 when the reader went."""
     lock = None
     try:
         if first_epoch == 0:
@@ -42,7 +42,7 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
         gc.freeze()
         Keeper(interface, wire, life, first_epoch).run()
     except Refusal as refusal:
-        wire.tell("refused", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
+        wire.send("refused", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
         return 1
     except Crashed:
         return 1
@@ -59,12 +59,12 @@ def check(wire: Wire) -> int:
         preflight.check_rights("")
         import draglag_devices.ethercat_laser.runner  # noqa: F401  (with pysoem)
     except ModuleNotFoundError as missing:
-        wire.tell("refused", code="no_pysoem", problem=f"there is no {missing.name}", remedy="install draglag again")
+        wire.send("refused", code="no_pysoem", problem=f"there is no {missing.name}", remedy="install draglag again")
         return 1
     except Refusal as refusal:
-        wire.tell("refused", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
+        wire.send("refused", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
         return 1
-    wire.tell("complete")
+    wire.send("complete")
     return 0
 
 
@@ -91,9 +91,9 @@ def main() -> int:
         if arguments.check:
             return check(wire)
         if arguments.probe:
-            from draglag_devices.ethercat_laser.probe import look_around
+            from draglag_devices.ethercat_laser.probe import scan_bus
 
-            wire.tell("probed", found=look_around(arguments.interface, only=only))
+            wire.send("probed", found=scan_bus(arguments.interface, only=only))
             return 0
         if len(arguments.interface) != 1:
             parser.error("name one interface")

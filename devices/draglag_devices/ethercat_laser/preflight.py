@@ -74,8 +74,8 @@ def has_rights() -> bool:
     """Whether this process may send raw frames and switch the interface to promiscuous mode."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("CapEff:"):
-            held = int(line.split()[1], 16)
-            return bool(held & _CAP_NET_RAW) and bool(held & _CAP_NET_ADMIN)
+            capabilities = int(line.split()[1], 16)
+            return bool(capabilities & _CAP_NET_RAW) and bool(capabilities & _CAP_NET_ADMIN)
     return False
 
 

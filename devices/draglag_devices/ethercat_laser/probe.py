@@ -27,11 +27,11 @@ _TRIES = 5
 _FRAME = struct.Struct("<HBBHHHH")
 _FIRST_INDEX = 0x7F
 # A longer line is nobody's laser.
-_MOST_ASKED = 64
+_MAX_REQUESTS = 64
 NOT_ALLOWED = "was not allowed when the EtherCAT helper was installed"
 
 
-def look_around(
+def scan_bus(
     asked: Collection[str] = (), send: bool = True, only: Collection[str] | None = None
 ) -> list[dict[str, Any]]:
     """One entry per Ethernet interface: name, up, carrier, rights, busy, slaves, kinds, left_alone.
@@ -84,7 +84,7 @@ def _ethernet(interface: str) -> bool:
 def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_INDEX) -> int:
     """Working counter of one broadcast read of the two type bytes, 0 without an answer in time.
 
-    ``index`` tells the answer from a late one to an earlier question.
+    ``index`` separates the answer from a late one to an earlier question.
     """
     with contextlib.suppress(OSError), _Line(interface, within_s, index) as line:
         return line.exchange(_BRD, 0, _TYPE, bytes(2))[0]
@@ -94,7 +94,9 @@ def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_
 def kinds(interface: str, count: int) -> list[tuple[int, int]]:
     """(vendor, product) of each device; (0, 0) where one does not say or is at work for somebody."""
     with contextlib.suppress(OSError), _Line(interface) as line:
-        return [(line.eeprom(place, _VENDOR), line.eeprom(place, _PRODUCT)) for place in range(min(count, _MOST_ASKED))]
+        return [
+            (line.eeprom(place, _VENDOR), line.eeprom(place, _PRODUCT)) for place in range(min(count, _MAX_REQUESTS))
+        ]
     return []
 
 

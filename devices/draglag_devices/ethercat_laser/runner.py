@@ -13,7 +13,7 @@ import pysoem
 
 from draglag_devices.ethercat_laser.bus import Bus
 from draglag_devices.ethercat_laser.refusal import Refusal
-from draglag_devices.ethercat_laser.watch import BAD_CYCLES, WORDS, Epoch
+from draglag_devices.ethercat_laser.watch import BAD_CYCLES, WORDS, Epoch, Found
 from draglag_devices.ethercat_laser.wire import Wire
 
 CYCLE_NS = 1_000_000
@@ -22,9 +22,9 @@ _STATE_NS, _CLOCK_NS, _TICK_NS, _SUMMARY_NS = 100_000_000, 250_000_000, 10_000_0
 _BASELINE_CYCLES = 20
 _BASELINE_TRIES = 200
 # What the terminal's clock may differ from the bus's: the design warns above 1 ms.
-_APART_NS = 1_000_000
+_DIVERGENCE_NS = 1_000_000
 # Pauses that are worth a word; shorter ones happen all the time, and what they leave in doubt is marked.
-_HELD_UP_NS = 50_000_000
+_DELAYED_NS = 50_000_000
 
 
 class Restart(Exception):
@@ -32,18 +32,18 @@ class Restart(Exception):
 
 
 def live(interface: str, channel: int, position: int, number: int, wire: Wire) -> None:
-    """Bring the bus up and run it until it is lost. Tells "up" as the bring-up goes on, then what ``Runner`` tells,
+    """Bring the bus up and run it until it is lost. Sends "up" meanwhile, then the messages of ``Runner``,
     and "over" or "failed" in the end. Raises ReaderGone."""
     try:
-        bus = Bus(interface, position, lambda: wire.tell("up"))
+        bus = Bus(interface, position, lambda: wire.send("up"))
     except Refusal as refusal:
-        wire.tell("failed", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
+        wire.send("failed", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)
         return
     runner = Runner(channel, number, wire)
     try:
         runner.run(bus)
     except Restart as reason:
-        wire.tell("over", reason=str(reason), dead_from=runner.dead_from, level=runner.level)
+        wire.send("over", reason=str(reason), dead_from=runner.dead_from, level=runner.level)
     finally:
         bus.close()
 
@@ -61,8 +61,9 @@ class Runner:
         self.dead_from: int | None = None
         self.level: int | None = None
         self._sound_ns = 0  # when the devices last said that all is well
-        self._told: Counter[str] = Counter()
-        self._told_apart = False
+        self._failed_checks = 0
+        self._reported: Counter[str] = Counter()
+        self._divergence_reported = False
         self._summed_ns = time.monotonic_ns()
 
     def run(self, bus: Bus) -> NoReturn:
@@ -79,51 +80,54 @@ class Runner:
         next_ns = time.monotonic_ns()
         state_ns, clock_ns = next_ns + _STATE_NS, next_ns + _CLOCK_NS
         tick_ns, summary_ns = next_ns, next_ns + _SUMMARY_NS
-        doubts = 0
+        self._failed_checks = 0
         while True:
             found = epoch.take(bus.cycle())
             now = time.monotonic_ns()
             self.dead_from = epoch.good_ns
             if found is not None:
-                if found.doubt_ns is not None:
-                    start, end = found.doubt_ns
-                    self.wire.tell("gap", start=start, end=end, missed=0)
-                self.level = epoch.edges.level if epoch.edges is not None else None
-                if found.edges or found.missed:
-                    edges = {"edges": found.edges, "missed": found.missed, "level": self.level}
-                    self.wire.tell("edges", epoch=epoch.number, until=epoch.good_ns, **edges)
-                if found.missed:
-                    self._notice("warning", f"{_count(found.missed, 'edge')} of the laser came too fast to be stamped.")
+                self._send_found(found, epoch)
             elif epoch.bad >= BAD_CYCLES:
                 raise Restart(WORDS[epoch.why])
             if now >= tick_ns:
                 self.wire.check()
-                self.wire.tell("tick", until=epoch.good_ns, alive=True)
+                self.wire.send("tick", until=epoch.good_ns, alive=True)
                 tick_ns = now + _TICK_NS
             if now >= clock_ns:
-                self._tell_clock(epoch)
+                self._report_clock(epoch)
                 clock_ns = now + _CLOCK_NS
-            # Where cycles fail already, they say more than a question about the state would.
+            # Where cycles fail already, they are more informative than a question about the state.
             if now >= state_ns and not epoch.bad:
-                trouble = self._trouble(bus)
-                doubts = doubts + 1 if trouble else 0
-                if doubts >= 2:
-                    self.dead_from = self._sound_ns
-                    raise Restart(trouble)
-                if not trouble:
-                    self._sound_ns = now
-                state_ns = now + (0 if trouble else _STATE_NS)
+                state_ns = now + (_STATE_NS if self._check_state(bus, now) else 0)
             if now >= summary_ns:
                 self._summarise(epoch)
                 if not epoch.bad:
                     self._check_terminal_clock(bus, epoch)
                 summary_ns = now + _SUMMARY_NS
-            next_ns += CYCLE_NS
-            wait_ns = next_ns - time.monotonic_ns()
-            if wait_ns > 0:
-                time.sleep(wait_ns / 1e9)
-            elif wait_ns < -5 * CYCLE_NS:
-                next_ns = time.monotonic_ns()
+            next_ns = _wait_for_cycle(next_ns + CYCLE_NS)
+
+    def _send_found(self, found: Found, epoch: Epoch) -> None:
+        """Send what a good cycle found: stretches without certainty, edges, lost edges."""
+        if found.unverified_ns is not None:
+            start, end = found.unverified_ns
+            self.wire.send("gap", start=start, end=end, missed=0)
+        self.level = epoch.edges.level if epoch.edges is not None else None
+        if found.edges or found.missed:
+            edges = {"edges": found.edges, "missed": found.missed, "level": self.level}
+            self.wire.send("edges", epoch=epoch.number, until=epoch.good_ns, **edges)
+        if found.missed:
+            self._notice("warning", f"{_count(found.missed, 'edge')} of the laser came too fast to be stamped.")
+
+    def _check_state(self, bus: Bus, now_ns: int) -> bool:
+        """Whether the devices are in operation. Raises Restart at the second failure in a row."""
+        trouble = self._trouble(bus)
+        self._failed_checks = self._failed_checks + 1 if trouble else 0
+        if self._failed_checks >= 2:
+            self.dead_from = self._sound_ns
+            raise Restart(trouble)
+        if not trouble:
+            self._sound_ns = now_ns
+        return not trouble
 
     def _begin(self, bus: Bus, epoch: Epoch) -> None:
         """The baseline: clock pairs first, then the first values of the latches. Raises Restart."""
@@ -144,24 +148,24 @@ class Runner:
         self.dead_from, self.level = epoch.good_ns, epoch.edges.level
         content = {"epoch": epoch.number, "slaves": bus.describe(), "expected_wkc": bus.expected_wkc}
         # What happened before the answer came may be in the baseline: the edges that count come after ``since``.
-        self.wire.tell(
+        self.wire.send(
             "ready", dc=epoch.good_dc_ns, level=self.level, since=epoch.last.high_ns, position=bus.position, **content
         )
-        self._tell_clock(epoch)
+        self._report_clock(epoch)
 
     def _check_terminal_clock(self, bus: Bus, epoch: Epoch) -> None:
-        """Stamps are the terminal's, comparisons the bus's: told once when the two clocks go apart."""
-        if self._told_apart:
+        """Stamps are the terminal's, comparisons the bus's: reported once when the two clocks diverge."""
+        if self._divergence_reported:
             return
         try:
-            apart_ns = epoch.clock.apart_ns(bus.terminal_clock())
+            offset_ns = epoch.clock.offset_ns(bus.terminal_clock())
         except pysoem.WkcError:
-            return  # the cycles tell
-        if apart_ns > _APART_NS:
-            self._told_apart = True
+            return  # the cycles report it
+        if offset_ns > _DIVERGENCE_NS:
+            self._divergence_reported = True
             self._notice(
-                "error", f"The EL1252's clock does not follow the bus's: it is {apart_ns / 1e6:.1f} ms off, and so are "
-                "its edges. Switch the supply of the coupler off and on.",
+                "error", f"The EL1252's clock does not follow the bus's: it is {offset_ns / 1e6:.1f} ms off, and so "
+                "are its edges. Switch the supply of the coupler off and on.",
             )  # fmt: skip
 
     def _trouble(self, bus: Bus) -> str:
@@ -176,26 +180,34 @@ class Runner:
     # --- words ------------------------------------------------------------------------------------------------
 
     def _notice(self, level: str, text: str) -> None:
-        self.wire.tell("notice", t=time.monotonic_ns(), level=level, text=text)
+        self.wire.send("notice", t=time.monotonic_ns(), level=level, text=text)
 
-    def _tell_clock(self, epoch: Epoch) -> None:
+    def _report_clock(self, epoch: Epoch) -> None:
         best = epoch.clock.take_best()
         if best is not None:
-            self.wire.tell("clock", epoch=epoch.number, dc=best.dc_ns, low=best.low_ns, high=best.high_ns)
+            self.wire.send("clock", epoch=epoch.number, dc=best.dc_ns, low=best.low_ns, high=best.high_ns)
 
     def _summarise(self, epoch: Epoch) -> None:
         """Cycles of the last second, the refused by reason, and its pauses: every one is accounted for."""
         pauses_ns, epoch.pauses_ns = epoch.pauses_ns, []
-        counts, self._told = epoch.counts - self._told, Counter(epoch.counts)
+        counts, self._reported = epoch.counts - self._reported, Counter(epoch.counts)
         since, self._summed_ns = self._summed_ns, time.monotonic_ns()
         cycles, epoch.cycles = epoch.cycles, 0
-        self.wire.tell("cycles", since=since, t=self._summed_ns, cycles=cycles, refused=dict(counts))
-        if pauses_ns and max(pauses_ns) > _HELD_UP_NS:
+        self.wire.send("cycles", since=since, t=self._summed_ns, cycles=cycles, refused=dict(counts))
+        if pauses_ns and max(pauses_ns) > _DELAYED_NS:
             self._notice(
                 "warning",
                 f"The laser was not read for {max(pauses_ns) / 1e6:.0f} ms: this computer was busy or the bus did not "
                 "answer. Where edges may be missing is marked.",
             )
+
+
+def _wait_for_cycle(next_ns: int) -> int:
+    """Sleep until the next cycle and return its time; far behind, cycles are skipped."""
+    wait_ns = next_ns - time.monotonic_ns()
+    if wait_ns > 0:
+        time.sleep(wait_ns / 1e9)
+    return next_ns if wait_ns >= -5 * CYCLE_NS else time.monotonic_ns()
 
 
 def _count(n: int, noun: str) -> str:

@@ -1,4 +1,4 @@
-"""The laser on an EtherCAT bus as a source: reads what the bus process tells and maps its stamps to the host."""
+"""The laser on an EtherCAT bus as a source: reads the bus process's messages and maps their stamps to the host."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from draglag_devices.ethercat_laser.helper import start
 from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
 
 STREAM = "laser"
-_OPEN_PATIENCE_S = 20.0
-_CLOSE_PATIENCE_S = 3.0
+_OPEN_TIMEOUT_S = 20.0
+_CLOSE_TIMEOUT_S = 3.0
 _MOST_RESPAWNS = 3
 _NS = 1e-9
 
@@ -90,13 +90,13 @@ class EthercatLaser:
         """Refused cycles since it was first opened, by reason."""
         return dict(self._disturbances.total)
 
-    def last_words(self) -> tuple[Notice, ...]:
+    def final_notices(self) -> tuple[Notice, ...]:
         """See ``draglag_devices.source.Concludes``: disturbed cycles that were counted and not yet reported."""
         rest = self._disturbances.rest(time.monotonic())
         return () if rest is None else (rest,)
 
     def synchronise(self) -> threading.Event:
-        """See ``draglag_devices.source.Synchronises``. The bus compares in every cycle and tells the best of each
+        """See ``draglag_devices.source.Synchronises``. The bus compares in every cycle and sends the best of each
         quarter of a second: it is the next one that counts."""
         done = threading.Event()
         self._asked.append((time.monotonic(), done))
@@ -109,7 +109,7 @@ class EthercatLaser:
         self._zero_ns, self._epoch, self._respawns, self._died_s = None, 0, 0, None
         self._early = _Gathered()
         self._spawn()
-        patience_s = time.monotonic() + _OPEN_PATIENCE_S
+        patience_s = time.monotonic() + _OPEN_TIMEOUT_S
         try:
             while time.monotonic() < patience_s:
                 messages = self._messages(0.5)
@@ -155,12 +155,12 @@ class EthercatLaser:
                     with contextlib.suppress(OSError):
                         pipe.close()
             try:
-                process.wait(_CLOSE_PATIENCE_S)
+                process.wait(_CLOSE_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 with contextlib.suppress(OSError):  # a launcher with capabilities may not be ours to signal
                     process.kill()
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(_CLOSE_PATIENCE_S)
+                    process.wait(_CLOSE_TIMEOUT_S)
         if self._complaints is not None:
             self._complaints.close()
             self._complaints = None

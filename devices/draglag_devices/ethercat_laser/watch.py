@@ -32,12 +32,12 @@ class Found:
     Attributes:
         edges: (stamp ns, level) in order of time.
         missed: how many more are known to be lost.
-        doubt_ns: from–to in host time in which edges may be lost that nothing tells of, or None.
+        unverified_ns: from–to in host time in which edges may be lost without any sign, or None.
     """
 
     edges: list[tuple[int, int]]
     missed: int = 0
-    doubt_ns: tuple[int, int] | None = None
+    unverified_ns: tuple[int, int] | None = None
 
 
 @dataclass
@@ -66,7 +66,7 @@ class Epoch:
 
     @property
     def why(self) -> str:
-        """Why cycles are refused now. A busy computer loses an answer now and then: any other reason tells more."""
+        """Why cycles are refused now. A busy computer loses answers now and then: any other reason comes first."""
         others = Counter({reason: n for reason, n in self._lately.items() if reason != "lost"})
         return max(others or self._lately, key=self._lately.__getitem__, default="")
 
@@ -95,7 +95,7 @@ class Epoch:
             found = Found([])
         else:
             edges, missed = self.edges.take(sample)
-            found = Found(edges, missed, self._doubt(self.last, cycle.pair, edges, missed))
+            found = Found(edges, missed, self._unverified(self.last, cycle.pair, edges, missed))
             pause_ns = cycle.pair.dc_ns - self.last.dc_ns
             if pause_ns > STALL_NS:
                 self.pauses_ns.append(pause_ns)
@@ -105,8 +105,8 @@ class Epoch:
         self.last = cycle.pair
         return found
 
-    def _doubt(self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int) -> tuple[int, int] | None:
-        """The stretch between two cycles, told by the bus's own clock, in which edges may have been overwritten.
+    def _unverified(self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int) -> tuple[int, int] | None:
+        """The stretch between two cycles, by the bus's own clock, in which edges may have been overwritten.
 
         A latch keeps the last edge of its direction. Where at most one of the two has a new stamp, that edge was the
         only one: another would have needed one of the other direction between them. Where both have, nothing can be
@@ -121,7 +121,7 @@ class Epoch:
         first_dc_ns = edges[0][0]
         if first_dc_ns - last.dc_ns <= STALL_NS and not missed:
             return None
-        # The stamp is the terminal's, and by its drift from the bus's clock (told above 1 ms) it may be ahead.
+        # The stamp is the terminal's, and by its drift from the bus's clock (reported above 1 ms) it may be ahead.
         end_ns = min(now.high_ns, self.clock.host_ns(first_dc_ns)[1])
         return start_ns, max(start_ns, end_ns)
 

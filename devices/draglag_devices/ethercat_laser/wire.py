@@ -1,4 +1,4 @@
-"""What the bus process tells its reader: one JSON object a line, written without ever waiting."""
+"""Messages of the bus process to its reader: one JSON object a line, written without ever waiting."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Wire:
         os.set_blocking(out, False)
         self._waiting = bytearray()
 
-    def tell(self, kind: str, **content: Any) -> None:
+    def send(self, kind: str, **content: Any) -> None:
         """Queue and send a message. Raises ReaderGone."""
         self.pass_on(json.dumps({"m": kind, **content}).encode())
 

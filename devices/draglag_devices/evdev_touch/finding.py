@@ -13,8 +13,8 @@ _PROP_DIRECT = 0x01
 
 
 @dataclass(frozen=True)
-class Seen:
-    """An event device as sysfs tells it."""
+class EventDevice:
+    """An event device as sysfs describes it."""
 
     path: str
     name: str
@@ -27,19 +27,19 @@ class Seen:
         return os.access(self.path, os.R_OK | os.W_OK)
 
 
-def event_devices(sysfs: Path = SYSFS) -> list[Seen]:
+def event_devices(sysfs: Path = SYSFS) -> list[EventDevice]:
     """All event devices, by number."""
     folders = [folder for folder in sysfs.glob("event*") if folder.name[5:].isdecimal()]
-    return [_seen(folder) for folder in sorted(folders, key=lambda folder: int(folder.name[5:]))]
+    return [_event_device(folder) for folder in sorted(folders, key=lambda folder: int(folder.name[5:]))]
 
 
-def _seen(folder: Path) -> Seen:
+def _event_device(folder: Path) -> EventDevice:
     device = folder / "device"
     axes, keys = _bits(device / "capabilities" / "abs"), _bits(device / "capabilities" / "key")
     touches = ABS_MT_POSITION_X in axes or ({ABS_X, ABS_Y} <= axes and BTN_TOUCH in keys)
     direct = _PROP_DIRECT in _bits(device / "properties")
     path = f"/dev/input/{folder.name}"
-    return Seen(path, _text(device / "name"), _text(device / "phys"), _text(device / "uniq"), touches and direct)
+    return EventDevice(path, _text(device / "name"), _text(device / "phys"), _text(device / "uniq"), touches and direct)
 
 
 def _text(path: Path) -> str:

@@ -47,7 +47,7 @@ class Gone(Exception):
 
 @dataclass(frozen=True)
 class Description:
-    """What the kernel says of a touchscreen. ``slots``: how many contacts it tells apart."""
+    """The kernel's description of a touchscreen. ``slots``: number of contacts it distinguishes."""
 
     name: str
     phys: str

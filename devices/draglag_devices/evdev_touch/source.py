@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from draglag.calibration import SIZE_TOLERANCE
 from draglag.errors import DataError
 from draglag.recording import TouchTrace, empty_touch
 from draglag.touch_events.frames import (
@@ -28,7 +29,7 @@ from draglag.touch_events.frames import (
 from draglag_devices.addresses import Address
 from draglag_devices.calibration import as_mapping, load_calibration
 from draglag_devices.evdev_touch.changes import ContactLog
-from draglag_devices.evdev_touch.finding import Seen, event_devices
+from draglag_devices.evdev_touch.finding import EventDevice, event_devices
 from draglag_devices.evdev_touch.kernel import Gone, KernelTouch, TouchDevice
 from draglag_devices.evdev_touch.useless import UselessEvents
 from draglag_devices.source import Batch, ContactChanges, DeviceError, Notice, SourceInfo
@@ -41,15 +42,13 @@ RETRY_S = 0.5
 GAP_EVERY_S = 1.0
 # Stamps further than this from the host's clock are on another one.
 OTHER_CLOCK_S = 5.0
-# Resolution and panel may disagree by this much before somebody should fetch a ruler.
-DISAGREEMENT = 0.02
-# Tracking ids begin anew when a device comes back; ours do not.
+# Tracking ids restart from 0 when a device comes back; ours do not.
 _IDS = 1 << 16
-_UNGRAB_PATIENCE_S = 1.0
+_UNGRAB_TIMEOUT_S = 1.0
 
 
 class EvdevTouch:
-    """Reads one touchscreen; a lost one is told and looked for, by name and place, until it is back."""
+    """Reads one touchscreen; a lost one is reported and searched for, by name and port, until it is back."""
 
     realtime = True
     role = "touch"
@@ -58,7 +57,7 @@ class EvdevTouch:
         self,
         address: Address,
         open_device: Callable[[str], TouchDevice] = KernelTouch,
-        look: Callable[[], list[Seen]] = event_devices,
+        find_devices: Callable[[], list[EventDevice]] = event_devices,
         now: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -67,7 +66,7 @@ class EvdevTouch:
         self._exclusive = address.choice("exclusive", ("0", "1"), "0") == "1"
         self._panel_mm = (address.number("width_mm"), address.number("height_mm"))
         self._calibration = address.options.get("calibration")
-        self._open_device, self._look, self._now, self._pause = open_device, look, now, pause
+        self._open_device, self._find_devices, self._now, self._pause = open_device, find_devices, now, pause
         self._device: TouchDevice | None = None
         self._decoder = FrameDecoder()
         self._follower = ContactFollower()
@@ -76,7 +75,7 @@ class EvdevTouch:
         self._notices: list[Notice] = []
         self._mapping: Mapping2D | None = None
         self._fitted: tuple[Mapping2D, str, float] | None = None
-        self._grabbed = self._syncing = self._clock_told = False
+        self._grabbed = self._syncing = self._clock_reported = False
         self._until_s = self._next_try_s = 0.0
         self._known_s = -np.inf  # after an overflow: the slots were asked for then, what happened before is in them
         self._last_frame_s: float | None = None
@@ -103,7 +102,7 @@ class EvdevTouch:
         self._device = device
         self._identity = (what.name, what.phys, what.uniq)
         self._until_s = self._now()
-        self._tell_axes(device)
+        self._report_axes(device)
         details: dict[str, str | float | int] = {
             "name": what.name,
             "phys": what.phys,
@@ -192,23 +191,23 @@ class EvdevTouch:
         except ValueError as error:
             raise DeviceError(self.address, str(error), "add ?width_mm=W&height_mm=H, or calibrate") from None
 
-    def _tell_axes(self, device: TouchDevice) -> None:
+    def _report_axes(self, device: TouchDevice) -> None:
         for axis, size_mm in zip(device.description.axes, self._panel_mm, strict=True):
             if axis.fuzz:
-                self._tell("warning", f"{axis.name} has a fuzz of {axis.fuzz}: the kernel smooths slow motion, which "
+                self._report("warning", f"{axis.name} has a fuzz of {axis.fuzz}: the kernel smooths slow motion, which "
                            "is a latency of its own. Set it to 0 unless it is under test.")  # fmt: skip
             if size_mm and axis.resolution > 0:
                 said_mm = (axis.maximum - axis.minimum + 1) / axis.resolution
-                if abs(said_mm / size_mm - 1) > DISAGREEMENT:
-                    self._tell("warning", f"{axis.name} is {said_mm:.1f} mm long by its resolution and {size_mm:.1f} mm"
-                               " by the panel: measure with a ruler, or calibrate.")  # fmt: skip
+                if abs(said_mm / size_mm - 1) > SIZE_TOLERANCE:
+                    self._report("warning", f"{axis.name} is {said_mm:.1f} mm long by its resolution and {size_mm:.1f} "
+                                 "mm by the panel: measure with a ruler, or calibrate.")  # fmt: skip
 
     def _lose(self, fault: Gone) -> Batch:
         if self._device is not None:
             self._device.close()
         self._device = None
         self._next_try_s = self._now() + RETRY_S
-        self._tell("error", f"{self._identity[0]} is gone ({fault}). Plug it in again; it goes on then.", "lost")
+        self._report("error", f"{self._identity[0]} is gone ({fault}). Plug it in again; it goes on then.", "lost")
         return self._batch(alive=False)
 
     def _while_lost(self, timeout_s: float) -> Batch:
@@ -226,7 +225,7 @@ class EvdevTouch:
         return self._batch(touch=touch, alive=back)
 
     def _come_back(self) -> None:
-        for seen in self._look():
+        for seen in self._find_devices():
             if (seen.name, seen.phys, seen.uniq) != self._identity:
                 continue
             try:
@@ -235,7 +234,7 @@ class EvdevTouch:
                 continue  # its node is there before its rights are
             self._device, self._path = device, seen.path
             self._returns += 1
-            self._tell("info", f"{seen.name} is back at {seen.path} and records again.", "back")
+            self._report("info", f"{seen.name} is back at {seen.path} and records again.", "back")
             return
 
     # --- events -----------------------------------------------------------------------------------------------
@@ -247,7 +246,7 @@ class EvdevTouch:
                 continue
             if event.type == EV_SYN and event.code == SYN_DROPPED:
                 self._syncing = True
-                self._tell("warning", "The kernel's buffer overflowed: touch events were lost, the gap is marked.")
+                self._report("warning", "The kernel's buffer overflowed: touch events were lost, the gap is marked.")
             frame = self._decoder.feed(event)
             if self._syncing and event.type == EV_SYN and event.code == SYN_REPORT:
                 self._syncing = False
@@ -261,15 +260,17 @@ class EvdevTouch:
 
     def _say_useless(self, seen: str) -> None:
         if seen:
-            self._tell("error", f"{self._identity[0]} sends events that are no touch ({seen}), and nothing is recorded "
-                       "of them. Choose another input device: draglag devices lists touchscreens.")  # fmt: skip
+            text = f"{self._identity[0]} sends events that are no touch ({seen}), and nothing is recorded of them. "
+            self._report("error", f"{text}Choose another input device: draglag devices lists touchscreens.")
 
     def _trace(self, frames: list[Frame]) -> TouchTrace | None:
         if not frames or self._mapping is None:
             return None
-        if not self._clock_told and abs(frames[-1].t_s - self._now()) > OTHER_CLOCK_S:
-            self._clock_told = True
-            self._tell("error", "Touch events are not stamped on the host's monotonic clock: latencies will be wrong.")
+        if not self._clock_reported and abs(frames[-1].t_s - self._now()) > OTHER_CLOCK_S:
+            self._clock_reported = True
+            self._report(
+                "error", "Touch events are not stamped on the host's monotonic clock: latencies will be wrong."
+            )
         trace = touch_trace(frames, self._mapping, follower=self._follower)
         gaps = trace.gaps_s.copy()
         if frames[0].dropped and self._last_frame_s is not None:
@@ -292,23 +293,23 @@ class EvdevTouch:
                 raise Gone("unplugged") from None
             self._exclusive = False
             why = "another program holds it" if error.errno == errno.EBUSY else error.strerror or "refused"
-            self._tell("warning", f"The touchscreen is not used exclusively: {why}.")
+            self._report("warning", f"The touchscreen is not used exclusively: {why}.")
             return
         if _is_down(device):  # since the look before: let go at once, and wait for its end
-            with contextlib.suppress(OSError):  # one that is gone is told by the next read
+            with contextlib.suppress(OSError):  # a lost device is reported by the next read
                 device.grab(False)
             return
         self._grabbed = True
 
     def _ungrab(self, device: TouchDevice) -> None:
-        deadline_s = self._now() + _UNGRAB_PATIENCE_S
+        deadline_s = self._now() + _UNGRAB_TIMEOUT_S
         while _is_down(device) and self._now() < deadline_s:
             device.events(0.05)
         device.grab(False)
 
     # --- handing on -------------------------------------------------------------------------------------------
 
-    def _tell(self, level: str, text: str, state: str = "") -> None:
+    def _report(self, level: str, text: str, state: str = "") -> None:
         self._notices.append(Notice(self._now(), level, text, state))
 
     def _batch(

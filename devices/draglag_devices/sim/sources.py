@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import cast
 
+from draglag.touch_events.frames import Mapping2D
 from draglag_devices.addresses import Address
 from draglag_devices.sim.world import World
 from draglag_devices.source import SourceInfo
@@ -11,6 +13,18 @@ from draglag_devices.stage import Stage
 from draglag_devices.timeline import TimelineSource
 
 OPTIONS = ("speed", "screen", "seed")
+
+
+class SimulatedTouch(TimelineSource):
+    """The simulated digitiser: belongs to the world, so a calibration is the world's."""
+
+    def __init__(self, address: str, stage: Stage, world: World, describe: Callable[[], SourceInfo]) -> None:
+        super().__init__(address, "touch", stage.time_base, world.timelines["touch"], describe)
+        self._world = world
+
+    def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
+        """See ``AcceptsCalibration``; there is one touchscreen, so its name is not compared."""
+        self._world.use_calibration(mapping)
 
 
 def shared_world(stage: Stage) -> World:
@@ -36,6 +50,8 @@ def simulated_source(stage: Stage, role: str, address: Address) -> TimelineSourc
             {"seed": stage.seed, "true_offset_s": clock.offset_s, "true_drift": clock.drift},
         )
 
+    if role == "touch":
+        return SimulatedTouch(address.text, stage, world, describe)
     return TimelineSource(
         address.text,
         role,

@@ -146,7 +146,7 @@ class World:
         with self._lock:
             for timeline in self.timelines.values():
                 timeline.cut()
-            # Comparisons of clocks went with the rest: the next run starts them anew.
+            # Comparisons of clocks went with the rest: the next run starts them again.
             given = [t.given_until_s for t in self.timelines.values() if np.isfinite(t.given_until_s)]
             self._synced_s = min(self._synced_s, max(given, default=self._synced_s))
 
@@ -162,7 +162,7 @@ class World:
         return TouchTrace(t_s, x, y, np.full(len(t_s), self._contacts, np.int64))
 
     def _digitised(self, touch: TouchTrace) -> TouchTrace:
-        """With what the digitiser reports beside the mm, and mapped by the calibration where there is one."""
+        """With the digitiser's raw columns, and mapped by the calibration where there is one."""
         (xx, xy, x0), (yx, yy, y0) = DIGITISER
         x_raw = np.round(xx * touch.x_mm + xy * touch.y_mm + x0)
         y_raw = np.round(yx * touch.x_mm + yy * touch.y_mm + y0)

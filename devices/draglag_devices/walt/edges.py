@@ -45,7 +45,7 @@ class EdgeCounter:
         for device_s, value, count in lines:
             at_s = host_s(device_s)
             if not plausible_s[0] <= at_s <= plausible_s[1] or value not in (0, 1) or count < 1:
-                continue  # the next line has the same value and tells
+                continue  # the next line has the same value
             if count > self.before:
                 count -= self.before
             self.before = 0

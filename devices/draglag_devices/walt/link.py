@@ -61,7 +61,7 @@ class Link:
         """Send a command and wait for a line that ``accept`` takes. Raises PortGone, and NoAnswer.
 
         After a missing answer the conversation is brought back in step, so that a late one is not taken for the
-        answer to the next question. ``late`` takes one that comes meanwhile: what it tells is told only once.
+        answer to the next question. ``late`` takes one that comes meanwhile: the device sends it only once.
         """
         sent_s = self.send(command)
         try:

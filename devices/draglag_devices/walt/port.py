@@ -37,7 +37,7 @@ class Port(Protocol):
 
 
 class SerialPort:
-    """A tty, held exclusively."""
+    """A tty, locked exclusively."""
 
     def __init__(self, path: str) -> None:
         """Open ``path``. Raises DeviceError: no such port, no rights, busy, or not a serial port."""

@@ -15,10 +15,9 @@ USB_VENDOR = 0x16C0
 ZERO, TIME, PING, PING_LATER, RESET, VERSION = "Z", "T", "P", "D", "F", "V"
 SEND_DIGITS, READ_DIGIT = "I", "R"
 LASER_ON, LASER_OFF, LASER_LAST = "L", "l", "J"
-SCREEN_ON, SCREEN_OFF, SCREEN_LAST = "C", "c", "E"
-SHOCK, BRIGHTNESS, ACCELEROMETER, RAW_ADC = "G", "U", "O", "Q"
+SCREEN_OFF, SHOCK = "c", "G"
 
-LASER_TAG, SCREEN_TAG = "L", "S"
+LASER_TAG = "L"
 DIGITS = "123456789"
 WRAP_US = 1 << 32
 
@@ -26,9 +25,7 @@ _TRIGGER = re.compile(r"G ([A-Z]) (-?\d{1,10}) (-?\d{1,6}) (-?\d{1,6})")
 _TIME = re.compile(r"t (-?\d{1,10})")
 _SYNC = re.compile(r"(\d{1,2}):(-?\d{1,10})")
 _SHOCK = re.compile(r"-?\d{1,10}")
-_SAMPLE = re.compile(r"(-?\d{1,10}) (\d{1,4})")
 _VERSION = re.compile(r"v (\S+)")
-_ADC = re.compile(r"(\w+):(\d+)")
 
 
 @dataclass(frozen=True)
@@ -69,23 +66,10 @@ def parse_shock(text: str) -> int | None:
     return int(text) if _SHOCK.fullmatch(text) else None
 
 
-def parse_sample(text: str) -> tuple[int, int] | None:
-    """``<us> <adc>`` of a curve, or None."""
-    words = _SAMPLE.fullmatch(text)
-    return (int(words[1]), int(words[2])) if words else None
-
-
 def parse_version(text: str) -> str | None:
     """``v <version>``, or None."""
     words = _VERSION.fullmatch(text)
     return words[1] if words else None
-
-
-def parse_adc(text: str) -> dict[str, int] | None:
-    """``q G:480 PD_screen:3 PD_laser:910`` as name → value, or None."""
-    if not text.startswith("q "):
-        return None
-    return {name: int(value) for name, value in _ADC.findall(text[2:])} or None
 
 
 class Unwrapped:

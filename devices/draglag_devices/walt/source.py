@@ -20,7 +20,7 @@ from draglag_devices.walt.edges import EdgeCounter
 from draglag_devices.walt.link import Answer, Link, NoAnswer
 from draglag_devices.walt.port import Port, PortGone, SerialPort, port_of, usb_identity
 from draglag_devices.walt.protocol import LASER_LAST, LASER_ON, RESET, SHOCK, Unwrapped, parse_shock
-from draglag_devices.walt.sync import Bound, as_bounds, ask_time, compare, zero
+from draglag_devices.walt.sync import Bound, as_bounds, compare, request_time, zero
 
 # Quick comparison of clocks; it also keeps the 32-bit count unwrapped and notices a device that hangs.
 TIME_EVERY_S = 1.0
@@ -74,7 +74,7 @@ class _Device:
 class WaltSource:
     """Role "walt": shocks, polled; role "laser": edges of the WALT's own laser, sent by it.
 
-    An unplugged or hanging WALT is told and looked for until it is back; its clock then begins a new epoch.
+    An unplugged or hanging WALT is reported and searched for until it is back; its clock then begins a new epoch.
     """
 
     realtime = True
@@ -101,7 +101,7 @@ class WaltSource:
         self._next_poll_s = 0.0
         self._next_try_s = 0.0
         self._last_shock_s = -np.inf
-        self._felt: list[Taps] = []  # shocks told while clocks were compared
+        self._pending_shocks: list[Taps] = []  # shocks reported while clocks were compared
         self._asked: deque[threading.Event] = deque()  # filled by other threads
         self._compared: list[threading.Event] = []
 
@@ -111,7 +111,7 @@ class WaltSource:
         self._asked.append(done)
         return done
 
-    def _take_asked(self) -> list[threading.Event]:
+    def _take_requests(self) -> list[threading.Event]:
         return [self._asked.popleft() for _ in range(len(self._asked))]
 
     def open(self) -> SourceInfo:
@@ -138,12 +138,12 @@ class WaltSource:
                 laser = self._read_laser(device, timeout_s)
                 until_s = self._now() - IN_FLIGHT_S
             else:
-                taps, until_s = self._poll_shock(device, 0.0 if self._felt else timeout_s)
-                felt, self._felt = [*self._felt, *([] if taps is None else [taps])], []
+                taps, until_s = self._poll_shock(device, 0.0 if self._pending_shocks else timeout_s)
+                felt, self._pending_shocks = [*self._pending_shocks, *([] if taps is None else [taps])], []
                 taps = concatenate(felt) if felt else None
         except (PortGone, NoAnswer) as fault:
             return self._lose(fault)
-        self._tell_unread(device)
+        self._report_unread(device)
         self._until_s = max(self._until_s, until_s)
         return self._batch(device, laser, taps)
 
@@ -239,7 +239,7 @@ class WaltSource:
 
     def _keep_clock(self, device: _Device) -> None:
         now_s = self._now()
-        asked = self._take_asked()
+        asked = self._take_requests()
         if now_s - self._last_time_s < TIME_EVERY_S and not asked:
             return
         self._compared += asked
@@ -251,12 +251,12 @@ class WaltSource:
         quiet = now_s - self._last_event_s >= QUIET_S
         if asked or (quiet and now_s - self._last_full_s >= FULL_EVERY_S):
             self._last_full_s = now_s
-            device.learn(compare(device.link, device.unwrapped, bound, between=lambda: self._feel_meanwhile(device)))
+            device.learn(compare(device.link, device.unwrapped, bound, between=lambda: self._collect_shocks(device)))
 
     def _time(self, device: _Device) -> Bound | None:
         """A comparison that does not contradict the clock as it is known; None where the answer was spoiled."""
         try:
-            bound = ask_time(device.link, device.unwrapped)
+            bound = request_time(device.link, device.unwrapped)
         except NoAnswer:
             # The conversation was brought back in step, or ``settle`` raised and the device is lost.
             device.link.settle()
@@ -274,7 +274,7 @@ class WaltSource:
 
     def _restart_clock(self, device: _Device) -> None:
         self._notices.append(
-            Notice(self._now(), "warning", "The WALT's clock jumped; it was set and compared anew from here on.")
+            Notice(self._now(), "warning", "The WALT's clock jumped; it was set and compared again from here on.")
         )
         self._epoch += 1
         device.epoch, device.contradictions = self._epoch, 0
@@ -311,12 +311,12 @@ class WaltSource:
             return None, self._until_s
         return self._ask_shock(device)
 
-    def _feel_meanwhile(self, device: _Device) -> None:
+    def _collect_shocks(self, device: _Device) -> None:
         """The WALT keeps one shock until it is asked, and a quick tap has two within a full comparison."""
         if self.role == "walt":
             taps, _ = self._ask_shock(device)
             if taps is not None:
-                self._felt.append(taps)
+                self._pending_shocks.append(taps)
 
     def _ask_shock(self, device: _Device) -> tuple[Taps | None, float]:
         """The shock since the last question, and until when there was none or it was this one."""
@@ -346,7 +346,7 @@ class WaltSource:
 
     # --- handing on -------------------------------------------------------------------------------------------
 
-    def _tell_unread(self, device: _Device) -> None:
+    def _report_unread(self, device: _Device) -> None:
         new = device.link.unread - device.unread
         if new:
             device.unread = device.link.unread
@@ -361,7 +361,7 @@ class WaltSource:
             clock = as_bounds(self.role, rows, device.epoch)
         compared, self._compared = self._compared, []
         if device is None:  # there is nothing to compare with
-            compared += self._take_asked()
+            compared += self._take_requests()
         for done in compared:
             done.set()
         return Batch(self._until_s, laser=laser, taps=taps, clock=clock, notices=notices, alive=alive)

@@ -57,7 +57,7 @@ def zero(link: Link) -> Bound:
     return Bound(0.0, answer.sent_s, answer.arrived_s)
 
 
-def ask_time(link: Link, unwrapped: Unwrapped) -> Bound:
+def request_time(link: Link, unwrapped: Unwrapped) -> Bound:
     """One quick comparison by the time of the device. Raises PortGone, NoAnswer."""
     answer = link.ask(TIME, parse_time)
     device_s = unwrapped(answer.value)
@@ -74,7 +74,7 @@ def compare(
     """The full comparison, about 0.15 s: digits to the device and digits from it, ``repeats`` times.
 
     Args:
-        known: a bound of the present (from ``zero`` or ``ask_time``) that the others must not contradict.
+        known: a bound of the present (from ``zero`` or ``request_time``) that the others must not contradict.
         between: called before each half of a repeat, for what cannot wait until all are done.
 
     Returns one bound a repeat, fewer where noise on the wire spoiled some. Raises PortGone, and what ``between`` does.

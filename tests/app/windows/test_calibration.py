@@ -14,7 +14,7 @@ from draglag.calibration import target_places
 from draglag.errors import DataError
 from draglag.recording import AxisInfo, Screen, TouchTrace
 from draglag.store import read_session
-from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches, fit_touches, size_doubt
+from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches, fit_touches, size_mismatch
 from draglag_app.windows.settings import load_settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.calibration import load_calibration, load_touches
@@ -76,9 +76,9 @@ class TestWhatCountsAsATouch:
         panel = Screen("s", 500.0, 300.0, 1920, 1080)
         x_mm, y_mm = target_places(panel.width_mm, panel.height_mm, TARGETS)
         fit = fit_touches(20 * y_mm, 20 * x_mm, panel)  # turned by a quarter
-        assert size_doubt(fit, (20, 20)) is None
-        assert size_doubt(fit, (20, 19)) == pytest.approx(0.05)
-        assert size_doubt(fit, (0, 0)) is None
+        assert size_mismatch(fit, (20, 20)) is None
+        assert size_mismatch(fit, (20, 19)) == pytest.approx(0.05)
+        assert size_mismatch(fit, (0, 0)) is None
 
 
 def _part(trace: TouchTrace, a: int, b: int) -> TouchTrace:

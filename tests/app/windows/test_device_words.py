@@ -100,7 +100,7 @@ def test_every_fault_of_a_driver_is_dutch_in_both_its_halves(dutch: None) -> Non
         "is the touchscreen in use.",
         "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them.",
         "The touches are turned by half a turn against the target: screen or touchscreen was turned after the "
-        "calibration. Stop, calibrate the touchscreen again, and begin anew.",
+        "calibration. Stop, calibrate the touchscreen again, and start again.",
     ],
 )
 def test_notices_are_dutch(dutch: None, sentence: str) -> None:

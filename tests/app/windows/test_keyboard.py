@@ -190,7 +190,7 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
             "noise_floor_mm": 0.1, "report": ("report", added)
         }  # fmt: skip
 
-    monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+    monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
     window = opened
     come_back(window, until)
     press(window, Key.Key_6, control=True)
@@ -199,10 +199,10 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
     def settle() -> None:
         until(lambda: not window.space.tasks.running)
 
-    tab_to(window, page.close_button)
+    tab_to(window, page.explain_button)
     press(window, Key.Key_Return)
     settle()
-    assert QApplication.focusWidget() is page.close_button
+    assert QApplication.focusWidget() is page.explain_button
     tab_to(window, page.choice)
     press(window, Key.Key_Down)
     effect = page.choice.currentData()
@@ -216,7 +216,7 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
     assert QApplication.focusWidget() is page.add_button
     tab_to(window, page.table)
     press(window, Key.Key_Down)  # its only row
-    tab_to(window, page.leave_out)
+    tab_to(window, page.remove_button)
     press(window, Key.Key_Space)
     settle()
     assert page.table.rowCount() == 0
@@ -225,7 +225,7 @@ def test_an_effect_is_added_to_the_gaps_model_and_taken_back(
     assert page.table.rowCount() == 1
 
 
-def test_a_run_is_left_out_and_taken_in_again(opened: OperatorWindow, until: Callable) -> None:
+def test_a_run_is_excluded_and_included_again(opened: OperatorWindow, until: Callable) -> None:
     window = opened
     come_back(window, until)
     press(window, Key.Key_5, control=True)
@@ -233,7 +233,7 @@ def test_a_run_is_left_out_and_taken_in_again(opened: OperatorWindow, until: Cal
     tab_to(window, page.table)
     press(window, Key.Key_Home)
     press(window, Key.Key_Down)
-    tab_to(window, page.leave_out)
+    tab_to(window, page.exclude_button)
 
     press(window, Key.Key_Space)
     dialog = QApplication.activeModalWidget()

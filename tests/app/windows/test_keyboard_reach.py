@@ -178,11 +178,11 @@ def test_a_run_left_out_can_be_taken_in_by_the_same_button(opened: OperatorWindo
     page.table.select(chosen)  # type: ignore[attr-defined]
     opened.space.exclude(chosen, "slipped")
     until(lambda: not opened.space.tasks.running)
-    assert page.leave_out.text() == "Take in again"  # type: ignore[attr-defined]
-    page.leave_out.click()  # type: ignore[attr-defined]
+    assert page.exclude_button.text() == "Include"  # type: ignore[attr-defined]
+    page.exclude_button.click()  # type: ignore[attr-defined]
     until(lambda: not opened.space.tasks.running)
     assert opened.space.options.exclude == {}
-    assert page.leave_out.text() == "Leave out…"  # type: ignore[attr-defined]
+    assert page.exclude_button.text() == "Exclude…"  # type: ignore[attr-defined]
 
 
 def test_the_keyboard_comes_back_to_the_button_whose_work_is_done(

@@ -398,8 +398,8 @@ class TestGap:
                 progress(0.0, "")
             return {**self.REPORT, "report": ("report", without)}
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
-        page.close_button.click()
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
         page.add_button.click()
@@ -427,16 +427,16 @@ class TestGap:
             asked.append(arguments[1])
             return self.REPORT
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
-        page.close_button.click()
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         page.table.selectRow(0)
-        page.leave_out.click()
+        page.remove_button.click()
         until(lambda: not opened.space.tasks.running)
         opened.ask("undo")
         until(lambda: not opened.space.tasks.running)
         assert asked == [frozenset(), frozenset({"low_speed_plateau"}), frozenset()]
-        assert page.close_button.isEnabled()
+        assert page.explain_button.isEnabled()
 
     def test_cancelling_brings_the_buttons_back(
         self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
@@ -445,12 +445,12 @@ class TestGap:
             while True:
                 progress(0.0, "")
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", endless)
-        page.close_button.click()
-        assert not page.close_button.isEnabled()
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", endless)
+        page.explain_button.click()
+        assert not page.explain_button.isEnabled()
         opened.ask("cancel")
         until(lambda: not opened.space.tasks.running)
-        assert page.close_button.isEnabled()
+        assert page.explain_button.isEnabled()
         assert "Cancelled" in page.verdict.text()
 
 
@@ -490,7 +490,7 @@ class TestGapByHand:
             report = {**TestGap.REPORT, "steps": [step, *extra], "overlay": self.OVERLAY, "model": None}
             return {**report, "report": ("report", without, added)}
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", fake)
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", fake)
         return page
 
     def test_an_effect_is_added_taken_back_and_added_again(
@@ -499,7 +499,7 @@ class TestGapByHand:
         def settle() -> None:
             until(lambda: not opened.space.tasks.running)
 
-        page.close_button.click()
+        page.explain_button.click()
         settle()
         page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
         page.add_button.click()
@@ -522,7 +522,7 @@ class TestGapByHand:
     def test_simulated_is_compared_with_measured_before_and_after(
         self, page: QWidget, opened: OperatorWindow, until: Callable
     ) -> None:
-        page.close_button.click()
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
         picture = page.picture
         drawn = picture.plot.drawn
@@ -539,13 +539,13 @@ class TestGapByHand:
     def test_a_fault_leaves_the_model_as_it_was(
         self, page: QWidget, opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        page.close_button.click()
+        page.explain_button.click()
         until(lambda: not opened.space.tasks.running)
 
         def broken(function: object, arguments: tuple, progress: Progress) -> None:
             raise DataError("the model cannot be fitted with it", "Choose another effect")
 
-        monkeypatch.setattr("draglag_app.windows.pages.gap.run_apart", broken)
+        monkeypatch.setattr("draglag_app.windows.pages.gap.run_in_subprocess", broken)
         page.add_button.click()
         until(lambda: not opened.space.tasks.running)
         assert "cannot be fitted" in page.verdict.text()

@@ -127,7 +127,7 @@ NORMAL = FakeScreen(1536, 864, Qt.ScreenOrientation.LandscapeOrientation)  # sca
 def test_a_panel_that_is_not_as_the_screen_stands_is_told() -> None:
     assert placement.shape_problem(LYING, NORMAL) == ""
     assert placement.shape_problem(UPRIGHT, ON_SIDE) == ""
-    assert "press Turn" in placement.shape_problem(LYING, ON_SIDE)
+    assert "press Rotate 90°" in placement.shape_problem(LYING, ON_SIDE)
     assert "correct the numbers" in placement.shape_problem(Screen("", 300.0, 300.0, 900, 900), NORMAL)
 
 
@@ -153,7 +153,7 @@ def test_a_window_larger_than_the_screen_fills_it_and_hides_nothing(qapp: QAppli
         window.deleteLater()
 
 
-def test_start_asks_when_the_screen_stands_on_its_side_and_turn_mends_it(
+def test_start_asks_when_the_screen_stands_on_its_side_and_rotating_mends_it(
     open_window: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(rig={"touch": "replay:x.h5", "laser": "replay:x.h5", "walt": "sim:", "display": "screen 1"})
@@ -167,13 +167,13 @@ def test_start_asks_when_the_screen_stands_on_its_side_and_turn_mends_it(
 
     monkeypatch.setattr(QMessageBox, "question", question)
     window.start()
-    assert "press Turn" in asked[0]
+    assert "press Rotate 90°" in asked[0]
     assert not window.space.recording.active
 
     page = window.geometry_page
-    page.turn.click()
+    page.rotate.click()
     panel = window.space.settings.panel.screen()
     assert (panel.width_mm, panel.height_mm, panel.width_px, panel.height_px) == (286.4, 509.2, 1080, 1920)
-    assert start.obstacles(window.space) == ([], False)
+    assert start.obstacles(window.space) == []
     window.ask("undo")
     assert window.space.settings.panel == PanelSettings()

@@ -47,7 +47,7 @@ def test_a_start_that_fails_leaves_no_file_name_and_says_so(open_window: Callabl
 def test_it_is_not_ready_while_a_light_is_red(open_window: Callable) -> None:
     window = open_window(rig={"touch": "", "laser": "sim:"})
     assert window.header.lights["touch"].state == "fault"
-    assert window.record.big.text() == "▲ Not ready"
+    assert window.record.big.text().startswith("▲ Not ready: choose touchscreen")
     assert "touchscreen" in window.record.small.text()
     window.space.change_settings(rig=window.space.settings.rig.model_copy(update={"touch": "sim:", "walt": "sim:"}))
     assert window.record.big.text() == "Ready"

@@ -54,7 +54,7 @@ def test_recording(recorded: OperatorWindow) -> None:
     assert recorded.record.facts["taps"].value.text() == "10 / 10"
     assert recorded.record.facts["lost"].value.text() == "0"
     # The live plots show touch, edges and speed of the last run, the chirp; the hand follows within a few per cent.
-    assert {"touch", "beam", "goes dark", "light returns"} <= set(recorded.record.live.trace.drawn)
+    assert {"touch", "beam", "beam blocked", "beam clear"} <= set(recorded.record.live.trace.drawn)
     t_s, mm_s = recorded.record.live.speed.drawn["stylus"]
     target = np.interp(t_s, *recorded.record.live.speed.drawn["target"])
     good = np.isfinite(mm_s)
@@ -120,7 +120,7 @@ class TestResults:
     def test_rivals_are_drawn_beside_the_curve(self, opened: OperatorWindow, until: Callable) -> None:
         results = opened.pages["results"][1]
         before = set(results.curve.drawn)
-        results.show_rivals.click()
+        results.show_alternatives.click()
         until(lambda: not opened.space.tasks.running)
         assert len(set(results.curve.drawn) - before) >= 2
 

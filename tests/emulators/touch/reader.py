@@ -5,7 +5,7 @@ import json
 import select
 import sys
 
-from draglag_devices.addresses import open_source
+from draglag_devices.opening import open_source
 from draglag_devices.source import DeviceError
 
 

@@ -94,7 +94,7 @@ class BenchPage(QWidget):
         row = QHBoxLayout()
         self.use_simulated = button(self.tr("Use the simulated rig"), "primary", large=True)
         self.use_simulated.clicked.connect(self._simulate)
-        later = button(self.tr("I choose my own"), large=True)
+        later = button(self.tr("Use my own instruments"), large=True)
         later.clicked.connect(lambda: self._space.change_settings(first_start=False))
         row.addWidget(self.use_simulated)
         row.addWidget(later)

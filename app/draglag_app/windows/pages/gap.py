@@ -22,14 +22,14 @@ from PySide6.QtWidgets import (
 from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
-from draglag_app.apart import close_gap_of, run_apart
+from draglag_app.in_subprocess import close_gap_of, run_in_subprocess, write_gap_of
 from draglag_app.windows.pages.parts.gap_picture import GapPicture
-from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks
+from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks, unseen
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.tasks import Progress, Task
-from draglag_app.windows.parts.widgets import Resting, Shallow, button, label, restyle
+from draglag_app.windows.parts.widgets import Panel, Resting, Scrolled, Shallow, button, label, restyle
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
 from draglag_app.windows.wording.gap_words import headline, law_words
 from draglag_app.windows.wording.library_words import in_words
@@ -47,8 +47,8 @@ def gap_workflow() -> Callable[..., Any] | None:
 
 # Remarks may be many: beyond some lines they scroll rather than take the pictures' room.
 _REMARKS_PX = 84
-# A verdict on three effects in the longest words has five lines.
-_VERDICT_PX = 84
+# A verdict on three effects in the longest words has four lines of large letters.
+_VERDICT_PX = 96
 State = tuple[frozenset[str], tuple[str, ...]]
 """Effects left out, and effects added by hand."""
 
@@ -70,12 +70,10 @@ class GapPage(QWidget):
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
         row = Flow()
-        row.addWidget(label(self.tr("Gap between simulation and measurement"), "pageTitle"))
-        row.add_rest()
-        self.close_button = button(self.tr("Explain the gap"), "primary", large=True)
-        self.close_button.clicked.connect(self.start)
-        self.leave_out = button(self.tr("Remove effect"))
-        self.leave_out.clicked.connect(self._leave_out)
+        self.explain_button = button(self.tr("Explain the gap"), "primary", large=True)
+        self.explain_button.clicked.connect(self.start)
+        self.remove_button = button(self.tr("Remove effect"))
+        self.remove_button.clicked.connect(self._remove)
         self.choice = QComboBox()
         self.choice.setAccessibleName(self.tr("Effect to add"))
         for effect in BY_HAND:
@@ -87,28 +85,29 @@ class GapPage(QWidget):
         self.add_button.clicked.connect(self._add)
         self.save_button = button(self.tr("Save model…"))
         self.save_button.clicked.connect(self._save)
-        self._resting = Resting(self.close_button, self.leave_out, self.add_button, self.save_button)
-        row.addWidget(self.close_button)
-        outer.addLayout(row)
-        by_hand = Flow()
-        for widget in (self.choice, self.add_button, self.leave_out):
-            by_hand.addWidget(widget)
-        by_hand.add_rest()
-        by_hand.addWidget(self.save_button)
-        outer.addLayout(by_hand)
-        self.verdict, self.law = label("", "verdict", wrap=True), label("", wrap=True)
+        self._resting = Resting(self.explain_button, self.remove_button, self.add_button, self.save_button)
+        for widget in (self.explain_button, self.choice, self.add_button, self.remove_button):
+            row.addWidget(widget)
+        row.add_rest()
+        row.addWidget(self.save_button)
+        self.verdict, self.law = label("", "headline", wrap=True), label("", wrap=True)
         # As high as their texts: the hint of a label that wraps knows no width, and would not fit small screens.
         self._verdict_box, self._law_box = Shallow(self.verdict, _VERDICT_PX), Shallow(self.law, _VERDICT_PX)
         outer.addWidget(self._verdict_box)
+        outer.addLayout(row)
         outer.addWidget(self._law_box)
         self.plot = StepPlot()
-        self.picture = GapPicture()
-        pictures = QHBoxLayout()
-        pictures.addWidget(self.plot, 2)
-        pictures.addWidget(self.picture, 3)
-        outer.addLayout(pictures, 5)
         self.table = StepTable()
-        outer.addWidget(self.table, 2)
+        found = QHBoxLayout()
+        found.addWidget(self.plot, 2)
+        found.addWidget(self.table, 3)
+        outer.addLayout(found, 4)
+        self.picture = GapPicture()
+        self.unseen = self._unseen()
+        below = QHBoxLayout()
+        below.addWidget(self.picture, 3)
+        below.addWidget(self.unseen, 2)
+        outer.addLayout(below, 5)
         self.table.itemSelectionChanged.connect(self._row_chosen)
         self.more = label("", "hint", wrap=True)
         self.more.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
@@ -118,6 +117,18 @@ class GapPage(QWidget):
         workspace.tasks.changed.connect(self._tasks_changed)
         workspace.session_changed.connect(self._session_changed)
         self._session_changed()
+
+    def _unseen(self) -> Panel:
+        """The effects that the session at hand could not have shown, with the run that would."""
+        panel = Panel(self.tr("What this session could not show"))
+        self.unseen_text = label("", wrap=True)
+        self.unseen_text.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
+        column = QVBoxLayout()
+        column.addWidget(self.unseen_text)
+        column.addStretch(1)
+        panel.body.addWidget(Scrolled(column))
+        panel.hide()
+        return panel
 
     def start(self) -> None:
         """Close the gap of the session at hand, in a process of its own: it takes a minute, and can be cancelled."""
@@ -139,7 +150,9 @@ class GapPage(QWidget):
         self._say("", self.tr("Fitting the model, looking at what is left …"))
 
         def work(progress: Progress) -> dict[str, Any]:
-            found: dict[str, Any] = run_apart(close_gap_of, (judged, without, added, kept, path, include), progress)
+            found: dict[str, Any] = run_in_subprocess(
+                close_gap_of, (judged, without, added, kept, path, include), progress
+            )
             return found
 
         def done(report: dict[str, Any]) -> None:
@@ -162,7 +175,7 @@ class GapPage(QWidget):
 
     def _ready(self) -> None:
         ready = self._space.session is not None
-        self.close_button.setEnabled(ready)
+        self.explain_button.setEnabled(ready)
         self.add_button.setEnabled(ready and self._report is not None and self._report.get("report") is not None)
         self.save_button.setEnabled(bool(self._report and self._report.get("model")))
         self._row_chosen()
@@ -212,6 +225,26 @@ class GapPage(QWidget):
         start = Path(self._space.settings.folder) / "model.json"
         ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"), write)
 
+    def write_report(self) -> None:
+        """Write the page with figures of what was found."""
+        session, found = self._space.session, self._report.get("report") if self._report else None
+        if session is None or found is None:
+            self._space.noticed.emit("info", self.tr("Explain the gap first: there is nothing to report yet."))
+            return
+
+        def begin(path: Path) -> None:
+            said = self.tr("Saved: {path}").format(path=path)
+            self._space.tasks.start(
+                self.tr("Writing the report"),
+                lambda progress: run_in_subprocess(write_gap_of, (session, found, path), progress),
+                lambda result: self._space.noticed.emit("info", said),
+                self._space.fault,
+            )
+
+        stem = self._space.path.stem if self._space.path is not None else "session"
+        start = Path(self._space.settings.folder) / f"{stem}-gap.html"
+        ask_save(self, self.tr("Write gap report"), start, "*.html", begin)
+
     def _tasks_changed(self) -> None:
         """A cancelled task reports nothing: the buttons come back here."""
         if self._task is not None and self._task not in self._space.tasks.running:
@@ -226,12 +259,12 @@ class GapPage(QWidget):
         if effect:
             self._explain(effect)
         if self._task is None:
-            self.leave_out.setEnabled(bool(self._without or row >= 0))
+            self.remove_button.setEnabled(bool(self._without or row >= 0))
         self.picture.choose_step(row)
         all_again = row < 0 and bool(self._without)
-        self.leave_out.setText(self.tr("All effects") if all_again else self.tr("Remove effect"))
+        self.remove_button.setText(self.tr("All effects") if all_again else self.tr("Remove effect"))
 
-    def _leave_out(self) -> None:
+    def _remove(self) -> None:
         """Take the chosen effect out of the model and look again; without a choice, allow all again. Can be undone."""
         row, effect = self.table.chosen()
         if row < 0:
@@ -258,9 +291,10 @@ class GapPage(QWidget):
         self._shown = (frozenset(), ())
         self.picture.show_overlay(None)
         self.remarks.show_text("")
-        self.leave_out.setEnabled(False)
+        self.remove_button.setEnabled(False)
         self.table.setRowCount(0)
         self.table.hide()
+        self.unseen.hide()
         self.plot.clear_all()
         ready = self._space.session is not None
         self._ready()
@@ -278,6 +312,9 @@ class GapPage(QWidget):
         self.table.setVisible(bool(report["steps"]))
         self._explain("")
         self.plot.show_report(report)
+        missed = unseen(report)
+        self.unseen_text.setText("\n".join(f"• {line}" for line in missed))
+        self.unseen.setVisible(bool(missed))
         self.picture.show_overlay(report.get("overlay"), str(report.get("overlay_why") or ""))
         self._ready()
 

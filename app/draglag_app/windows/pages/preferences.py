@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag_app.windows.pages.parts.keys_panel import KeysPanel
 from draglag_app.windows.parts.ask_files import ask_folder
 from draglag_app.windows.parts.widgets import Form, Panel, button, label
 from draglag_app.windows.workspace import Workspace
@@ -30,16 +31,16 @@ class PreferencesPage(QWidget):
         outer = QVBoxLayout(self)
         outer.setContentsMargins(16, 16, 16, 16)
         outer.setSpacing(12)
-        looks, form = _form(self.tr("Looks"))
-        self.theme = _choice(
-            (("dark", self.tr("Dark")), ("light", self.tr("Light")), ("system", self.tr("As the desktop")))
-        )
-        self.language = _choice((("system", self.tr("As the desktop")), ("en", "English"), ("nl", "Nederlands")))
-        self.scale = _choice(tuple((value, f"{value:.0%}") for value in (0.9, 1.0, 1.15, 1.3, 1.5)))
+        appearance, form = _form(self.tr("Appearance"))
+        self.theme = _choice((("dark", self.tr("Dark")), ("light", self.tr("Light")), ("system", self.tr("System"))))
+        self.language = _choice((("system", self.tr("System")), ("en", "English"), ("nl", "Nederlands")))
+        self.scale = _choice(tuple((value, f"{value:.0%}") for value in (1.0, 1.15, 1.3, 1.5, 1.75, 2.0)))
         form.row(self.tr("Theme"), self.theme)
         form.row(self.tr("Language (after a restart)"), self.language)
         form.row(self.tr("Size of text (after a restart)"), self.scale)
-        outer.addWidget(looks)
+        self.motion = QCheckBox(self.tr("Reduced motion: nothing flashes or moves by itself"))
+        form.row("", self.motion)
+        outer.addWidget(appearance)
         work, form = _form(self.tr("Sessions"))
         self.folder = QLineEdit()
         self.folder.setAccessibleName(self.tr("Folder for sessions"))
@@ -51,11 +52,20 @@ class PreferencesPage(QWidget):
         row.addWidget(choose)
         form.row(self.tr("Folder for sessions"), row)
         self.operator = QLineEdit()
-        self.operator.setPlaceholderText(self.tr("your name, kept in the session's notes"))
+        self.operator.setPlaceholderText(self.tr("your name, kept in every session"))
         form.row(self.tr("Operator"), self.operator)
         self.by_hand = QCheckBox(self.tr("Wait for F6 before every run"))
         form.row("", self.by_hand)
+        self.sound = QCheckBox(self.tr("Sound at the end of every run"))
+        self.flash = QCheckBox(self.tr("Flash at the end of every run"))
+        form.row("", self.sound)
+        form.row("", self.flash)
+        self.reopen = QCheckBox(self.tr("Open the last session when the window opens"))
+        form.row("", self.reopen)
+        self.reopen.clicked.connect(lambda on: workspace.change_settings(reopen=on))
         outer.addWidget(work)
+        self.keys = KeysPanel(workspace)
+        outer.addWidget(self.keys)
         where = self.tr("Settings are kept in {path}").format(path=workspace.settings_file)
         outer.addWidget(label(where, "hint", wrap=True))
         outer.addStretch(1)
@@ -68,6 +78,9 @@ class PreferencesPage(QWidget):
         )
         self.operator.editingFinished.connect(lambda: self._changed("operator", self.operator.text().strip()))
         self.by_hand.clicked.connect(lambda on: change(begin_by_hand=on))
+        self.sound.clicked.connect(lambda on: change(sound=on))
+        self.flash.clicked.connect(lambda on: change(flash=on))
+        self.motion.clicked.connect(lambda on: change(reduced_motion=on))
         workspace.settings_changed.connect(self.refresh)
         self.refresh()
 
@@ -80,6 +93,10 @@ class PreferencesPage(QWidget):
         self.folder.setText(settings.folder)
         self.operator.setText(settings.operator)
         self.by_hand.setChecked(settings.begin_by_hand)
+        self.reopen.setChecked(settings.reopen)
+        self.sound.setChecked(settings.sound)
+        self.flash.setChecked(settings.flash)
+        self.motion.setChecked(settings.reduced_motion)
 
     def _theme_chosen(self) -> None:
         name = str(self.theme.currentData())

@@ -25,7 +25,7 @@ from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.letter_menu import LetterMenu
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import wide
-from draglag_app.windows.parts.widgets import LARGE_TEXT, Panel, Scrolled, button, table
+from draglag_app.windows.parts.widgets import LARGE_TEXT, Panel, Scrolled, button, label, table
 from draglag_app.windows.protocol_text import to_toml
 from draglag_app.windows.wording import words
 from draglag_app.windows.workspace import Workspace
@@ -46,6 +46,8 @@ class ProtocolPage(QWidget):
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
         outer.addLayout(self._file_row())
+        self.meaning = label("", "hint", wrap=True)
+        outer.addWidget(self.meaning)
         across = QHBoxLayout()
         across.setSpacing(10)
         left = QVBoxLayout()
@@ -92,8 +94,11 @@ class ProtocolPage(QWidget):
         # A menu, not a box: the arrow keys of a closed box would load every preset they pass.
         self.preset = button(self.tr("Preset…"))
         menu = LetterMenu(self.preset)
+        menu.setToolTipsVisible(True)
         for name in presets("protocols"):
-            menu.addAction(name).triggered.connect(lambda checked=False, name=name: self._preset_chosen(name))
+            entry = menu.addAction(name)
+            entry.setToolTip(plain(words.preset_meaning(load_protocol(name).description)))
+            entry.triggered.connect(lambda checked=False, name=name: self._preset_chosen(name))
         self.preset.setMenu(menu)
         row.addWidget(self.preset)
         self.file_buttons: dict[str, QPushButton] = {}
@@ -185,6 +190,8 @@ class ProtocolPage(QWidget):
         if protocol.runs:
             self.table.selectRow(min(max(row, 0), len(protocol.runs) - 1))
         self._selected()
+        self.meaning.setText(words.preset_meaning(protocol.description))
+        self.meaning.setVisible(bool(protocol.description))
         self.form.refresh()
         self.preview.refresh()
 

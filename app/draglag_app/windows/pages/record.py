@@ -6,8 +6,9 @@ import time
 from datetime import datetime
 from pathlib import Path
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QCoreApplication, QTimer, Signal
 from PySide6.QtWidgets import (
+    QApplication,
     QGridLayout,
     QHBoxLayout,
     QLineEdit,
@@ -16,25 +17,39 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag.protocols import first_target_after_s
 from draglag_app.session import events
 from draglag_app.session.machine import Phase
+from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.bridge import Prompted
+from draglag_app.windows.pages.parts.between_runs import rest_words, session_left, verdict_words
 from draglag_app.windows.pages.parts.run_table import RunTable
 from draglag_app.windows.parts.full_texts import ElidedLabel
 from draglag_app.windows.parts.heading import Heading
 from draglag_app.windows.parts.theme import theme, wide
 from draglag_app.windows.parts.widgets import LARGE_TEXT, Fact, Panel, button, label, restyle
 from draglag_app.windows.recording.live_view import LiveView
+from draglag_app.windows.start import Obstacle
 from draglag_app.windows.wording import words
 from draglag_app.windows.wording.library_words import in_words
-from draglag_app.windows.workspace import Workspace
+from draglag_app.windows.workspace import Edit, Workspace
 
 # Room for what is told in the largest letters; buttons give way to it.
 _BIG_PX = 260
 # A touch rate says nothing of now where the last touch is older.
 _OLD_S = 1.0
+# Long enough to be seen from the corner of the eye, once.
+_FLASH_MS = 400
 # The heading and four rows of the table.
 _LOWER_PX = 214
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("RecordPage", text)
+
+
+# What the button of an obstacle says, by the page that mends it.
+MEND = {"bench": lambda: tr("Choose instruments"), "geometry": lambda: tr("Check the geometry")}
 
 
 class RecordPage(QWidget):
@@ -51,12 +66,20 @@ class RecordPage(QWidget):
         self._span_s = 0.0
         self._phase: Phase | None = None
         self._outcome: tuple[str, str] | None = None
-        self._missing: list[str] = []
+        self._missing: list[Obstacle] = []
+        self._faults: list[str] = []
         self._touched_s: float | None = None
+        self._resting, self._rest_until_s, self._number = False, 0.0, 0
+        self._ended: tuple[str, str] | None = None  # id and outcome of the run that ended last
+        self._flash = QTimer(self)
+        self._flash.setSingleShot(True)
+        self._flash.setInterval(_FLASH_MS)
+        self._flash.timeout.connect(lambda: restyle(self.band, "flash", "false"))
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
         outer.addWidget(self._state_band())
+        outer.addWidget(self._about())
         self.clock_warning = label("", "warning", wrap=True)
         self.clock_warning.hide()
         outer.addWidget(self.clock_warning)
@@ -75,13 +98,14 @@ class RecordPage(QWidget):
         self.set_recording(False)
 
     def _state_band(self) -> QWidget:
-        band = Panel()
+        band = self.band = Panel()
         side, row = _row()
         row.addStretch(1)
         self.big = ElidedLabel("big")
         self.small = ElidedLabel("medium")
         self.buttons = {}
         for action, text, role in (
+            ("mend", "", "primary"),
             ("start", self.tr("Start  F5"), "primary"),
             ("proceed", self.tr("Begin now  F6"), "primary"),
             ("repeat", self.tr("Repeat run  F7"), ""),
@@ -89,18 +113,35 @@ class RecordPage(QWidget):
             ("stop", self.tr("Stop and save  F9"), "danger"),
         ):
             made = button(text, role, large=True)
-            made.clicked.connect(lambda checked=False, action=action: self.asks.emit(action))
+            made.clicked.connect(lambda checked=False, action=action: self._ask(action))
             self.buttons[action] = made
             row.addWidget(made)
         self.progress = QProgressBar()
         self.progress.setTextVisible(False)
         self.progress.setRange(0, 1000)
         under, below = _row()
-        below.addWidget(self.small, 1)
+        below.addWidget(self.small, 3)
         below.addWidget(self.progress, 1)
         self.heading = Heading(self.big, side, under, wide(_BIG_PX))
         band.body.addWidget(self.heading)
         return band
+
+    def _about(self) -> QWidget:
+        """What the next session is about, and the button that changes it."""
+        self.about_row, row = _row()
+        self.about = ElidedLabel("hint")
+        details = button(self.tr("Session details…  Ctrl+D"))
+        details.clicked.connect(lambda: self.asks.emit("details"))
+        row.addWidget(self.about, 1)
+        row.addWidget(details)
+        return self.about_row
+
+    def _ask(self, action: str) -> None:
+        """The button of an obstacle goes to the page where it is mended."""
+        self.asks.emit(f"go_{self._mends_on()}" if action == "mend" else action)
+
+    def _mends_on(self) -> str:
+        return self._missing[0].page if self._missing else "bench"
 
     def _facts(self) -> QWidget:
         panel = Panel()
@@ -130,6 +171,8 @@ class RecordPage(QWidget):
         bridge = self._space.bridge
         bridge.state_changed.connect(self._state_changed)
         bridge.prompted.connect(self._prompted)
+        bridge.resting.connect(self._rest_began)
+        bridge.run_queued.connect(self._run_queued)
         bridge.run_started.connect(self.live.begin_run)
         bridge.run_previewed.connect(lambda event: self.table.add_run(event.run))
         bridge.run_finished.connect(self._run_finished)
@@ -142,7 +185,9 @@ class RecordPage(QWidget):
 
     def set_recording(self, recording: bool) -> None:
         """Show the buttons that make sense; called when a session begins and ends."""
-        seen = {made: (action == "start") != recording for action, made in self.buttons.items()}
+        self.about_row.setVisible(not recording)
+        idle = ("start", "mend")
+        seen = {made: (action in idle) != recording for action, made in self.buttons.items()}
         for made in sorted(seen, key=lambda made: seen[made]):  # those that go first: all at once widen the window
             made.setVisible(seen[made])
         self.note.setEnabled(recording)
@@ -152,7 +197,7 @@ class RecordPage(QWidget):
         self.progress.setVisible(recording)
         if recording:
             self._outcome = None
-            self._touched_s = None
+            self._touched_s, self._ended, self._resting, self._number = None, None, False, 0
             self.table.clear_runs()
             self._losses: dict[str, int] = {}
             self._enable(resting=False, running=False)
@@ -160,7 +205,7 @@ class RecordPage(QWidget):
             self.live.begin_session()
         else:
             self.live.end_session()
-            self._phase = None
+            self._phase, self._resting = None, False
             self.progress.setValue(0)
             self._show_idle()
 
@@ -174,20 +219,41 @@ class RecordPage(QWidget):
         """Another rig or protocol was chosen: what happened with the one before says nothing of it."""
         self._outcome = None
 
-    def show_readiness(self, problems: list[str]) -> None:
-        """What stands in the way of a measurement, a sentence each."""
-        self._missing = problems
+    def show_readiness(self, missing: list[Obstacle], faults: list[str]) -> None:
+        """What stands in the way of a measurement, and what is wrong with instruments, a sentence each."""
+        self._missing, self._faults = missing, faults
         if not self._space.recording.active:
             self._show_idle()
 
     def _show_idle(self) -> None:
-        start = self.tr("F5 starts: {name}").format(name=self._space.protocol.name)
+        start = self._what_starts()
+        mends = bool(self._missing or self._faults)
+        self.buttons["mend"].setVisible(mends)
+        self.buttons["mend"].setText(MEND[self._mends_on()]())
+        details = self._space.settings.details()
+        about = " · ".join(f"{words.detail_name(name)}: {text}" for name, text in details.items())
+        self.about.setText(about or self.tr("No participant, session or operator is named"))
         if self._outcome is not None:
             self._say(self._outcome[0], f"{self._outcome[1]} {start}", "bad")
-        elif self._missing:
-            self._say(self.tr("▲ Not ready"), " ".join(self._missing), "bad")
+        elif any(obstacle.hopeless for obstacle in self._missing):
+            short = ", ".join(obstacle.short for obstacle in self._missing)
+            self._say(self.tr("▲ Not ready: {what}").format(what=short), self._sentences(), "bad")
+        elif mends:
+            self._say(self.tr("▲ Not ready"), self._sentences(), "bad")
         else:
             self._say(self.tr("Ready"), start)
+
+    def _sentences(self) -> str:
+        return " ".join([*(obstacle.sentence for obstacle in self._missing), *self._faults])
+
+    def _what_starts(self) -> str:
+        """The protocol that F5 starts, and when its first target moves."""
+        protocol = self._space.protocol
+        start = self.tr("F5 starts: {name}").format(name=protocol.name)
+        if protocol.runs and not self._space.settings.begin_by_hand:
+            after_s = first_target_after_s(protocol, COUNTDOWN_S)
+            start += self.tr(" · the first target moves after {time}").format(time=words.duration(after_s))
+        return start
 
     def _say(self, big: str, small: str, level: str = "", anew: bool = False) -> None:
         for shown, text in ((self.big, big), (self.small, small)):
@@ -196,7 +262,13 @@ class RecordPage(QWidget):
         if level == self.big.property("level") and not anew:
             return  # said ten times a second; its colour stays
         restyle(self.big, "level", level)
-        colours = {"live": theme().bad, "bad": theme().bad, "good": theme().ok, "": theme().text}
+        colours = {
+            "live": theme().bad,
+            "bad": theme().bad,
+            "good": theme().ok,
+            "warning": theme().warning,
+            "": theme().text,
+        }
         self.big.setStyleSheet(f"color: {colours.get(level, theme().text)};")
 
     def _state_changed(self, event: events.StateChanged) -> None:
@@ -204,6 +276,7 @@ class RecordPage(QWidget):
         self._due_s = time.monotonic() + event.remaining_s
         self._span_s = event.remaining_s
         planned = self._space.recording.planned(event.run_id)
+        self._number = event.run_number
         self._what = self.tr("run {k} of {n}").format(k=event.run_number, n=event.run_count)
         if planned is not None:
             speed = "" if planned.nominal_speed_mm_s is None else f" {planned.nominal_speed_mm_s:.0f} mm/s"
@@ -219,6 +292,9 @@ class RecordPage(QWidget):
     def _enable(self, resting: bool, running: bool) -> None:
         self.buttons["proceed"].setEnabled(resting)
         self.buttons["abort"].setEnabled(running)
+        # What makes no sense now gives its room to the largest letters.
+        for made, seen in ((self.buttons["proceed"], not running), (self.buttons["abort"], running)):
+            made.setVisible(seen)
         self.buttons["repeat"].setEnabled(running or self.table.rowCount() > 0)
 
     def _prompted(self, event: Prompted) -> None:
@@ -228,25 +304,64 @@ class RecordPage(QWidget):
         if event.kind == "tap":
             self._say(self.tr("Taps"), in_words(event.text))
         elif event.text == "Rest":
-            control = self._space.recording.control
-            again = control is not None and control.repeating and self.table.rowCount() > 0
-            choices = self.tr("F6 begins the next run now, F7 repeats the last one")
-            if not self.table.rowCount():
-                choices = self.tr("F6 begins the first run now")
-            self._say(self.tr("Rest"), self._again() if again else choices)
+            self._resting = True
+            self._show_rest()
         elif event.text:
             self._say(self.tr("Wait"), in_words(event.text))
-        self._enable(resting=event.text == "Rest", running=event.kind == "tap")
+        self._resting = event.text == "Rest"
+        self._enable(resting=self._resting, running=event.kind == "tap")
+
+    def _rest_began(self, event: events.Resting) -> None:
+        self._resting, self._rest_until_s = True, time.monotonic() + event.remaining_s
+        self._show_rest()
+
+    def _show_rest(self) -> None:
+        """The verdict on the last run in the largest letters, the rest counted down below it."""
+        control, first = self._space.recording.control, not self.table.rowCount()
+        again = control is not None and control.repeating and not first
+        left_s = self._rest_until_s - time.monotonic()
+        session_s = self._space.recording.left_s(self._number)
+        level, verdict, more = self._verdict()
+        rest = rest_words(left_s, session_s, first, again)
+        self._say(verdict or self.tr("Rest"), " · ".join(part for part in (more, rest) if part), level)
+
+    def _verdict(self) -> tuple[str, str, str]:
+        """(level, words, more) on the run that ended last; empty where there is nothing to say of it yet."""
+        live = self._space.live
+        if self._ended is None:
+            return "", "", ""
+        run_id, outcome = self._ended
+        if outcome != "complete":
+            control, planned = self._space.recording.control, self._space.recording.planned(run_id)
+            queued = control is not None and planned is not None and planned.id in control.queued
+            return (
+                "bad",
+                f"✕ {words.outcome_name(outcome)}",
+                self.tr("comes again at the end, Ctrl+Z: it does not") if queued else "",
+            )
+        found = next((one for one in live.known if one.id == run_id), None)
+        return ("", "", "") if found is None else (*verdict_words(found, found.id in live.preliminary), "")
+
+    def _run_queued(self, event: events.RunQueued) -> None:
+        """A run that went wrong comes again at the end; Ctrl+Z takes it from there."""
+        control = self._space.recording.control
+        if control is not None:
+            what = self.tr("record {run} again at the end").format(run=event.run_id)
+            run_id = event.run_id
+            self._space.undo.push(Edit(what, lambda: control.queue(run_id), lambda: control.unqueue(run_id)))
 
     def _show_state(self) -> None:
+        self._resting = False
         left_s, control = self._due_s - time.monotonic(), self._space.recording.control
         again = " · " + self.tr("once more afterwards") if control is not None and control.repeating else ""
+        session = session_left(max(0.0, left_s) + self._space.recording.left_s(self._number))
         if self._phase is Phase.COUNTDOWN:
-            self._say(self.tr("Starts in {n}").format(n=max(1, round(left_s + 0.5))), self._what + again)
+            starts = self.tr("Starts in {n}").format(n=max(1, round(left_s + 0.5)))
+            self._say(starts, f"{self._what}{again} · {session}")
             self.progress.setValue(0)
         elif self._phase is Phase.RECORDING:
             left = self.tr("{time} left").format(time=words.duration(left_s))
-            self._say(self.tr("● Recording"), f"{self._what} · {left}{again}", "live")
+            self._say(self.tr("● Recording"), f"{self._what} · {left}{again} · {session}", "live")
             # In steps that can be seen: every one is painted at once.
             self.progress.setValue(5 * round(200 * (1 - max(0.0, left_s) / max(self._span_s, 1e-3))))
         elif self._phase is Phase.CLOSING:
@@ -256,6 +371,17 @@ class RecordPage(QWidget):
     def _run_finished(self, event: events.RunFinished) -> None:
         self.live.draw_all()
         self.table.add_run(event.run, event.outcome)
+        self._ended = (event.run.id, event.outcome)
+        self._signal_end()
+
+    def _signal_end(self) -> None:
+        """A sound and a flash at the end of a run, where they are wanted."""
+        settings = self._space.settings
+        if settings.sound:
+            QApplication.beep()
+        if settings.flash and not settings.reduced_motion:
+            restyle(self.band, "flash", "true")
+            self._flash.start()
 
     # --- data -----------------------------------------------------------------------------------------------
 
@@ -277,6 +403,8 @@ class RecordPage(QWidget):
             self.facts["touch_age"].show_text(words.duration_ms(age_s))
         if self._phase in (Phase.COUNTDOWN, Phase.RECORDING):
             self._show_state()
+        elif self._resting:
+            self._show_rest()
 
     def _next_frame_s(self) -> float:
         window = self._space.recording.window
@@ -291,6 +419,8 @@ class RecordPage(QWidget):
         self.clock_warning.setVisible(bool(said))
         self.live.curve.draw(live.known, live.curve)
         self.table.show_estimates(live.known, preliminary=live.preliminary)
+        if self._resting:
+            self._show_rest()
 
     def _write_note(self) -> None:
         control = self._space.recording.control
@@ -305,13 +435,10 @@ class RecordPage(QWidget):
     def say_repeat(self) -> None:
         """The operator asked for a run once more."""
         if self._phase in (None, Phase.FINISHED):
-            if self.table.rowCount():  # before the first run there is nothing to repeat
-                self.small.setText(self._again())
+            if self._resting:
+                self._show_rest()
         else:
             self._show_state()
-
-    def _again(self) -> str:
-        return self.tr("The last run comes once more; F6 begins it now")
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QInputDialog,
+    QLineEdit,
     QSplitter,
     QTabWidget,
     QVBoxLayout,
@@ -27,9 +28,11 @@ from draglag_app.windows.parts.widgets import LARGE_TEXT, button, label
 from draglag_app.windows.plots.curve_plot import CurvePlot
 from draglag_app.windows.plots.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
 from draglag_app.windows.wording import words
+from draglag_app.windows.wording.equation import equation_html
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 
+_FILTER_PX = 260
 _RATES = (None, 60.0, 100.0, 120.0, 200.0)
 
 
@@ -40,15 +43,19 @@ class ResultsPage(QWidget):
         super().__init__(parent)
         self._space = workspace
         self._chosen = ""
-        self._rivals: list[CurveFit] = []
+        self._alternatives: list[CurveFit] = []
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(8)
         self.summary = label("", "medium", wrap=True)
         outer.addWidget(self.summary)
+        self.equation = label("", wrap=True)
+        self.equation.setTextFormat(Qt.TextFormat.RichText)
+        self.equation.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         outer.addLayout(self._choices())
+        outer.addWidget(self.equation)
         self.curve = CurvePlot()
-        self.table = RunTable()
+        self.table = RunTable(browsed=True)
         self.table.run_selected.connect(self.choose)
         self.tabs = QTabWidget()
         self.alignment = AlignmentPlot()
@@ -65,13 +72,45 @@ class ResultsPage(QWidget):
         ):
             self.tabs.addTab(page, title)
         self.tabs.currentChanged.connect(lambda index: self._show_run())
+        outer.addLayout(self._runs_row())
         outer.addWidget(self._parts(), 1)
         self.flags = label("", "hint", wrap=True)
         self.flags.hide()
         outer.addWidget(self.flags)
         workspace.session_changed.connect(self._session_changed)
         workspace.analysis_changed.connect(self._analysis_changed)
+        workspace.comments_changed.connect(lambda: self.table.show_comments(workspace.comments))
         self._session_changed()
+
+    def _runs_row(self) -> Flow:
+        """What is done with the runs of the table below."""
+        row = Flow()
+        self.filter = QLineEdit()
+        self.filter.setAccessibleName(self.tr("Filter runs"))
+        self.filter.setPlaceholderText(self.tr("Filter runs: words in any column"))
+        self.filter.setClearButtonEnabled(True)
+        self.filter.setMinimumWidth(wide(_FILTER_PX))
+        self.filter.textChanged.connect(self.table.keep_those_with)
+        row.addWidget(self.filter)
+        self.comment = button(self.tr("Comment…"))
+        self.comment.clicked.connect(self._ask_comment)
+        row.add_rest()
+        row.add_together(self.comment, self.exclude_button, self.keep)
+        return row
+
+    def _ask_comment(self) -> None:
+        """Words on the chosen run; none takes them away. Can be undone."""
+        run = self._chosen
+        if not run:
+            return
+        dialog = QInputDialog(self)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.setWindowModality(Qt.WindowModality.WindowModal)
+        dialog.setWindowTitle(self.tr("Comment"))
+        dialog.setLabelText(self.tr("Comment on {run}").format(run=run))
+        dialog.setTextValue(self._space.comments.get(run, ""))
+        dialog.textValueSelected.connect(lambda text: self._space.comment(run, text.strip()))
+        dialog.open()
 
     def _parts(self) -> QSplitter:
         """Curve above table, the chosen run beside both; with large text the table has the whole width."""
@@ -116,25 +155,23 @@ class ResultsPage(QWidget):
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setMinimumContentsLength(9)
             row.addWidget(box)
-        self.tie = QCheckBox(self.tr("Tie to taps"))
-        self.tie.setToolTip(self.tr("Hold the curve's end at the median release tap"))
-        self.tie.clicked.connect(self._options_chosen)
-        row.addWidget(self.tie)
-        self.show_rivals = QCheckBox(self.tr("Rivals"))
-        self.show_rivals.clicked.connect(self._fit_rivals)
-        row.addWidget(self.show_rivals)
-        row.add_rest()
-        self.leave_out = button(self.tr("Leave out…"))
-        self.leave_out.clicked.connect(self._toggle_chosen)
+        self.fix_asymptote = QCheckBox(self.tr("Fix asymptote to taps"))
+        self.fix_asymptote.setToolTip(self.tr("Fix the latency at high speed to the median release tap"))
+        self.fix_asymptote.clicked.connect(self._options_chosen)
+        row.addWidget(self.fix_asymptote)
+        self.show_alternatives = QCheckBox(self.tr("Show alternative fits"))
+        self.show_alternatives.clicked.connect(self._fit_alternatives)
+        row.addWidget(self.show_alternatives)
+        self.exclude_button = button(self.tr("Exclude…"))
+        self.exclude_button.clicked.connect(self._toggle_chosen)
         self.keep = button(self.tr("Keep results"), tip=self.tr("Store them in the session's file"))
         self.keep.clicked.connect(self._space.keep_analysis)
-        row.add_together(self.leave_out, self.keep)
         return row
 
     # --- the session ----------------------------------------------------------------------------------------
 
     def _session_changed(self) -> None:
-        self._chosen, self._rivals = "", []
+        self._chosen, self._alternatives = "", []
         self.flags.hide()
         self.table.clear_runs()
         for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps):
@@ -150,8 +187,9 @@ class ResultsPage(QWidget):
         analysis = self._space.analysis
         if analysis is None:
             return
-        self._rivals = []
+        self._alternatives = []
         self.table.show_estimates(analysis.runs, analysis.options.exclude)
+        self.table.show_comments(self._space.comments)
         self._draw_curve()
         self.taps.show_taps(analysis.taps)
         self.width_plot.show_runs(analysis.runs, self._space.session)
@@ -161,12 +199,24 @@ class ResultsPage(QWidget):
         if not self._chosen and analysis.runs:
             self.table.select(analysis.runs[0].id)
         self._show_run()
-        if self.show_rivals.isChecked():
-            self._fit_rivals()
+        if self.show_alternatives.isChecked():
+            self._fit_alternatives()
 
     def _say(self) -> None:
         session, analysis = self._space.session, self._space.analysis
-        for widget in (self.leave_out, self.keep, self.estimator, self.rate, self.form, self.tie, self.show_rivals):
+        curve = analysis.curve if analysis is not None else None
+        self.equation.setText("" if curve is None else equation_html(curve))
+        self.equation.setVisible(curve is not None)
+        for widget in (
+            self.comment,
+            self.exclude_button,
+            self.keep,
+            self.estimator,
+            self.rate,
+            self.form,
+            self.fix_asymptote,
+            self.show_alternatives,
+        ):
             widget.setEnabled(analysis is not None)
         if session is None:
             self.summary.setText(self.tr("No session yet. Measure one (F5), or open one (Ctrl+O)."))
@@ -182,7 +232,7 @@ class ResultsPage(QWidget):
             return text + " ".join(map(in_words, (*analysis.problems, *analysis.warnings)))
         low, high = curve.speed_range_mm_s
         text = self.tr(
-            "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; runs it was not fitted to: {held:.2f} ms."
+            "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; cross-validated {held:.2f} ms."
         ).format(
             form=words.form_name(curve.form).capitalize(), n=curve.n_points, low=low, high=high,
             rms=1e3 * curve.rms_s, held=1e3 * curve.held_out_rms_s,
@@ -193,7 +243,9 @@ class ResultsPage(QWidget):
     def _draw_curve(self) -> None:
         analysis = self._space.analysis
         if analysis is not None:
-            self.curve.draw(analysis.runs, analysis.curve, analysis.excluded, self._rivals, clicked=self.table.select)
+            self.curve.draw(
+                analysis.runs, analysis.curve, analysis.excluded, self._alternatives, clicked=self.table.select
+            )
 
     # --- choices --------------------------------------------------------------------------------------------
 
@@ -204,14 +256,14 @@ class ResultsPage(QWidget):
                 estimator=str(self.estimator.currentData()),
                 update_rate_hz=self.rate.currentData(),
                 form=str(self.form.currentData()),
-                tie_asymptote=self.tie.isChecked(),
+                tie_asymptote=self.fix_asymptote.isChecked(),
             )
         )
 
-    def _fit_rivals(self) -> None:
+    def _fit_alternatives(self) -> None:
         analysis = self._space.analysis
-        if analysis is None or analysis.curve is None or not self.show_rivals.isChecked():
-            self._rivals = []
+        if analysis is None or analysis.curve is None or not self.show_alternatives.isChecked():
+            self._alternatives = []
             self._draw_curve()
             return
         points, present = analysis.curve.points, analysis.curve.form
@@ -227,11 +279,11 @@ class ResultsPage(QWidget):
                     continue
             return made
 
-        def done(rivals: list[CurveFit]) -> None:
-            self._rivals = rivals
+        def done(alternatives: list[CurveFit]) -> None:
+            self._alternatives = alternatives
             self._draw_curve()
 
-        self._space.tasks.start(self.tr("Fitting rivals"), work, done, lambda text: None)
+        self._space.tasks.start(self.tr("Fitting the alternatives"), work, done, lambda text: None)
 
     def _toggle_chosen(self) -> None:
         if not self._chosen:
@@ -239,11 +291,11 @@ class ResultsPage(QWidget):
         if self._is_out():
             self._space.include(self._chosen)
             return
-        asked = self.tr("Why is {run} left out of the curve?").format(run=self._chosen)
+        asked = self.tr("Why is {run} excluded from the curve?").format(run=self._chosen)
         dialog = QInputDialog(self)
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.setWindowModality(Qt.WindowModality.WindowModal)  # the participant's Esc still aborts a run
-        dialog.setWindowTitle(self.tr("Leave out"))
+        dialog.setWindowTitle(self.tr("Exclude a run"))
         dialog.setLabelText(asked)
         run, none = self._chosen, self.tr("no reason given")
         dialog.textValueSelected.connect(lambda reason: self._space.exclude(run, reason.strip() or none))
@@ -264,7 +316,7 @@ class ResultsPage(QWidget):
 
     def _name_button(self) -> None:
         out = self._is_out()
-        self.leave_out.setText(self.tr("Take in again") if out else self.tr("Leave out…"))
+        self.exclude_button.setText(self.tr("Include") if out else self.tr("Exclude…"))
 
     def _show_run(self) -> None:
         analysis, session = self._space.analysis, self._space.session

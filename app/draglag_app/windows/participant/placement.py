@@ -46,7 +46,9 @@ def shape_problem(panel: Screen, shown_on: QScreen) -> str:
     numbers = {"w": size.width(), "h": size.height(), "mw": panel.width_mm, "mh": panel.height_mm}
     text = tr("The participant's screen shows {w}×{h} points, but the screen under test is {mw:.0f} × {mh:.0f} mm: ")
     upright = (panel.height_mm / panel.width_mm) / (size.width() / size.height())
-    remedy = tr("press Turn on the Geometry page.") if abs(upright - 1.0) <= _SHAPE else tr("correct the numbers.")
+    remedy = (
+        tr("press Rotate 90° on the Geometry page.") if abs(upright - 1.0) <= _SHAPE else tr("correct the numbers.")
+    )
     return text.format(**numbers) + remedy
 
 

@@ -17,7 +17,7 @@ SYMBOLS = ("o", "s", "t", "d", "x")
 
 
 class CurvePlot(Plot):
-    """Points of runs with their 95 % intervals, the fitted curve with its band, rivals if asked for."""
+    """Points of runs with their 95 % intervals, the fitted curve with its band, alternatives if asked for."""
 
     def __init__(self, title: str = "", parent: QWidget | None = None, named_above: bool = False) -> None:
         self._named_above = ""
@@ -39,7 +39,7 @@ class CurvePlot(Plot):
         estimates: Iterable[RunEstimate],
         curve: CurveFit | None,
         excluded: Iterable[str] = (),
-        rivals: Iterable[CurveFit] = (),
+        alternatives: Iterable[CurveFit] = (),
         clicked: Callable[[str], None] | None = None,
     ) -> None:
         """Draw anew. ``clicked`` hears the id of a run whose point was clicked."""
@@ -48,14 +48,16 @@ class CurvePlot(Plot):
         good = [e for e in estimates if e.latency_s is not None and e.speed_mm_s is not None]
         if curve is not None:
             self.draw_curve(tr("curve"), curve, colours.blue)
-        for k, rival in enumerate(rivals):
+        for k, alternative in enumerate(alternatives):
             colour = (colours.green, colours.purple, colours.sky, colours.orange)[k % 4]
-            speed = speeds_of(rival)
-            self.line(words.form_name(rival.form), speed, 1e3 * rival.predict_s(speed), colour, 1.5, dash=True)
+            speed = speeds_of(alternative)
+            self.line(
+                words.form_name(alternative.form), speed, 1e3 * alternative.predict_s(speed), colour, 1.5, dash=True
+            )
         for name, chosen, symbol, colour in (
             (tr("runs"), [e for e in good if not e.flags and e.id not in out], "o", colours.orange),
             (tr("runs with a flag"), [e for e in good if e.flags and e.id not in out], "t", colours.orange),
-            (tr("left out"), [e for e in good if e.id in out], "x", colours.muted),
+            (tr("excluded"), [e for e in good if e.id in out], "x", colours.muted),
         ):
             if chosen:
                 self._runs(name, chosen, symbol, colour, clicked)

@@ -40,8 +40,8 @@ class TracePlot(Plot):
         super().restyle()
         self._draw_what_stands()
         marks = (
-            ("▽", theme().orange, tr("goes dark")),
-            ("□", theme().purple, tr("light returns")),
+            ("▽", theme().orange, tr("beam blocked")),
+            ("□", theme().purple, tr("beam clear")),
             ("╌", theme().bad, tr("beam")),
         )
         self.name_above(tr("On the screen"), marks)
@@ -88,8 +88,8 @@ class TracePlot(Plot):
         self.dots(tr("stylus"), trace[-1:, 1], trace[-1:, 2], colours.text, "+", 16, legend=False)
         edges = live.edges_on_screen()
         for name, light, symbol, colour in (
-            (tr("goes dark"), 0, "t", colours.orange),
-            (tr("light returns"), 1, "s", colours.purple),
+            (tr("beam blocked"), 0, "t", colours.orange),
+            (tr("beam clear"), 1, "s", colours.purple),
         ):
             chosen = edges[edges[:, 2] == light]
             if len(chosen):

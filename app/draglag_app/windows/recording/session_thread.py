@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QGuiApplication
 
 from draglag.errors import DataError
-from draglag.protocols import PlannedRun, Protocol, expand
+from draglag.protocols import PlannedRun, Protocol, expand, planned_after_s
 from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge
@@ -77,7 +77,7 @@ class Recording(QObject):
             display = self._participant(order)
         display = WatchedDisplay(display, self._bridge.listener)
         self.order = order
-        self.control = Control(order.auto, asks=True)
+        self.control = Control(order.auto, asks=True, retries=True)
         control = self.control
 
         def work() -> None:
@@ -100,6 +100,16 @@ class Recording(QObject):
         """What was planned for a run; repeats (run-03-2) share the plan of the first."""
         run_id = run if isinstance(run, str) else run.id
         return self._plan.get(run_id) or self._plan.get("-".join(run_id.split("-")[:2]))
+
+    def left_s(self, run_number: int) -> float:
+        """What is planned after the run of that number (from 1), s: runs, those queued again, taps, clock check."""
+        order, control = self.order, self.control
+        if order is None:
+            return 0.0
+        queued = control.queued if control is not None else ()
+        again = [self._plan[run_id] for run_id in queued if run_id in self._plan]
+        plan = [*list(self._plan.values())[run_number:], *again]
+        return planned_after_s(order.protocol, plan, order.options.countdown_s)
 
     def stop_and_wait(self) -> None:
         """End the session in order and wait until the file is closed."""

@@ -87,7 +87,7 @@ GAP = (
     QT_TRANSLATE_NOOP("Library", "drag speed below {speed} mm/s"),
     QT_TRANSLATE_NOOP("Library", "in {count} stretches of time, {seconds} s in all"),
     QT_TRANSLATE_NOOP("Library", "growing with session time"),
-    QT_TRANSLATE_NOOP("Library", "edges where the light returns"),
+    QT_TRANSLATE_NOOP("Library", "edges where the beam becomes clear"),
     QT_TRANSLATE_NOOP("Library", "every edge, outwards or inwards"),
     QT_TRANSLATE_NOOP("Library", "every edge alike"),
     QT_TRANSLATE_NOOP("Library", "growing along the beam"),

@@ -106,7 +106,7 @@ SENTENCES = (
     QT_TRANSLATE_NOOP(
         "Library",
         "The touches are {how} against the target: screen or touchscreen was turned after the calibration. Stop, "
-        "calibrate the touchscreen again, and begin anew.",
+        "calibrate the touchscreen again, and start again.",
     ),
     QT_TRANSLATE_NOOP("Library", "only {free} MB are free in {folder}: make room"),
     QT_TRANSLATE_NOOP(

@@ -38,6 +38,41 @@ def target_name(kind: str) -> str:
     return say(TARGETS.get(kind, kind))
 
 
+DETAILS = {
+    "participant": QT_TRANSLATE_NOOP("Words", "participant"),
+    "session": QT_TRANSLATE_NOOP("Words", "session"),
+    "operator": QT_TRANSLATE_NOOP("Words", "operator"),
+}
+
+
+def detail_name(name: str) -> str:
+    """A detail of a session: free fields carry the name they were given."""
+    return say(DETAILS[name]) if name in DETAILS else name.replace("_", " ")
+
+
+PRESETS = (
+    QT_TRANSLATE_NOOP(
+        "Words", "A whole session: circles at 12 speeds, chirp, multi-sine, step, taps and clock checks."
+    ),
+    QT_TRANSLATE_NOOP(
+        "Words", "Circles at 16 speeds from 44 to 1000 mm/s in shuffled order, 40 s each: the latency curve."
+    ),
+    QT_TRANSLATE_NOOP(
+        "Words", "Two minutes of clock comparisons between the host and every device; nobody touches the screen."
+    ),
+    QT_TRANSLATE_NOOP(
+        "Words",
+        "Two minutes: circles at 5 speeds from 80 to 1000 mm/s. Is everything set up right, and how large is the "
+        "latency about?",
+    ),
+)
+
+
+def preset_meaning(description: str) -> str:
+    """What a protocol is for; the presets' in the operator's language."""
+    return say(description) if description else ""
+
+
 def outcome_name(outcome: str) -> str:
     return say(OUTCOMES.get(outcome, outcome))
 

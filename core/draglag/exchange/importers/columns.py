@@ -28,7 +28,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.exchange.tables import line_of_row, read_events
-from draglag.reading.limits import TIME_S
+from draglag.reading.limits import CONTACT, TIME_S
 from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
 from draglag.touch_events.frames import Mapping2D
 
@@ -98,17 +98,25 @@ def touch_of(
     t_s = _checked_times(by_key["t"] * _TIME[units["t"]], where, path)
     factors = {axis: _per_mm(axis, units[axis], where, screen, units_per_mm) for axis in ("x", "y")}
     mapping = Mapping2D(factors["x"], 0.0, 0.0, 0.0, factors["y"], 0.0)
-    sound = np.isfinite(by_key["x"]) & np.isfinite(by_key["y"])
+    with np.errstate(over="ignore", invalid="ignore"):
+        sound = np.isfinite(mapping(by_key["x"], by_key["y"])).all(axis=0)
     x, y = by_key["x"][sound], by_key["y"][sound]
     x_mm, y_mm = mapping(x, y)
     contact = by_key.get("contact")
+    if contact is not None:
+        contact = np.where(np.isfinite(contact), contact, -1.0)
+        if (odd := np.flatnonzero(np.abs(contact) > CONTACT)).size:
+            raise DataError(
+                f"{_place(where, path, int(odd[0]))}: {contact[odd[0]]:g} is no number of a contact",
+                "Map the column that numbers the contacts, or none",
+            )
     device = by_key.get("device_t")
     raw = "mm" not in (units["x"], units["y"])
     return TouchTrace(
         t_s[sound],
         x_mm,
         y_mm,
-        np.zeros(len(x), np.int64) if contact is None else np.nan_to_num(contact[sound], nan=-1).astype(np.int64),
+        np.zeros(len(x), np.int64) if contact is None else contact[sound].astype(np.int64),
         x if raw else np.empty(0),
         y if raw else np.empty(0),
         np.empty(0) if device is None else device[sound] * _TIME[units["device_t"]],
@@ -148,7 +156,7 @@ def laser_of(
 
 def _checked_times(t_s: FloatArray, where: str, path: Path | None) -> FloatArray:
     bad = ~(np.abs(t_s) <= TIME_S)  # also what is no number
-    bad[1:] |= np.diff(t_s) < 0
+    bad[1:] |= t_s[1:] < t_s[:-1]
     if bad.any():
         line = int(np.flatnonzero(bad)[0])
         raise DataError(
@@ -176,8 +184,9 @@ def _per_mm(axis: str, unit: str, where: str, screen: Screen | None, units_per_m
 
 
 def _seconds(text: str, value: str) -> float:
-    if not _is_number(value):
-        raise DataError(f"--map {text}: expected a number of seconds", "For example --map laser.clock=-0.25")
+    if not _is_number(value) or abs(float(value)) > TIME_S:
+        problem = f"--map {text}: expected a number of seconds, at most {TIME_S:g}"
+        raise DataError(problem, "For example --map laser.clock=-0.25")
     return float(value)
 
 

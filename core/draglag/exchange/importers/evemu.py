@@ -11,7 +11,8 @@ from draglag.reading import plain_lines
 from draglag.recording import AxisInfo
 from draglag.touch_events.frames import AXIS_NAMES, InputEvent
 
-_SIZE = re.compile(r"# Size in mm: (\d{1,5})x(\d{1,5})\s*$")
+# evemu writes 0x0 where the panel does not say its size.
+_SIZE = re.compile(r"# Size in mm: ([1-9]\d{0,4})x([1-9]\d{0,4})\s*$")
 
 
 def read_evemu(path: Path) -> InputLog:

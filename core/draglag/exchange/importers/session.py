@@ -25,6 +25,7 @@ from draglag.exchange.importers.walt import ROUNDED, read_walt_laser
 from draglag.exchange.importers.xdf import read_xdf
 from draglag.exchange.tables import column_names
 from draglag.reading import plain_lines
+from draglag.reading.limits import SIZE_MM, SIZE_PX
 from draglag.recording import LaserTrace, LogEntry, Run, Screen, Session, Stylus, TouchTrace, empty_laser
 from draglag.store.schema import check_run_id, slug
 
@@ -128,11 +129,11 @@ def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, l
         touch = _touch(path, log, how)
         screen = screen or _screen_of(log, how.units_per_mm, path, said)
     elif kind == "xdf":
-        touch, laser = read_xdf(path, how.map, screen, how.units_per_mm)
+        touch, laser = read_xdf(path, how.map, screen, how.units_per_mm, said)
     else:
         touch = read_touch_columns(path, how.map, screen, how.units_per_mm)
     if screen is None:
-        raise DataError(f"{path}: says nothing of the screen", "Give --screen, a preset or a TOML file")
+        raise DataError(f"{path}: does not describe the screen", "Give --screen, a preset or a TOML file")
     if not len(touch.t_s):
         raise DataError(f"{path}: holds no touch events", "Record a touchscreen, from before it is touched")
     laser_file = how.laser or (laser_file_of(path) if laser is None else None)
@@ -184,7 +185,10 @@ def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnM
 
 
 def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list[str]) -> Screen | None:
-    """The panel by the recording's own words; its picture's pixels are unknown, and device units stand for them."""
+    """The panel by the recording's own words; its picture's pixels are unknown, and device units stand for them.
+
+    Raises DataError where no screen has that size.
+    """
     axes = log.position_axes()
     if axes is None:
         return None
@@ -193,6 +197,9 @@ def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list
         width_mm, height_mm = log.size_mm
     else:
         width_mm, height_mm = (span / (units_per_mm or axis.resolution) for span, axis in zip(spans, axes, strict=True))
+    if not all(0 < mm <= SIZE_MM for mm in (width_mm, height_mm)) or not all(0 < span <= SIZE_PX for span in spans):
+        size = f"{width_mm:g} × {height_mm:g} mm, {spans[0]} × {spans[1]} units"
+        raise DataError(f"{path}: by its touchscreen, the screen is {size}", "Give --screen")
     said.append("the screen's size is what its touchscreen says, its pixels are the touchscreen's units")
     return Screen(log.name or path.name, width_mm, height_mm, *spans)
 

@@ -6,7 +6,10 @@ Stamps are put on the recorder's clock by the clock offsets in the file, and are
 from __future__ import annotations
 
 import importlib
-import os
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +17,24 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.exchange.importers.columns import LASER_DEFAULTS, TOUCH_DEFAULTS, ColumnMap, laser_of, touch_of
+from draglag.exchange.importers.xdf_chunks import sound_chunks
 from draglag.packages import advice
-from draglag.reading.limits import TABLE_BYTES
+from draglag.reading.files import plain_bytes
 from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
 
+# Of one file, in the session's notes: one or two a stream are usual.
+_MOST_WARNINGS = 20
 _REMEDY = "Name the stream with --map stream=NAME (touch) and --map laser.stream=NAME, and its channels with x=LABEL …"
 
 
 def read_xdf(
-    path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None
+    path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None, said: list[str]
 ) -> tuple[TouchTrace, LaserTrace | None]:
-    """The touch, and the laser where a stream of it is there. Raises DataError, also where pyxdf is not installed."""
-    streams = _streams(path)
+    """The touch, and the laser where a stream of it is there. ``said`` gets what is damaged or doubtful.
+
+    Raises DataError, also where pyxdf is not installed.
+    """
+    streams = _streams(path, said)
     chosen = how.names(("x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
     touch = _find(streams, how.streams.get("stream"), [name for name, _ in chosen.values()])
     if touch is None:
@@ -45,25 +54,39 @@ def read_xdf(
     return trace, laser_of(_stamps(laser), _channel(laser, column, path), "s", unit, where)
 
 
-def _streams(path: Path) -> list[dict[str, Any]]:
+def _streams(path: Path, said: list[str]) -> list[dict[str, Any]]:
     """Every stream of numbers that has samples."""
     try:
         pyxdf: Any = importlib.import_module("pyxdf")
     except ModuleNotFoundError as missing:
         raise DataError(*advice(missing.name or "")) from missing
+    chunks = sound_chunks(plain_bytes(path), str(path))
+    if chunks.damaged:
+        said.append(f"{chunks.damaged} pieces of the file are damaged or cut off; what they held is missing")
     try:
-        size = os.stat(path).st_size
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", "Check the name and the rights") from error
-    if size > TABLE_BYTES:
-        raise DataError(f"{path}: is longer than {TABLE_BYTES // 2**20} MiB", "Split the recording")
-    try:
-        streams, _ = pyxdf.load_xdf(str(path), synchronize_clocks=True, dejitter_timestamps=False, verbose=False)
+        with _heard("pyxdf", said), np.errstate(all="ignore"):
+            streams, _ = pyxdf.load_xdf(BytesIO(chunks.data), synchronize_clocks=True, dejitter_timestamps=False)
     except Exception as error:  # pyxdf raises whatever it stumbles over
-        raise DataError(
-            f"{path}: is not a sound XDF file ({type(error).__name__}: {error})", "Copy it again"
-        ) from error
-    return [one for one in streams if isinstance(one["time_series"], np.ndarray) and len(one["time_stamps"])]
+        what = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise DataError(f"{path}: is not a sound XDF file ({what})", "Copy it again") from error
+    return [one for one in streams if len(one["time_stamps"])]
+
+
+@contextmanager
+def _heard(library: str, said: list[str]) -> Iterator[None]:
+    """What the library warns of, a sentence each in ``said``, and not on the screen, where tracebacks come with it."""
+    logger, handler = logging.getLogger(library), logging.Handler(logging.WARNING)
+    before = logger.propagate
+    warnings: list[str] = []
+    handler.emit = lambda record: warnings.append(f"{library}: {record.getMessage()}")  # type: ignore[method-assign]
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before
+        said += warnings[:_MOST_WARNINGS]
 
 
 def _find(streams: list[dict[str, Any]], name: str | None, labels: list[str]) -> dict[str, Any] | None:
@@ -84,8 +107,9 @@ def _channel(stream: dict[str, Any], label: str, path: Path) -> FloatArray:
 def _index(stream: dict[str, Any], label: str) -> int | None:
     labels = _labels(stream)
     if label in labels:
-        return labels.index(label)
-    number = int(label) if label.isdecimal() and len(label) < 6 else -1
+        number = labels.index(label)
+    else:
+        number = int(label) if label.isdecimal() and len(label) < 6 else -1
     return number if 0 <= number < stream["time_series"].shape[1] else None
 
 

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill, likeliest, likelihoods, profile
+from draglag.gap.fitting.descent import UNUSABLE, Search, descended
+from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
-from draglag.gap.fitting.search import at_best_rates, cost_relative_to
-from draglag.gap.fitting.state import State, Term, linearise, stepped, term_signature, usable
+from draglag.gap.fitting.search import cost_relative_to
+from draglag.gap.fitting.state import State, Term, linearise, term_signature, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.edges import Placed
@@ -22,10 +23,7 @@ from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
 
-HELD = 1e9  # precision
-STEPS, ATTEMPTS = 12, 6
-PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
-ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
+FIXED = 1e9  # precision of a parameter at its bound
 START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
 
@@ -95,146 +93,80 @@ def fit_session(
 
     Raises EstimateError when the session cannot carry the law.
     """
-    width = session.screen.width_mm
+    width_mm = session.screen.width_mm
     runs, terms = _on_their_traces(runs, terms)
+    if start is not None and start.only is not None:  # what the smaller model could not judge by, this one cannot
+        only = start.only if only is None else only & start.only
     less = None
-    sizes: list[tuple[float, ...]] = [() for _ in terms]
     if start is not None and terms:
         less, sizes = _first_sizes(start, terms)
+        terms = [replace(t, sizes=t.sizes or q) for t, q in zip(terms, sizes, strict=True)]
     laws = [law] if law is not None and (law.plateau_mm_s > 0) == plateau else [starting_law(runs, less, plateau)]
     if law is None and start is not None and (start.law.plateau_mm_s > 0) == plateau:
         laws.append(start.law)
-    slopes = [(d.estimate.alignment.slope, d.estimate.alignment) for d in runs if d.estimate and d.estimate.alignment]
-    slope = float(np.median([s for s, _ in slopes]))
-    middle = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for _, a in slopes]))
-    geometry = Geometry(slope, middle, session.stylus.diameter_mm)
-    placed: Placed | None = None
-    active = [replace(t, sizes=t.sizes or q) for t, q in zip(terms, sizes, strict=True)]
-    components = START
-    states = []
-    for begin in laws:
-        state = linearise(runs, begin, geometry, active, width, None)
-        if any(t.sizes for t in active):
-            state = linearise(runs, begin, geometry, state.terms, width, state)
-        states.append(state)
+    states = [_begun(session, runs, begin, terms) for begin in laws]
     use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
-    if start is not None and start.only is not None:  # what the smaller model could not judge by, this one cannot
-        only = start.only if only is None else only & start.only
     use = use if only is None else use & only
-    state = states[0]
     if not use.any():
-        raise EstimateError(f"{session.name}: no edge can be placed on the trace", "Begin from another law")
-    settled = judged = False
-    damping = 0.0
-    white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-    if len(states) > 1:
-        other_cost, strayed = cost_relative_to(white, states[1], state, use)
-        if other_cost < cost_without_nuisances(white, state, use):
-            state, use = states[1], use & ~strayed
-            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-    for iteration in range(STEPS):
-        if iteration == 1:
-            better, fewer = at_best_rates(state, white, use, runs, width)
-            if better is not state:
-                state, use = better, fewer
-                white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-        if (iteration == 4 and not judged) or settled:
-            settled, judged, damping = False, True, 0.0
-            use = use & usable(state, runs, loose=False) if start is None else use & state.placed.ok
-            if not use.any():
-                raise EstimateError(
-                    f"{session.name}: no edge lies where the law predicts it",
-                    "Check the calibration and the clocks of this session",
-                )
-            parts = scatter(runs, state.placed, use, state.blur_mm)
-            # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
-            likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (components,), rounds=1)
-            components = replace(likely, run_s=min(likely.run_s, 1e-3), run_mm=min(likely.run_mm, 0.03))
-            white = whitener(parts, components)
-            better, fewer = at_best_rates(state, white, use, runs, width)
-            if better is not state:
-                state, use = better, fewer
-                white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-        found = _next(state, white, use, runs, width, damping, ENOUGH if judged else ROUGHLY)
-        if found is None and judged:
-            break
-        settled = found is None
-        if found is None:
-            continue
-        state, strayed, gained, damping = found
-        if strayed.any():
-            use = use & ~strayed
-            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-        # Edges and weights follow the law, but not to the end: or the search would chase them.
-        if start is None and not judged:
-            use = usable(state, runs, loose=iteration < 2)
-            white = whitener(scatter(runs, state.placed, use, state.blur_mm), components)
-        if judged and gained < ENOUGH:
-            break
-        settled = not judged and gained < ROUGHLY and iteration >= 2
-    placed, view, law, geometry, active = state.placed, state.view, state.law, state.geometry, list(state.terms)
-    use = use & (usable(state, runs, loose=False) if start is None else placed.ok)
-    parts = scatter(runs, placed, use, state.blur_mm)
-    far = replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])
-    begun = [components, far]
+        raise EstimateError(f"{session.name}: no edge can be placed on the trace", UNUSABLE)
+    search = Search.at(runs, states[0], use, START)
+    for other in states[1:]:
+        cost, strayed = cost_relative_to(search.white, other, search.state, use)
+        if cost < cost_without_nuisances(search.white, search.state, use):
+            search = Search.at(runs, other, use & ~strayed, START)
+    search = descended(session, runs, search, start is not None)
+    return _concluded(runs, search, start, only, width_mm)
+
+
+def _begun(session: Session, runs: tuple[RunData, ...], law: LawParameters, terms: Sequence[Term]) -> State:
+    """The first point: a law, the beam of the runs' own alignments, and terms of known or no size."""
+    found = [d.estimate.alignment for d in runs if d.estimate and d.estimate.alignment]
+    middle_mm = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for a in found]))
+    geometry = Geometry(float(np.median([a.slope for a in found])), middle_mm, session.stylus.diameter_mm)
+    width_mm = session.screen.width_mm
+    state = linearise(runs, law, geometry, terms, width_mm, None)
+    if any(t.sizes for t in terms):
+        state = linearise(runs, law, geometry, state.terms, width_mm, state)
+    return state
+
+
+def _concluded(
+    runs: tuple[RunData, ...], search: Search, start: Fit | None, only: np.ndarray | None, width_mm: float
+) -> Fit:
+    """The fit at the end of a search, with the likeliest noise."""
+    state, components = search.state, search.components
+    use = search.use & (usable(state, runs, loose=False) if start is None else state.placed.ok)
+    parts = scatter(runs, state.placed, use, state.blur_mm)
+    begun = [components, replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])]
     if start is not None:
         begun.append(start.whiteners[start.best].components)  # or the larger model may seem the less likely one
-    components = likeliest(parts, state.residual[use], state.design[use], state.prior, begun)
-    residual, design, prior = state.residual, state.design, state.prior
+    residual, design, prior = state.residual[use], state.design[use], state.prior.copy()
+    components = likeliest(parts, residual, design, state.prior, begun)
     whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
-    prior = state.prior.copy()
-    prior[: base_prior(law).size] = base_prior(law)
-    prior[: law.at_bounds.size][law.at_bounds] = HELD  # what cannot move further must not be credited for it
-    value = likelihoods(parts, residual[use], design[use], prior)
+    prior[: base_prior(state.law).size] = base_prior(state.law)
+    prior[: state.law.at_bounds.size][state.law.at_bounds] = FIXED  # what cannot move must not be credited for it
+    value = likelihoods(parts, residual, design, prior)
     values = [value(w.components) for w in whiteners]
     best = int(np.argmax(values))
-    _, spread = profile(whiteners[best], residual[use], design[use], prior)
     return Fit(
-        runs,
-        placed,
-        use,
-        law,
-        geometry,
-        tuple(active),
-        residual[use],
-        design[use],
-        prior,
-        spread,
-        restrict(view, use),
-        whiteners,
-        best,
-        float(values[best]),
-        width,
-        state.blur_mm,
-        only,
+        runs=runs,
+        placed=state.placed,
+        use=use,
+        law=state.law,
+        geometry=state.geometry,
+        terms=state.terms,
+        residual_mm=residual,
+        design=design,
+        prior=prior,
+        covariance=profile(whiteners[best], residual, design, prior)[1],
+        view=restrict(state.view, use),
+        whiteners=whiteners,
+        best=best,
+        log_likelihood=float(values[best]),
+        width_mm=width_mm,
+        blur_mm=state.blur_mm,
+        only=only,
     )
-
-
-def _next(
-    state: State,
-    white: Whitener,
-    use: np.ndarray,
-    runs: tuple[RunData, ...],
-    width_mm: float,
-    damping: float,
-    least: float,
-) -> tuple[State, np.ndarray, float, float] | None:
-    """A point further down, which edges cannot be placed there, by how much the cost fell and the damping to go on with
-    (Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave). None where no step
-    promises at least that much, or goes down at all."""
-    down = downhill(white, state, use)
-    for attempt in range(ATTEMPTS):
-        step, promised = down.step(state.prior, damping)
-        if promised < least:
-            return None
-        there = stepped(state, step, runs, width_mm)
-        cost, strayed = cost_relative_to(white, there, state, use)
-        if cost <= down.cost + PLACING:
-            if attempt == 0:
-                damping = damping / 10 if damping > 1e-5 else 0.0
-            return there, strayed, down.cost - cost, damping
-        damping = max(10 * damping, 1e-3)
-    return None
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:

@@ -72,7 +72,7 @@ def linearise(
     before: State | None,
 ) -> State:
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
-    delays = (effect_class(t.effect).asked(t.theta) for t in terms)
+    delays = (effect_class(t.effect).speed_delay(t.theta) for t in terms)
     when = next((one for one in delays if one is not None), NO_DELAY)
     placed = _placed_by_law(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
     view = view_of(placed, law, geometry, width_mm)

@@ -28,7 +28,7 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
     out: list[Effect] = []
     for name, numbers in named.items():
         home = effect_class(name)
-        if home.in_the_trace:
+        if home.in_measured_streams:
             continue
         term = next((t for t in fit.terms if t.effect == name), None)
         shape = None if term is None else home.shape_in(term, fit)

@@ -22,9 +22,9 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
         return (), session
     streams, runs = Streams(session, touches, resolution_mm(touches)), session.runs
     found: list[StreamEffect] = []
-    homes = sorted((home for home in EFFECTS.values() if home.seen_by), key=lambda home: home.looked_for)
+    homes = sorted((home for home in EFFECTS.values() if home.detected_by), key=lambda home: home.detection_order)
     for home in homes:
-        effect, runs = import_module(home.seen_by).look(streams, runs)
+        effect, runs = import_module(home.detected_by).detect(streams, runs)
         if effect is not None:
             found.append(effect)
     return tuple(found), replace(session, runs=runs)

@@ -13,10 +13,11 @@ from draglag.errors import EstimateError
 from draglag.events import contact_losses, sample_interval_s
 from draglag.gap.traces.dewarped import Shown, shown_speed
 from draglag.gap.traces.steep import wide_enough
-from draglag.latency.estimate import RunEstimate, estimate_run, prepare
+from draglag.latency.estimate import RunEstimate, prepare
+from draglag.latency.run import estimate_run
 from draglag.motion import best_half_width_s, local_fit, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
-from draglag.simulation.effects.in_fits import FreedTrace, Undoing
+from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 
 FEWEST = 6  # edges a run must give to count
 GUESS_S = 0.06
@@ -163,9 +164,9 @@ def undone(runs: tuple[RunData, ...], effects: Sequence[Undoing]) -> tuple[RunDa
 
 
 def _undone(data: RunData, effects: tuple[Undoing, ...], first_s: float) -> RunData:
-    trace = FreedTrace(data.t_s, data.xy_mm, data.noise_mm)
+    trace = UndoneTrace(data.t_s, data.xy_mm, data.noise_mm)
     for effect in effects:
-        trace = effect.freed(trace, data, first_s)
+        trace = effect.undo(trace, data, first_s)
     widths = _widths(data.run, trace.t_s, trace.xy_mm, data.edge_t_s, data.estimate) if trace.t_s.size else None
     if widths is None or not np.isfinite(trace.noise_mm):
         raise EstimateError(f"{data.run.id}: its trace cannot be freed of a ripple or a low-pass", "Leave the run out")

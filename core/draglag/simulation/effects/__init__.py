@@ -97,7 +97,7 @@ __all__ = [
 
 
 def effect_class(effect_id: str) -> type[Effect]:
-    """The effect of that id; the base class, which says nothing, for an id that is none."""
+    """The effect of that id; the base class, without effect, for an unknown id."""
     return EFFECTS.get(effect_id, Effect)
 
 

@@ -91,14 +91,14 @@ class Effect(InFits):
     """Where it acts, in words for the operator."""
     shares_column_of: ClassVar[str] = ""
     """Id of the effect that moves edges in the same way: edges cannot distinguish the two."""
-    shown_apart_by: ClassVar[str] = ""
+    separated_by: ClassVar[str] = ""
     """The recording that would separate it from what looks alike, in words for the operator."""
     parts_taps_from_drags: ClassVar[bool] = False
     """Whether its first parameter, s, is by how much drags are shown early against taps."""
     needs: ClassVar[str] = ""
     """What a session must have to show it: "taps", "changing speed", "width" (circles that travel along the beam),
     "other stylus"; empty: any session."""
-    unseen_without: ClassVar[str] = ""
+    identifiable_with: ClassVar[str] = ""
     """In words, the recording that would show it."""
     undone_in: ClassVar[str] = ""
     """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
@@ -107,24 +107,24 @@ class Effect(InFits):
     """Covariates of structure without a name for which its refit is worth trying: columns show it badly there."""
     uneven_ages: ClassVar[bool] = False
     """Whether it leaves positions of uneven age behind, so that edges scatter in time."""
-    seen_by: ClassVar[str] = ""
-    """Module that finds it in the streams: ``look(streams, runs)`` gives the effect, if it is there, and the runs with
-    it repaired. It is imported late, for it builds on the gap."""
-    looked_for: ClassVar[int] = 100
+    detected_by: ClassVar[str] = ""
+    """Module of its detector: ``detect(streams, runs)`` returns the effect, or None, and the runs with it repaired.
+    Imported late, for it builds on the gap."""
+    detection_order: ClassVar[int] = 100
     """Place among those that are looked for in the streams: each gets runs in which the ones before are repaired."""
-    in_the_trace: ClassVar[bool] = False
+    in_measured_streams: ClassVar[bool] = False
     """Whether a session simulated again has it already: what was lost, or random, is in the measured streams."""
     estimated_with: ClassVar[bool] = False
     """Whether latencies are estimated with it in the stream of events, though it can be repaired there: its delay is
     part of what a program sees."""
     laser_late: ClassVar[bool] = False
     """Whether its first parameter, s, is by how much the laser's edges are stamped late, all alike."""
-    seen_by_comparisons: ClassVar[bool] = False
+    removed_by_clock_comparisons: ClassVar[bool] = False
     """Whether a session's own comparisons of the clocks take it out."""
     order: ClassVar[int] = 0
     """Place in the stream of events: what happens nearer to the glass comes first."""
     settings: ClassVar[tuple[tuple[float, ...], ...]] = ()
-    """Thetas at which ``freed`` is worth trying: those of real screens, few. Empty where nothing is freed."""
+    """Thetas at which ``undo`` is worth trying: those of real screens, few. Empty where nothing is freed."""
 
     value: float
 
@@ -197,7 +197,7 @@ class Effect(InFits):
         return latency_s
 
     @classmethod
-    def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
+    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Positions (n, 2) of one contact as they were before the effect at the setting theta; times t_s (n,)."""
         return xy_mm
 
@@ -219,7 +219,7 @@ class Effect(InFits):
 
     @classmethod
     def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:
-        """Times (n,) of events before the effect, as far as the events alone tell; None where they do not."""
+        """Times (n,) of events before the effect, from the events alone; None where they do not determine them."""
         return None
 
     @classmethod
@@ -231,7 +231,7 @@ class Effect(InFits):
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         """How the effect moves the residual of each edge, at every setting of what it is not linear in.
 
-        Empty where residuals do not show it. ``gains`` tells which of many settings are worth looking at.
+        Empty where residuals do not show it. ``gains`` selects which of many settings to compute.
         """
         return []
 

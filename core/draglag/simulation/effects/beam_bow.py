@@ -22,7 +22,7 @@ class BeamBow(Effect):
     )
     follows: ClassVar[str] = "x"
     where: ClassVar[str] = "along the beam, most in the middle"
-    shown_apart_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
+    separated_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
     undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bow_mm", "mm", -3.0, 3.0, 0.3),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (

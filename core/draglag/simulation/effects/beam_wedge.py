@@ -26,7 +26,7 @@ class BeamWedge(Effect):
     where: ClassVar[str] = "growing along the beam"
     undone_in: ClassVar[str] = "laser"
     needs: ClassVar[str] = "width"
-    unseen_without: ClassVar[str] = "circles that travel across the whole width show it"
+    identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("across_mm", "mm", -5.0, 5.0, 1.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -22,9 +22,9 @@ class ClockDrift(Effect):
     follows: ClassVar[str] = "session_time"
     where: ClassVar[str] = "growing with session time"
     per_term: ClassVar[float] = 1e6
-    shown_apart_by: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
+    separated_by: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
     undone_in: ClassVar[str] = "laser"
-    seen_by_comparisons: ClassVar[bool] = True
+    removed_by_clock_comparisons: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("drift_ppm", "ppm", -500.0, 500.0, 30.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

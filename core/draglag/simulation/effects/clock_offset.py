@@ -19,7 +19,7 @@ class ClockOffset(Effect):
     follows: ClassVar[str] = "taps"
     undone_in: ClassVar[str] = "laser"
     needs: ClassVar[str] = "taps"
-    unseen_without: ClassVar[str] = "taps timed on the same clock show it"
+    identifiable_with: ClassVar[str] = "taps timed on the same clock show it"
     laser_late: ClassVar[bool] = True
     parts_taps_from_drags: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_s", "s", -0.1, 0.1, 0.005),)

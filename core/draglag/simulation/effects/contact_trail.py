@@ -20,7 +20,7 @@ class ContactTrail(Effect):
     meaning: ClassVar[str] = "The reported position trails the stylus by a fixed distance along its motion."
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "other stylus"
-    unseen_without: ClassVar[str] = "a fixed trail hides in the latency law: a tap or a second stylus shows it"
+    identifiable_with: ClassVar[str] = "a fixed trail hides in the latency law: a tap or a second stylus shows it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("trail_mm", "mm", -3.0, 3.0, 0.5),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -24,7 +24,7 @@ class DirectionAsymmetry(Effect):
     )
     follows: ClassVar[str] = "direction"
     where: ClassVar[str] = "down against up"
-    shown_apart_by: ClassVar[str] = "circles whose centre lies 30 mm off the beam"
+    separated_by: ClassVar[str] = "circles whose centre lies 30 mm off the beam"
     undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("difference_s", "s", -0.05, 0.05, 0.006),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (

@@ -45,7 +45,7 @@ class FittedTerm:
 
 
 @dataclass(frozen=True)
-class FreedTrace:
+class UndoneTrace:
     """A run's events while effects are undone in them: t_s (n,), xy_mm (n, 2), noise_mm of one event.
 
     spread: (n, events shown) by how much each event shown, noise and all, moves each of the n; None: itself alone.
@@ -63,7 +63,7 @@ class Undoing(Protocol):
     place: ClassVar[int]
     """Among several: the smaller one is undone first."""
 
-    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+    def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         """The events of a run without the effect. shown: the run as the panel showed it; first_s: the first event of
         the session, host time."""
         ...
@@ -141,7 +141,7 @@ class InFits:
         return 0.0
 
     @classmethod
-    def asked(cls, theta: Theta) -> tuple[float, float] | None:
+    def speed_delay(cls, theta: Theta) -> tuple[float, float] | None:
         """(which, delay_s) of the law's speed, a ``SpeedDelay`` of ``gap.traces.law_speed``; None: the edge's own."""
         return None
 

@@ -1,4 +1,4 @@
-"""Light returns later than it went."""
+"""The beam reads clear later than it cleared."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class LaserHysteresis(Effect):
-    """Light returns later than it went."""
+    """The beam reads clear later than it cleared."""
 
     id: ClassVar[str] = "laser_hysteresis"
     meaning: ClassVar[str] = "The sensor reports the return of the light later than its loss by a constant."
     follows: ClassVar[str] = "kind_of_edge"
-    where: ClassVar[str] = "edges where the light returns"
+    where: ClassVar[str] = "edges where the beam becomes clear"
     undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.01, 0.01, 0.0018),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (

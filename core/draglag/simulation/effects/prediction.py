@@ -24,7 +24,7 @@ class Prediction(Effect):
         "earlier, taps are not."
     )
     follows: ClassVar[str] = "normal_acceleration"
-    shown_apart_by: ClassVar[str] = "taps on the same clock: a clock's offset moves them, a prediction does not"
+    separated_by: ClassVar[str] = "taps on the same clock: a clock's offset moves them, a prediction does not"
     parts_taps_from_drags: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("horizon_s", "s", 0.0, 0.1, 0.015),
@@ -52,11 +52,11 @@ class Prediction(Effect):
         return -self.value
 
     @classmethod
-    def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
+    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Exact, sample by sample; noise shrinks by sqrt(1 + 2 r), with r the horizon over the window."""
         horizon_s, window_s = (*theta, WINDOW_S)[:2]
         n = t_s.size
-        begin, share, span_s = _looked_back(t_s, window_s)
+        begin, share, span_s = _window_start(t_s, window_s)
         gain = horizon_s / span_s
         out = xy_mm.copy()
         for i in range(1, n):
@@ -76,7 +76,7 @@ class Prediction(Effect):
         return Signature(latency=late, offset=column(-0.5 * (window_s + horizon_s) * view.a_across), theta=theta)
 
 
-def _looked_back(t_s: FloatArray, window_s: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
+def _window_start(t_s: FloatArray, window_s: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
     """Where the path a window ago is to be read: event before it, share of the way to the next, span in time; (n,)."""
     at_s = np.maximum(t_s - window_s, t_s[0])
     begin = np.clip(np.searchsorted(t_s, at_s, side="right") - 1, 0, max(t_s.size - 2, 0))
@@ -88,6 +88,6 @@ def _looked_back(t_s: FloatArray, window_s: float) -> tuple[np.ndarray, FloatArr
 def _extrapolated(t_s: FloatArray, xy_mm: FloatArray, horizon_s: float, window_s: float) -> FloatArray:
     if t_s.size < 2:
         return xy_mm
-    begin, share, span_s = _looked_back(t_s, window_s)
+    begin, share, span_s = _window_start(t_s, window_s)
     back = xy_mm[begin] + share[:, None] * (xy_mm[begin + 1] - xy_mm[begin])
     return np.asarray(xy_mm + horizon_s * (xy_mm - back) / span_s[:, None])

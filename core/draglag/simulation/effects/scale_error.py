@@ -19,10 +19,10 @@ class ScaleError(Effect):
     meaning: ClassVar[str] = "Reported positions are stretched about the middle of the panel by this share."
     where: ClassVar[str] = "every edge, outwards or inwards"
     shares_column_of: ClassVar[str] = "beam_width"
-    shown_apart_by: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
+    separated_by: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "other stylus"
-    unseen_without: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
+    identifiable_with: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

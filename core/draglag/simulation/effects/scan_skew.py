@@ -26,7 +26,7 @@ class ScanSkew(Effect):
     where: ClassVar[str] = "growing across the panel"
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "width"
-    unseen_without: ClassVar[str] = "circles that travel across the whole width show it"
+    identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("across_s", "s", -0.05, 0.05, 0.008),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -30,7 +30,7 @@ class SpeedAdaptiveFilter(Effect):
     )
     follows: ClassVar[str] = "speed"
     where: ClassVar[str] = "where the speed changes"
-    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    separated_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fmin_hz", "Hz", 0.1, 50.0, 1.0),
         Parameter("beta_per_mm", "1/mm", 0.0, 1.0, BETA_PER_MM),
@@ -63,7 +63,7 @@ class SpeedAdaptiveFilter(Effect):
         return each_contact(events, lambda t_s, xy_mm: _smoothed(t_s, xy_mm, self.value, self.beta_per_mm))
 
     @classmethod
-    def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
+    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Exact, sample by sample; noise and rounding grow by the inverse of the filter's gain, 2 to 20 times."""
         fmin_hz, beta_per_mm = (*theta, BETA_PER_MM)[:2]
         shown, out = xy_mm.tolist(), xy_mm.copy()
@@ -75,26 +75,26 @@ class SpeedAdaptiveFilter(Effect):
             keep = _gain(DERIVATIVE_HZ, step_s)
             # Velocity if the stylus had gone to the filter's last output, and what the news adds to it.
             rest = vx + keep * ((was_x - x) / step_s - vx), vy + keep * ((was_y - y) / step_s - vy)
-            news = keep * (is_x - was_x) / step_s, keep * (is_y - was_y) / step_s
-            times = _times_news(rest, news, (fmin_hz, beta_per_mm), step_s, times)
+            innovation = keep * (is_x - was_x) / step_s, keep * (is_y - was_y) / step_s
+            times = _times_innovation(rest, innovation, (fmin_hz, beta_per_mm), step_s, times)
             x, y = was_x + times * (is_x - was_x), was_y + times * (is_y - was_y)
-            vx, vy = rest[0] + times * news[0], rest[1] + times * news[1]
+            vx, vy = rest[0] + times * innovation[0], rest[1] + times * innovation[1]
             out[i] = x, y
         return out
 
 
-def _times_news(
-    rest: tuple[float, float], news: tuple[float, float], theta: tuple[float, float], step_s: float, start: float
+def _times_innovation(
+    rest: tuple[float, float], innovation: tuple[float, float], theta: tuple[float, float], step_s: float, start: float
 ) -> float:
     """How many times the filter's last step its input lay ahead: the inverse of its gain at the velocity which that
     gives, rest + times * news, by Newton's method."""
     fmin_hz, beta_per_mm = theta
     times = start
     for _ in range(STEPS):
-        vx, vy = rest[0] + times * news[0], rest[1] + times * news[1]
+        vx, vy = rest[0] + times * innovation[0], rest[1] + times * innovation[1]
         speed = math.hypot(vx, vy)
         turn = 2 * math.pi * step_s * (fmin_hz + beta_per_mm * speed)
-        rises = 2 * math.pi * step_s * beta_per_mm * (vx * news[0] + vy * news[1]) / max(speed, 1e-12)
+        rises = 2 * math.pi * step_s * beta_per_mm * (vx * innovation[0] + vy * innovation[1]) / max(speed, 1e-12)
         off = times - 1 - 1 / turn
         times = max(times - off / max(1 + rises / turn**2, STEEPEST), 1.0)
         if abs(off) < CLOSE * times:

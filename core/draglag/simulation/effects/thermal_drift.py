@@ -24,10 +24,12 @@ class ThermalDrift(Effect):
     where: ClassVar[str] = "growing with session time"
     per_term: ClassVar[float] = -3600.0
     shares_column_of: ClassVar[str] = "clock_drift"
-    shown_apart_by: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
+    separated_by: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "taps"
-    unseen_without: ClassVar[str] = "taps before and after the runs separate a drifting clock from a creeping latency"
+    identifiable_with: ClassVar[str] = (
+        "taps before and after the runs separate a drifting clock from a creeping latency"
+    )
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("creep_s_per_h", "s/h", -0.5, 0.5, 0.04),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -26,7 +26,7 @@ class WarmUp(Effect):
     )
     follows: ClassVar[str] = "session_time"
     where: ClassVar[str] = "fading with session time"
-    shown_apart_by: ClassVar[str] = "a session three times as long: a latency that settles stops, a drift goes on"
+    separated_by: ClassVar[str] = "a session three times as long: a latency that settles stops, a drift goes on"
     undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_s", "s", -0.1, 0.1, 0.012),

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from draglag.calibration import AffineFit, target_places
 from draglag.errors import DraglagError
 from draglag.recording import Screen
-from draglag_app.calibrating import TARGETS, size_doubt
+from draglag_app.calibrating import TARGETS, size_mismatch
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.theme import theme
@@ -104,7 +104,7 @@ class CalibrationPanel(Panel):
         text = self.tr("{device}: {n} targets, RMS {rms:.2f} mm, worst {worst:.2f} mm.").format(
             device=in_words(known.device or known.address), n=len(off_mm), rms=fit.rms_mm, worst=fit.worst_mm
         )
-        level, doubt = "ok", size_doubt(fit, known.resolution)
+        level, doubt = "ok", size_mismatch(fit, known.resolution)
         if not known.serves(self._space.settings.rig.touch):
             level = "warning"
             text += " " + self.tr("Not in use: it was made on {address}.").format(address=known.address)
@@ -115,7 +115,7 @@ class CalibrationPanel(Panel):
             ).format(percent=100 * doubt)
         self._say(text, level)
         each = "   ".join(f"{k}:\u00a0{mm:.2f}" for k, mm in enumerate(off_mm, 1))
-        self.figures.setText(self.tr("Left over at each target (mm): {each}").format(each=each))
+        self.figures.setText(self.tr("Residual at each target (mm): {each}").format(each=each))
         self._draw(fit, off_mm, screen)
 
     def _draw(self, fit: AffineFit, off_mm: np.ndarray, screen: Screen) -> None:
@@ -127,7 +127,7 @@ class CalibrationPanel(Panel):
         gap = np.full(len(x), np.nan)
         plot.line(tr("screen"), corners[:, 0], corners[:, 1], colours.muted, 1)
         plot.line(
-            tr("left over × {n:g}").format(n=longer),
+            tr("residuals × {n:g}").format(n=longer),
             np.column_stack([x, ends[:, 0], gap]).ravel(),
             np.column_stack([y, ends[:, 1], gap]).ravel(),
             colours.orange,
@@ -138,7 +138,7 @@ class CalibrationPanel(Panel):
             for k, (mm, (dx, dy)) in enumerate(zip(off_mm, fit.residual_mm, strict=True), 1)
         ]
         plot.dots(tr("targets"), x, y, colours.blue, "+", 12, words=words)
-        plot.rename(tr("Left over, {n:g} times as long").format(n=longer))
+        plot.rename(tr("Residuals × {n:g}").format(n=longer))
         plot.autoRange(padding=0.04)
 
     def _save(self) -> None:

@@ -127,7 +127,7 @@ class GapPicture(QWidget):
             inside, of = model["runs_that_agree"]
             lines.append(
                 self.tr(
-                    "{name}: edges off by {rms} ms ({low} to {high}); latency agrees in {inside} of {of} runs"
+                    "{name}: edges off by {rms} ms ({low} … {high}); latency agrees in {inside} of {of} runs"
                 ).format(
                     name=name,
                     rms=f"{model['edge_rms_ms']:.2f}",

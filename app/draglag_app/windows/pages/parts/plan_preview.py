@@ -8,7 +8,8 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt
 
 from draglag.errors import DraglagError
-from draglag.protocols import PlannedRun, expand
+from draglag.protocols import PlannedRun, expand, first_target_after_s
+from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label, restyle
 from draglag_app.windows.plots.plot import Plot, tr
@@ -49,6 +50,9 @@ class PlanPreview(QObject):
         if protocol.clock_check is not None:
             total_s += 2 * protocol.clock_check.duration_s
         text = self.tr("{n} runs, about {time} in all").format(n=len(plan), time=words.duration(total_s))
+        if plan:
+            after_s = first_target_after_s(protocol, COUNTDOWN_S)
+            text += self.tr(", the first target after {time}").format(time=words.duration(after_s))
         notes = sorted({planned.note for planned in plan if planned.note})
         # What the colours mean stands here: above the plot there is no room for it.
         self.words.setText(escape(text + "".join(f". {note}" for note in notes)) + self._key)
@@ -63,7 +67,7 @@ class PlanPreview(QObject):
                 speed = np.full(t_s.shape, planned.nominal_speed_mm_s)
             piece = np.column_stack([(at_s + t_s) / 60, speed])
             parts.setdefault(planned.kind, []).append(np.vstack([piece, [np.nan, np.nan]]))
-            at_s += planned.duration_s + rest_s + 3.0
+            at_s += planned.duration_s + rest_s + COUNTDOWN_S
         colours = dict(zip(("circle", "chirp", "multisine", "step"), theme().series, strict=False))
         for kind, pieces in parts.items():
             table = np.vstack(pieces)

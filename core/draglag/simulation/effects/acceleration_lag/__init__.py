@@ -34,12 +34,12 @@ class AccelerationLag(Effect):
     meaning: ClassVar[str] = "The latency grows in proportion to the tangential acceleration of the stylus."
     follows: ClassVar[str] = "acceleration"
     where: ClassVar[str] = "where the speed changes"
-    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    separated_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
     undone_in: ClassVar[str] = "law"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.acceleration_lag.refits"
     unsure_share: ClassVar[float] = ACCEL_UNKNOWN
     needs: ClassVar[str] = "changing speed"
-    unseen_without: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    identifiable_with: ClassVar[str] = "a chirp or step whose speed changes quickly"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_s_per_mm_s2", "s per mm/s²", -5e-05, 5e-05, 2e-06),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -30,10 +30,10 @@ class Deadband(Effect):
     )
     follows: ClassVar[str] = "speed"
     where: ClassVar[str] = "where the stylus is slow or turns"
-    shown_apart_by: ClassVar[str] = "a slow line with turns: there a deadband stands still, a trailing contact does not"
+    separated_by: ClassVar[str] = "a slow line with turns: there a deadband stands still, a trailing contact does not"
     undone_in: ClassVar[str] = "stream"
-    seen_by: ClassVar[str] = "draglag.simulation.effects.deadband.stream"
-    looked_for: ClassVar[int] = 6
+    detected_by: ClassVar[str] = "draglag.simulation.effects.deadband.stream"
+    detection_order: ClassVar[int] = 6
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width_mm", "mm", 0.0, 3.0, 0.3),
         Parameter("kind", "1", 0.0, 2.0, 0.0, whole=True),
@@ -68,7 +68,7 @@ class Deadband(Effect):
         return each_contact(events, lambda t_s, xy_mm: act(xy_mm, self.value))
 
     @classmethod
-    def freed(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
+    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
         """Exact where the position moved, in time between those places where it stood still (within the width)."""
         width_mm, kind = (*theta, JUMP)[:2]
         if xy_mm.shape[0] < 2 or width_mm <= 0:

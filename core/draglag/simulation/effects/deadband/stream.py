@@ -25,14 +25,14 @@ ROUNDED = 0.41  # standard deviation of a difference of two rounded coordinates,
 FINEST_MM = 5e-4
 UNSURE = 0.5  # of a step of whole coordinates: rounding is no normal scatter
 WHOLE, SHARE_WHOLE = 0.02, 0.95  # of a step; of the distances between coordinates
-STRAY = 1e-3  # share of events that may be anything
-SURE = 10.0  # nats
+P_OUTLIER = 1e-3  # share of events that may be anything
+MIN_LOG_RATIO = 10.0  # nats
 SURELY = 4.0  # roundings, by which a step is shorter for certain
 WITHIN = 1.92  # nats below the best: not excluded at 95 %
 WIDTHS = 160
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """A deadband, and runs without the positions that stand still."""
     stood = streams.of(deadband_in)
     return stood, runs if stood is None else tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
@@ -66,7 +66,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     near = np.linspace(max(0.94 * best, narrowest), 1.06 * best, WIDTHS)
     gains = np.array([_of_width(w, stood, moved, rounding_mm) for w in near])
     width = float(near[int(np.argmax(gains))])
-    if gains.max() - at_random < SURE or width <= 1.01 * narrowest:
+    if gains.max() - at_random < MIN_LOG_RATIO or width <= 1.01 * narrowest:
         return None
     likely = near[gains > gains.max() - WITHIN]
     reach = float(near[1] - near[0]) + UNSURE * step_mm
@@ -97,11 +97,11 @@ def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
 def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
     """Step of coordinates that are whole steps but rarely the same; 0 where they are none."""
     values = np.unique(np.round(np.concatenate([touch.x_mm for touch in touches]), 6))
-    apart = np.diff(values)
-    if not apart.size or apart.min() < FINEST_MM:
+    spacing = np.diff(values)
+    if not spacing.size or spacing.min() < FINEST_MM:
         return 0.0
-    steps = apart / apart.min()
-    return float(apart.min()) if np.mean(np.abs(steps - np.round(steps)) < WHOLE) > SHARE_WHOLE else 0.0
+    steps = spacing / spacing.min()
+    return float(spacing.min()) if np.mean(np.abs(steps - np.round(steps)) < WHOLE) > SHARE_WHOLE else 0.0
 
 
 def _of_share(stood: int, moved: int) -> float:
@@ -117,11 +117,13 @@ def _possible(
     """Whether each width, (k,), may be likelier than repeats at random: each step that is surely shorter counts against
     it, and what stood still counts for it by nothing at the most."""
     shorter = np.searchsorted(np.sort(moved_mm), widths_mm - SURELY * rounding_mm)
-    return np.asarray(shorter * np.log(2 * STRAY) > at_random)
+    return np.asarray(shorter * np.log(2 * P_OUTLIER) > at_random)
 
 
 def _of_width(width_mm: float, stood_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
     """Log-likelihood that those that stood were within the width of the stylus, and those that moved were not."""
-    moved = (1 - STRAY) * ndtr((moved_mm[moved_mm < 2 * width_mm] - width_mm) / rounding_mm) + STRAY
-    stood = max(float(np.sum(np.log((1 - STRAY) * ndtr((width_mm - stood_mm) / off) + STRAY))) for off in OFF_PATH_MM)
+    moved = (1 - P_OUTLIER) * ndtr((moved_mm[moved_mm < 2 * width_mm] - width_mm) / rounding_mm) + P_OUTLIER
+    stood = max(
+        float(np.sum(np.log((1 - P_OUTLIER) * ndtr((width_mm - stood_mm) / off) + P_OUTLIER))) for off in OFF_PATH_MM
+    )
     return float(np.sum(np.log(moved))) + stood

@@ -20,8 +20,8 @@ class FrameBatching(Effect):
     )
     follows: ClassVar[str] = "frame"
     undone_in: ClassVar[str] = "stream"
-    seen_by: ClassVar[str] = "draglag.simulation.effects.frame_batching.stream"
-    looked_for: ClassVar[int] = 2
+    detected_by: ClassVar[str] = "draglag.simulation.effects.frame_batching.stream"
+    detection_order: ClassVar[int] = 2
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("frames", "1", 1.0, 20.0, 2.0, whole=True),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -15,7 +15,7 @@ TOGETHER = 0.25  # of the mean interval: frames that lie closer came together
 WHOLE = 0.5  # of a frame, by which a batch that lacks none may come early or late
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Batches, and runs in which each frame of a batch has its own time."""
     batched = streams.of(batches_in)
     if batched is None:

@@ -18,9 +18,9 @@ class FrameDrop(Effect):
     title: ClassVar[str] = "dropped frames"
     meaning: ClassVar[str] = "This share of the touch frames never arrives, each independently of the others."
     follows: ClassVar[str] = "frame"
-    in_the_trace: ClassVar[bool] = True
-    seen_by: ClassVar[str] = "draglag.simulation.effects.frame_drop.stream"
-    looked_for: ClassVar[int] = 5
+    in_measured_streams: ClassVar[bool] = True
+    detected_by: ClassVar[str] = "draglag.simulation.effects.frame_drop.stream"
+    detection_order: ClassVar[int] = 5
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 0.0, 0.9, 0.1),)
     order: ClassVar[int] = 2
 

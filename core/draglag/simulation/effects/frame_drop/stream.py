@@ -18,7 +18,7 @@ LEAST_HOLE, LONGEST_HOLE = 6, 60  # frames from one event to the next, where oth
 UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open which frame a stamp is of
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Missing frames, where stamps are those of frames; nobody can repair them."""
     coarse = streams.of(clock_in)
     identifiable = streams.of(loop_in) is None if coarse is None else not coarse.undone
@@ -44,11 +44,11 @@ def drops(touches: list[TouchTrace], together: int = 1) -> StreamEffect | None:
         if frame_s <= 0:
             continue
         dt = dt - (together - 1) * frame_s
-        apart = np.round(dt / frame_s)
-        near = np.abs(dt - apart * frame_s) < 0.2 * frame_s
+        n_frames = np.round(dt / frame_s)
+        near = np.abs(dt - n_frames * frame_s) < 0.2 * frame_s
         # What comes at once after a pause was held back, not lost.
-        short += int(np.count_nonzero(near & (apart == 0)))
-        whole.append(apart[near & (apart >= 1) & (apart <= LONGEST_HOLE)].astype(np.int64))
+        short += int(np.count_nonzero(near & (n_frames == 0)))
+        whole.append(n_frames[near & (n_frames >= 1) & (n_frames <= LONGEST_HOLE)].astype(np.int64))
     of_length = np.bincount(np.concatenate(whole or [np.zeros(0, np.int64)]), minlength=LONGEST_HOLE + 2)
     # Longer holes are the tail of the shorter ones up to the first length that is not there: then, contact was lost.
     of_length = of_length[: max(int(np.argmin(of_length[1:] > 0)) + 1, LEAST_HOLE + 1)]

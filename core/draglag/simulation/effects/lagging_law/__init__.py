@@ -39,12 +39,12 @@ class LaggingLaw(Effect):
     )
     follows: ClassVar[str] = "acceleration"
     where: ClassVar[str] = "where the speed changes"
-    shown_apart_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    separated_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
     undone_in: ClassVar[str] = "law"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.lagging_law.refits"
     unsure_share: ClassVar[float] = ACCEL_UNKNOWN
     needs: ClassVar[str] = "changing speed"
-    unseen_without: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    identifiable_with: ClassVar[str] = "a chirp or step whose speed changes quickly"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -76,7 +76,7 @@ class LaggingLaw(Effect):
         return Signature(latency=column(-view.law_slope * change * share), theta=theta)
 
     @classmethod
-    def asked(cls, theta: Theta) -> tuple[float, float] | None:
+    def speed_delay(cls, theta: Theta) -> tuple[float, float] | None:
         which, delay_s = Setting(*theta)
         return None if delay_s is None else (which, delay_s)
 

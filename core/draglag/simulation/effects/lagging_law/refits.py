@@ -19,11 +19,11 @@ from draglag.simulation.law import USUAL_LATENCY_S
 
 # A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
 USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
-CLEARLY = 10.0  # deviance: 5 nats, what a promising effect gains alone
+MIN_DEVIANCE = 10.0  # deviance: 5 nats, what a promising effect gains alone
 LONGEST_S = 0.3
-PAST_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
+DELAYS_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
 OTHER: tuple[SpeedDelay, ...] = (
-    *((0.0, s) for s in PAST_S),
+    *((0.0, s) for s in DELAYS_S),
     (0.0, -0.035),
     (1.0, -0.5 * USUAL_LATENCY_S),
 )
@@ -37,7 +37,7 @@ ROUNDS = 2
 def shown_by_traces(before: Fit) -> bool:
     """Whether a law asked at the speed of another moment fits the edges better than at the moments of sound panels."""
     found = delay_profile(before, [*USUAL, *FEW])
-    return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > CLEARLY)
+    return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > MIN_DEVIANCE)
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
@@ -48,24 +48,24 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     if not np.isfinite(profile_).any():
         return out
     term = Term(own, OTHER[int(np.argmax(profile_))], (0.0,))
-    asked: list[Fit] = []
+    delayed: list[Fit] = []
     for _ in range(ROUNDS):
         fit = refit(session, before, [*before.terms, term])
         if fit is None:
             break
-        asked.append(fit)
+        delayed.append(fit)
         left_s = fit.terms[-1].sizes[0]
         if abs(left_s) < LEAST_LEFT_S:
             break
-        term = with_what_is_left(term, left_s)
-    if asked:
-        last = asked[-1].terms[-1]
-        longer = with_what_is_left(last, (LONGER - 1) * _delay_s(last))
-        out += [*asked, refit(session, before, [*before.terms, longer])]
+        term = with_remaining_delay(term, left_s)
+    if delayed:
+        last = delayed[-1].terms[-1]
+        longer = with_remaining_delay(last, (LONGER - 1) * _delay_s(last))
+        out += [*delayed, refit(session, before, [*before.terms, longer])]
     return out
 
 
-def with_what_is_left(term: Term, left_s: float) -> Term:
+def with_remaining_delay(term: Term, left_s: float) -> Term:
     """The term at the delay that its fit ended with."""
     delay_s = float(np.clip(_delay_s(term) + left_s, -LONGEST_S, LONGEST_S))
     return Term(term.effect, (Setting(*term.theta).which, delay_s), (0.0,))
@@ -79,7 +79,7 @@ def _delay_s(term: Term) -> float:
 def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
     """Twice the log-likelihood of the edges of steady runs with the law asked at each option's speed, (k,).
 
-    Law and all else are adjusted linearly, the delay is held. −inf where too few edges can be placed.
+    Law and all else are adjusted linearly, the delay is fixed. −inf where too few edges can be placed.
     """
     components = fit.whiteners[fit.best].components
     own = LaggingLaw.id
@@ -87,15 +87,15 @@ def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
     out = np.full(len(options), -np.inf)
     steady = fit.use & fit.placed.steady  # sudden changes of speed are too rough a test to choose by
     now = linearise(fit.runs, fit.law, fit.geometry, [*rest, Term(own, (0.0, 0.0), (0.0,))], fit.width_mm, None)
-    weighed: tuple[np.ndarray, Whitener] | None = None
-    for k, asked in enumerate(options):
-        state = linearise(fit.runs, fit.law, fit.geometry, [*rest, Term(own, asked, (0.0,))], fit.width_mm, now)
+    whitened: tuple[np.ndarray, Whitener] | None = None
+    for k, delayed in enumerate(options):
+        state = linearise(fit.runs, fit.law, fit.geometry, [*rest, Term(own, delayed, (0.0,))], fit.width_mm, now)
         use = steady & state.placed.ok & np.isfinite(state.residual)
         if np.count_nonzero(use) < KEPT * np.count_nonzero(steady):
             continue
-        if weighed is None or not np.array_equal(use, weighed[0]):
-            weighed = use, whitener(scatter(fit.runs, state.placed, use, state.blur_mm), components)
-        white = weighed[1]
+        if whitened is None or not np.array_equal(use, whitened[0]):
+            whitened = use, whitener(scatter(fit.runs, state.placed, use, state.blur_mm), components)
+        white = whitened[1]
         value = profile(white, state.residual[use], state.design[use][:, :-1], state.prior[:-1])[0]
         out[k] = 2 * value * np.count_nonzero(steady) / np.count_nonzero(use)
     return out

@@ -18,9 +18,9 @@ class LaserBounce(Effect):
     meaning: ClassVar[str] = "After some edges the sensor chatters: it flips back and forth once within a short time."
     follows: ClassVar[str] = "kind_of_edge"
     undone_in: ClassVar[str] = "stream"
-    in_the_trace: ClassVar[bool] = True
-    seen_by: ClassVar[str] = "draglag.simulation.effects.laser_bounce.stream"
-    looked_for: ClassVar[int] = 0
+    in_measured_streams: ClassVar[bool] = True
+    detected_by: ClassVar[str] = "draglag.simulation.effects.laser_bounce.stream"
+    detection_order: ClassVar[int] = 0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("share", "1", 0.0, 1.0, 0.1),
         Parameter("span_s", "s", 1e-05, 0.005, 0.001),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from draglag.gap.streams.stamps import StreamEffect, Streams, share_interval
@@ -9,56 +11,34 @@ from draglag.recording import Run, Session
 from draglag.simulation.effects.laser_bounce import LaserBounce
 
 STAMP_S = 1e-6  # to which edges are stamped
-STANDS_APART = 1e-4  # chance that the longest of a chatter lies so far beyond the next
+P_OUTLIER = 1e-4  # chance that the longest of a chatter lies so far beyond the next
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Chatter; every estimate leaves it out by itself."""
     return chatter(streams.session), runs
 
 
 def chatter(session: Session) -> StreamEffect | None:
     """Chatter: transitions closer together than any stylus allows, in groups around single edges."""
-    groups: list[tuple[float, int, int]] = []  # of each run: how near, groups that chatter, groups
-    each: list[tuple[float, float]] = []  # of each chatter: how near is near in its run, how long it lasted
-    for run in session.runs:
-        t = np.sort(run.laser.t_s)
-        if t.size < 6 or run.touch.t_s.size < 50:
-            continue
-        fastest = _fastest(run)
-        closest = 0.3 * session.stylus.diameter_mm / max(fastest, 1.0)
-        closest = min(closest, 0.006)
-        near = np.diff(t) < closest
-        starts = np.append(True, ~near)
-        size = np.bincount(np.cumsum(starts) - 1)
-        begin = np.flatnonzero(starts)
-        # A chattering edge ends in its new state, after three transitions or more; two are a pass that grazes the beam,
-        # an even number two edges so close that their chatter meets.
-        whole = [float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 2 and n % 2]
-        each += [(closest, span) for span in whole]
-        groups.append((closest, int(np.sum(size > 2)), int(size.size)))
-    extra, edges = (int(sum(group[k] for group in groups)) for k in (1, 2))
-    if edges == 0 or extra < max(5, 0.02 * edges) or not each:
+    runs = [_grouped(run, session.stylus.diameter_mm) for run in session.runs
+            if run.laser.t_s.size >= 6 and run.touch.t_s.size >= 50]  # fmt: skip
+    extra, edges = sum(run.chattering for run in runs), sum(run.groups for run in runs)
+    if edges == 0 or extra < max(5, 0.02 * edges) or not any(run.spans_s for run in runs):
         return None
-    # Of the time in which it may chatter the longest tells: of n edges' last of two flips, one lies within its last
-    # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
-    longest = 2 * float(np.median([span for _, span in each]))
-    spans = sorted(span for _, span in each if span <= longest)
-    # Nor does the longest stand apart from the next: there two edges were close, and one of them chattered.
-    while len(spans) > 2 and spans[-1] > spans[-2] * STANDS_APART ** (-1 / (2 * len(spans) - 2)):
-        spans.pop()
-    span_s = spans[-1]
-    # Chatter that outlasts what is near in a fast run falls apart there; where it does so in every run, the slowest
-    # tells at least.
-    whole_in = [group for group in groups if group[0] >= span_s]
-    near_least_s = span_s if whole_in else max(group[0] for group in groups)
-    told, of = (int(sum(group[k] for group in groups if group[0] >= near_least_s)) for k in (1, 2))
-    if not told:
-        told, of = extra, edges
-    seen = sum(near_s >= near_least_s and span <= span_s for near_s, span in each)
+    span_s = _longest_span_s([span for run in runs for span in run.spans_s])
+    # Chatter that outlasts what is near in a fast run is cut there; where every run cuts it, the slowest gives a lower
+    # bound.
+    uncut = [run for run in runs if run.near_s >= span_s]
+    near_least_s = span_s if uncut else max(run.near_s for run in runs)
+    slow = [run for run in runs if run.near_s >= near_least_s]
+    used, of = sum(run.chattering for run in slow), sum(run.groups for run in slow)
+    if not used:
+        used, of = extra, edges
+    seen = sum(span <= span_s for run in slow for span in run.spans_s)
     longest_s = span_s * 0.05 ** (-1 / (2 * max(seen, 1)))
-    share = told / of
-    low, high = share_interval(told, of)
+    share = used / of
+    low, high = share_interval(used, of)
     return StreamEffect(
         LaserBounce.id,
         "span_s",
@@ -67,8 +47,42 @@ def chatter(session: Session) -> StreamEffect | None:
         f"{100 * share:.0f} % of edges",
         f"{extra} of {edges} edges chatter for up to {1e3 * span_s:.2f} ms",
         extra / edges,
-        also=(("share", share, (low, high if whole_in else 1.0)),),
+        also=(("share", share, (low, high if uncut else 1.0)),),
     )
+
+
+@dataclass(frozen=True)
+class _Groups:
+    """Transitions of one run in groups closer than near_s; spans_s: durations of whole chatters."""
+
+    near_s: float
+    chattering: int
+    groups: int
+    spans_s: tuple[float, ...]
+
+
+def _grouped(run: Run, diameter_mm: float) -> _Groups:
+    """The run's transitions in groups that no stylus of that diameter makes at the run's highest speed."""
+    t = np.sort(run.laser.t_s)
+    near_s = min(0.3 * diameter_mm / max(_fastest(run), 1.0), 0.006)
+    starts = np.append(True, ~(np.diff(t) < near_s))
+    size = np.bincount(np.cumsum(starts) - 1)
+    begin = np.flatnonzero(starts)
+    # A chattering edge ends in its new state, after three transitions or more; two are a pass that grazes the beam, an
+    # even number two edges so close that their chatter meets.
+    whole = (float(t[b + n - 1] - t[b]) for b, n in zip(begin, size, strict=True) if n > 2 and n % 2)
+    return _Groups(near_s, int(np.sum(size > 2)), int(size.size), tuple(whole))
+
+
+def _longest_span_s(each_s: list[float]) -> float:
+    """Duration of the longest chatter, s, without outliers where two edges were close."""
+    # The longest chatter bounds the time in which it may: of n edges' last of two flips, one lies within its last
+    # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
+    spans = sorted(span for span in each_s if span <= 2 * float(np.median(each_s)))
+    # Nor is the longest an outlier: there two edges were close, and one of them chattered.
+    while len(spans) > 2 and spans[-1] > spans[-2] * P_OUTLIER ** (-1 / (2 * len(spans) - 2)):
+        spans.pop()
+    return spans[-1]
 
 
 def _fastest(run: Run) -> float:

@@ -21,9 +21,9 @@ class LossOfContact(Effect):
     )
     follows: ClassVar[str] = "frame"
     undone_in: ClassVar[str] = "stream"
-    in_the_trace: ClassVar[bool] = True
-    seen_by: ClassVar[str] = "draglag.simulation.effects.loss_of_contact.stream"
-    looked_for: ClassVar[int] = 7
+    in_measured_streams: ClassVar[bool] = True
+    detected_by: ClassVar[str] = "draglag.simulation.effects.loss_of_contact.stream"
+    detection_order: ClassVar[int] = 7
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("losses_per_min", "1/min", 0.0, 120.0, 6.0),
         Parameter("duration_s", "s", 0.02, 2.0, 0.15),

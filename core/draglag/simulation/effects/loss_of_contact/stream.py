@@ -13,10 +13,10 @@ from draglag.simulation.effects.loss_of_contact import LossOfContact
 from draglag.simulation.effects.sample_hold.stream import loop_in
 
 LEAST_EVENTS = 60  # of a run
-AROUND = 61  # events whose usual bend is told
+AROUND = 61  # events over which the usual bend is averaged
 SMOOTH, SPEEDS = 7, 24  # events, and speeds of a session, over which a bend is averaged
 LARGE_MM2 = 1e6  # where nothing is known
-CALMER, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
+QUANTILE, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
 BY_CHANCE = 0.01  # stretches in a session that chance may make
 # Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
 TELLING, LEAST_USUAL = 4.0, 10.0
@@ -24,26 +24,26 @@ UNEVEN = 0.5  # of a frame that an interval may differ from it by
 INDEPENDENT = 0.8  # of bends; neighbours share two events
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Filled losses of contact, and runs without what filled them."""
     return filled_losses(runs, streams.of(loop_in) is not None, streams.step_mm)
 
 
 def filled_losses(
-    runs: tuple[Run, ...], held: bool, resolution_mm: float = 0.0
+    runs: tuple[Run, ...], uneven_ages: bool, resolution_mm: float = 0.0
 ) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in.
 
-    ``held``: positions are of uneven age, so that only the straightness can tell, and has to last longer.
+    uneven_ages: positions are of uneven age: only straightness is evidence, and has to last longer.
     resolution_mm: of coordinates that are whole steps. A line of those bends, too, if less than the noise: a stretch
     then has to be likelier a line than chance makes any.
     """
-    least = 4 if held else 3
+    least = 4 if uneven_ages else 3
     n_events = sum(run.touch.t_s.size for run in runs)
     length_s: list[float] = []
     total_s = 0.0
     out = []
-    calm = _usual_at_speed([run.touch for run in runs]) if resolution_mm else {}
+    usual_bend = _usual_at_speed([run.touch for run in runs]) if resolution_mm else {}
     for index, run in enumerate(runs):
         t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
         if t.size < LEAST_EVENTS:
@@ -53,7 +53,7 @@ def filled_losses(
         share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
         off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
         bend = np.hypot(*off)
-        if held:
+        if uneven_ages:
             # Positions of uneven age lie unevenly along the line, but on it.
             chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
             bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
@@ -63,11 +63,11 @@ def filled_losses(
             even = _even(t)
             of_even = uniform_filter1d(np.array(off) ** 2 * even, AROUND, axis=1)
             usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
-            usual_mm2 = np.minimum(usual_mm2, np.maximum(calm[index], resolution_mm**2 / 8))
+            usual_mm2 = np.minimum(usual_mm2, np.maximum(usual_bend[index], resolution_mm**2 / 8))
             if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
                 out.append(run)  # where a slow path stays on one step, anything is a line
                 continue
-            if not held:
+            if not uneven_ages:
                 straight = _likelier_lines(np.array(off), usual_mm2, even, resolution_mm, n_events)
         total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)
@@ -129,7 +129,7 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
     all_speeds, all_bends = np.concatenate(list(speeds.values())), np.concatenate(list(bends.values()))
     limits = np.quantile(all_speeds, np.linspace(0, 1, SPEEDS + 1)[1:-1])
     of_speed = np.digitize(all_speeds, limits)
-    level = np.array([np.nanquantile(np.append(all_bends[of_speed == k], LARGE_MM2), CALMER)
+    level = np.array([np.nanquantile(np.append(all_bends[of_speed == k], LARGE_MM2), QUANTILE)
                       for k in range(SPEEDS)])  # fmt: skip
     level = minimum_filter1d(level, NEIGHBOURS)
     return {index: level[np.digitize(speed, limits)] for index, speed in speeds.items()}

@@ -54,8 +54,8 @@ class LowSpeedPlateau(Effect):
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        held = view.law(np.maximum(view.speed, theta[0])) - view.law(view.speed)
-        return Signature(latency=column(held), theta=theta)
+        change_s = view.law(np.maximum(view.speed, theta[0])) - view.law(view.speed)
+        return Signature(latency=column(change_s), theta=theta)
 
     @classmethod
     def in_law(cls, law: LawParameters) -> bool:

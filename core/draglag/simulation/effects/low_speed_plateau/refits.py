@@ -1,4 +1,4 @@
-"""A plateau of the law: the fit of Eq. 5 that is held below a speed."""
+"""A plateau of the law: the fit of Eq. 5 that is constant below a speed."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from draglag.simulation.effects.fitted_shape import FittedShape
 
 PITCHES_TRIED = 8
-PITCH_UNKNOWN = 0.015  # of a pitch: neighbouring ones of PITCHES_MM are 0.4 % apart, and edges hardly tell several
+PITCH_UNKNOWN = 0.015  # of a pitch: neighbouring ones of PITCHES_MM are 0.4 % apart, and edges hardly separate several
 
 
 class Setting(NamedTuple):
@@ -46,7 +46,7 @@ class PitchRipple(Effect):
     undone_in: ClassVar[str] = "touch"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.pitch_ripple.refits"
     needs: ClassVar[str] = "width"
-    unseen_without: ClassVar[str] = "circles that travel across the whole width show it"
+    identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_mm", "mm", -2.0, 2.0, 0.3),
         Parameter("pitch_mm", "mm", 1.0, 30.0, 5.0),

@@ -17,7 +17,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from draglag.motion import best_half_width_s
 from draglag.recording import FloatArray
-from draglag.simulation.effects.in_fits import FreedTrace
+from draglag.simulation.effects.in_fits import UndoneTrace
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
@@ -26,10 +26,10 @@ PITCHES_MM = np.geomspace(3.0, 10.0, 300)
 
 WINDOW, DEGREE = 17, 3  # events of the smooth path
 BENDS = 5  # its degree for a place: a quick circle is half a turn in a window
-LOOKED_AT = 4  # runs that are enough to find the pitch
-MANY = 2500  # events of each that are enough for a first look
+RUNS_SEARCHED = 4  # runs that are enough to find the pitch
+MANY = 2500  # events of each that are enough for a first search
 USUAL_MM_S = 300.0  # quicker than a hand's own unevenness, slow enough for several events a pitch
-GRID_MM, STEP_BINS = 0.2, 400  # of a first look: fine beside any pitch, and beside what events are apart
+GRID_MM, STEP_BINS = 0.2, 400  # of a first search: small compared with any pitch and with the events' spacing
 STANDS_OUT = 12.0  # robust standard deviations of what other pitches explain; chance alone reaches 5
 FINER = tuple(reach * np.linspace(-1, 1, 9) for reach in (0.004, 0.001, 3e-4, 1e-4, 3e-5))  # of the pitch, by rounds
 SETTLING, INVERSE = 2, 6  # rounds
@@ -44,7 +44,7 @@ class Lattice:
 
     place: ClassVar[int] = 1
 
-    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+    def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         """A run's events without the ripple."""
         xy_mm = self.undone_mm(trace.xy_mm)
         _, noise_mm = best_half_width_s(trace.t_s, xy_mm[:, 1:], shown.edge_t_s + shown.guess_s)
@@ -75,14 +75,14 @@ def lattice_of(traces: Sequence[tuple[FloatArray, FloatArray]]) -> Lattice | Non
         return None
     shown = [xy_mm for _, xy_mm in long]
     usual = [abs(np.log(max(_speed_mm_s(t_s, xy_mm), 1.0) / USUAL_MM_S)) for t_s, xy_mm in long]
-    told = [shown[k] for k in np.argsort(usual)[:LOOKED_AT]]
-    power = _power([xy_mm[:MANY] for xy_mm in told])
+    used = [shown[k] for k in np.argsort(usual)[:RUNS_SEARCHED]]
+    power = _power([xy_mm[:MANY] for xy_mm in used])
     middle = float(np.median(power))
     if not power.max() > middle + STANDS_OUT * 1.4826 * float(np.median(np.abs(power - middle))):
         return None
     found = Lattice(float(PITCHES_MM[int(np.argmax(power))]), np.zeros((4, 2)))
     for finer in FINER:
-        few = [(xy, _place(found.undone_mm(xy))) for xy in told]
+        few = [(xy, _place(found.undone_mm(xy))) for xy in used]
         pitch_mm = max(found.pitch_mm * (1 + finer), key=lambda p: _fitted(few, float(p))[1])
         found = Lattice(float(pitch_mm), _fitted(few, float(pitch_mm))[0])
     for _ in range(SETTLING):
@@ -103,7 +103,7 @@ def _place(xy_mm: FloatArray) -> FloatArray:
     return np.asarray(savgol_filter(xy_mm, WINDOW, BENDS, axis=0))
 
 
-def _beside_path(values: FloatArray) -> FloatArray:
+def _deviation_from_path(values: FloatArray) -> FloatArray:
     return np.asarray((values - _path(values))[WINDOW:-WINDOW])
 
 
@@ -123,8 +123,8 @@ def _power(runs: Sequence[FloatArray]) -> FloatArray:
         where, off, steps = [], [], []
         for shown in runs:
             path = _path(shown)
-            beside = shown - path
-            off.append((beside - _path(beside))[WINDOW:-WINDOW])  # twice: the wave's own deviation, by symmetry
+            deviation = shown - path
+            off.append((deviation - _path(deviation))[WINDOW:-WINDOW])  # twice: the wave's own deviation, by symmetry
             where.append(path[WINDOW:-WINDOW, axis])
             steps.append(np.abs(np.gradient(path[:, axis]))[WINDOW:-WINDOW])
         at_mm, deviation_mm = _on_grid(np.concatenate(where), np.concatenate(off))
@@ -153,7 +153,7 @@ def _fitted(runs: Sequence[tuple[FloatArray, FloatArray]], pitch_mm: float) -> t
     """Sizes (4, 2) and the square explained of what events (shown, path each) deviate by from a smooth path."""
     normal, moment = 1e-9 * np.eye(4), np.zeros((4, 2))
     for shown, path in runs:
-        columns, off = _beside_path(_waves(path, pitch_mm)), _beside_path(shown)
+        columns, off = _deviation_from_path(_waves(path, pitch_mm)), _deviation_from_path(shown)
         normal += columns.T @ columns
         moment += columns.T @ off
     sizes = np.linalg.solve(normal, moment)

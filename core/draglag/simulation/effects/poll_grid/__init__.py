@@ -21,10 +21,10 @@ class PollGrid(Effect):
     )
     follows: ClassVar[str] = "frame"
     where: ClassVar[str] = "every stamp"
-    shown_apart_by: ClassVar[str] = "a recording of the kernel's own stamps, without the loop of a program"
+    separated_by: ClassVar[str] = "a recording of the kernel's own stamps, without the loop of a program"
     undone_in: ClassVar[str] = "stream"
-    seen_by: ClassVar[str] = "draglag.simulation.effects.poll_grid.stream"
-    looked_for: ClassVar[int] = 1
+    detected_by: ClassVar[str] = "draglag.simulation.effects.poll_grid.stream"
+    detection_order: ClassVar[int] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("period_s", "s", 1e-4, 0.05, 0.008),
         Parameter("jitter_s", "s", 0.0, 1e-3, 4e-5),

@@ -20,7 +20,7 @@ from draglag.simulation.effects.poll_grid import PollGrid
 
 FINEST = 12  # ticks that the usual interval may have
 ROUNDING_S = 2e-6  # of stamps in whole µs, and of the fit to them
-LOOSE = 0.12  # of a tick: intervals that scatter by more are on no grid
+MAX_SCATTER = 0.12  # of a tick: intervals that scatter by more are on no grid
 SHORTEST_S = (
     1.5e-3  # hosts poll USB every 1 ms at best: that wait, 0.5 ms with a scatter of 0.3, is part of any latency
 )
@@ -28,8 +28,8 @@ WINDOWS = (64, 512)  # events over which the panel's clock keeps its phase
 FEWEST, ENOUGH = 16, 8000  # events of a window that counts; events that are enough
 PHASES = np.linspace(-1.3, 0.3, 48)  # of the first event of a window, in ticks
 JITTERS = (0.01, 0.03, 0.1, 0.25)  # of the panel's own frames, in ticks
-STRAY = 1e-3  # share of events that may be anywhere
-SURE = 10.0  # nats
+P_OUTLIER = 1e-3  # share of events that may be anywhere
+MIN_LOG_RATIO = 10.0  # nats
 FAR = 12.0  # robust standard deviations, within which an arrival is one of the usual
 UNSURE_JITTER = 0.15  # of its size: events of one poll keep their order
 EARLY = 0.15  # of a tick: a frame may come so much later than its clock says
@@ -53,7 +53,7 @@ class Polled:
     frame_s: float
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Polls, and runs with the stamps of the panel's frames."""
     waited = streams.of(polls_in)
     if waited is None:
@@ -69,10 +69,10 @@ def polls_in(streams: Streams) -> Polled | None:
 def polled(touches: Sequence[TouchTrace]) -> Polled | None:
     """The host's polling with its period and jitter, where the stamps are likelier by it than otherwise."""
     grids = _grids(touches)
-    if not grids or grids[0].period_s < SHORTEST_S or _looseness(grids) * grids[0].period_s < ROUNDING_S:
+    if not grids or grids[0].period_s < SHORTEST_S or _scatter_of_grid(grids) * grids[0].period_s < ROUNDING_S:
         return None  # no grid, a wait too short for a name, or a clock that rounds
     frames = max((_beat(grids, longest) for longest in WINDOWS), key=lambda found: found[0])
-    if frames[0] < SURE:
+    if frames[0] < MIN_LOG_RATIO:
         return None
     each_s = np.array([grid.period_s for grid in grids])
     period_s = float(np.mean(each_s))
@@ -122,7 +122,7 @@ def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
     apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
     usual_s = float(np.mean(apart_s))
     apart_s = apart_s[(apart_s > 0.25 * usual_s) & (apart_s < 6 * usual_s)]
-    best, loosest = [], LOOSE
+    best, smallest = [], MAX_SCATTER
     for parts in range(1, FINEST + 1 if apart_s.size > 50 else 0):
         period_s = float(np.median(apart_s)) / parts
         for _ in range(3):
@@ -130,15 +130,15 @@ def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
             near = np.abs(apart_s - whole * period_s) < 0.25 * period_s
             period_s = float(np.sum(apart_s[near]) / np.sum(whole[near])) if near.any() else period_s
         # intervals scatter by the square root of two as much as stamps, whole runs by no less
-        if _spread(apart_s - period_s * np.round(apart_s / period_s)) > 2 * loosest * period_s:
+        if _spread(apart_s - period_s * np.round(apart_s / period_s)) > 2 * smallest * period_s:
             continue
         grids = [_on_grid(touch.t_s, period_s) for touch in touches]
-        if (loose := _looseness(grids)) < loosest:
-            best, loosest = grids, loose
+        if (scatter := _scatter_of_grid(grids)) < smallest:
+            best, smallest = grids, scatter
     return best
 
 
-def _looseness(grids: Sequence[_Grid]) -> float:
+def _scatter_of_grid(grids: Sequence[_Grid]) -> float:
     """By how much stamps lie off the grid, in ticks: median over the runs."""
     return float(np.median([_spread(grid.off_s) / grid.period_s for grid in grids]))
 
@@ -190,7 +190,7 @@ def _of_beat(tick: IntArray, frame: float, jitter: float) -> float:
     at = frame * np.arange(tick.size) + PHASES[:, None]
     late = tick - tick[0] - at
     each = ndtr(late / jitter) - ndtr((late - 1) / jitter)
-    of_phase = np.log((1 - STRAY) * each + STRAY / 4).sum(axis=1)
+    of_phase = np.log((1 - P_OUTLIER) * each + P_OUTLIER / 4).sum(axis=1)
     return float(np.logaddexp.reduce(of_phase) - np.log(PHASES.size))
 
 

@@ -24,8 +24,8 @@ class SampleHold(Effect):
     undone_in: ClassVar[str] = "stream"
     uneven_ages: ClassVar[bool] = True
     estimated_with: ClassVar[bool] = True
-    seen_by: ClassVar[str] = "draglag.simulation.effects.sample_hold.stream"
-    looked_for: ClassVar[int] = 4
+    detected_by: ClassVar[str] = "draglag.simulation.effects.sample_hold.stream"
+    detection_order: ClassVar[int] = 4
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_hz", "Hz", 10.0, 2000.0, 100.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -54,12 +54,12 @@ class SampleHold(Effect):
         phase = rng.uniform()
         first, last = np.ceil(events.t_s[[0, -1]] / period - phase)
         ticks = np.round((np.arange(first, last) + phase) * period, 6)
-        held = np.searchsorted(events.t_s, ticks, side="right") - 1
-        seen = held >= 0
+        index = np.searchsorted(events.t_s, ticks, side="right") - 1
+        present = index >= 0
         # between two contacts there is nothing to hold: the event must be younger than 0.1 s
-        seen[seen] = ticks[seen] - events.t_s[held[seen]] < 0.1
-        now = events.take(held[seen])
-        return TouchEvents(ticks[seen], now.x_mm, now.y_mm, now.contact_id)
+        present[present] = ticks[present] - events.t_s[index[present]] < 0.1
+        now = events.take(index[present])
+        return TouchEvents(ticks[present], now.x_mm, now.y_mm, now.contact_id)
 
     @classmethod
     def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:

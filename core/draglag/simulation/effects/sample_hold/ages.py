@@ -8,19 +8,19 @@ from draglag.gap.streams.stamps import FAST_MM_S
 from draglag.recording import TouchTrace
 
 UNEVEN_AGE = 0.03  # of the interval between stamps
-STILL = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay
+REMAINING = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay
 
 
-def still_uneven(held: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
+def ages_remain(recorded: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
     """Whether positions of uneven age are hardly evener after their ages were undone."""
-    before_s = uneven_age_s(held)
-    return before_s > UNEVEN_AGE * period_s and uneven_age_s(even) > STILL * before_s
+    before_s = uneven_age_s(recorded)
+    return before_s > UNEVEN_AGE * period_s and uneven_age_s(even) > REMAINING * before_s
 
 
 def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
-    """By how much the age of the positions varies from stamp to stamp, s (median over runs fast enough to tell; or 0).
+    """Standard deviation of the positions' age from stamp to stamp, s; median over runs that are fast enough, or 0.
 
-    A position of another age lies further along the path, not beside it: what third differences scatter by along the
+    A position of another age lies further along the path, not across it: what third differences scatter by along the
     motion beyond what they do across it, less what the stamps themselves scatter by.
     """
     ages = []
@@ -43,14 +43,14 @@ def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
         straight = np.abs(ahead[:, 1]) > 0.4
         along, across = along[straight], across[straight]
         # 1 + 9 + 9 + 1: what third differences make of the variance of single events.
-        variance_s2 = (_calm_variance(along) - _calm_variance(across)) / 20 / speed**2
+        variance_s2 = (_robust_variance(along) - _robust_variance(across)) / 20 / speed**2
         variance_s2 -= step_mm**2 / 12 / speed**2  # the coordinate that hardly changes is rounded alike
-        stamps_s2 = 0.5 * _calm_variance(np.diff(t_s)[np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s])
+        stamps_s2 = 0.5 * _robust_variance(np.diff(t_s)[np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s])
         ages.append(float(np.sqrt(max(variance_s2 - stamps_s2, 0.0))))
     return float(np.median(ages)) if ages else 0.0
 
 
-def _calm_variance(values: np.ndarray) -> float:
+def _robust_variance(values: np.ndarray) -> float:
     """Mean square about the median, far values brought in to six robust standard deviations."""
     off = values - np.median(values)
     far = 6 * 1.4826 * float(np.median(np.abs(off)))

@@ -1,4 +1,4 @@
-"""Touch events that a host's loop held: stamps of its ticks, on positions that repeat or are of uneven age."""
+"""Detector of sample-and-hold by a host's loop: stamps of its ticks, positions that repeat or are of uneven age."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from draglag.simulation.effects.pitch_ripple.lattice import lattice_of
 from draglag.simulation.effects.poll_grid import PollGrid
 from draglag.simulation.effects.poll_grid.stream import polls_in
 from draglag.simulation.effects.sample_hold import SampleHold
-from draglag.simulation.effects.sample_hold.ages import UNEVEN_AGE, still_uneven, uneven_age_s
-from draglag.simulation.effects.sample_hold.unheld import unheld
+from draglag.simulation.effects.sample_hold.ages import UNEVEN_AGE, ages_remain, uneven_age_s
+from draglag.simulation.effects.sample_hold.undo_sample_hold import undo_sample_hold
 from draglag.simulation.effects.timestamp_quantisation.stream import clock_in
 
 BUS_S = (0.002, 0.004, 0.008, 0.016, 0.032)  # intervals at which USB hosts poll: powers of two of its frames
@@ -24,30 +24,30 @@ FEW_REPEATS = 0.02  # of positions: more than accidents make
 STEPS = 3.0  # of its coordinates that a run advances by from event to event, where a repeat means something
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """A loop, and runs with the positions of even age, or without those that repeat."""
-    held = streams.of(loop_in)
-    if held is None or streams.of(batches_in) is not None or streams.of(clock_in) is not None:
+    loop = streams.of(loop_in)
+    if loop is None or streams.of(batches_in) is not None or streams.of(clock_in) is not None:
         return None, runs  # a grid of stamps without repeated positions is a coarse clock's
     first = [first_of_repeats(r.touch) for r in runs]
-    even = unheld(first, 1 / held.value)
-    if even is not None and still_uneven(first, even, 1 / held.value):
+    even = undo_sample_hold(first, 1 / loop.value)
+    if even is not None and ages_remain(first, even, 1 / loop.value):
         even = None  # another beat was taken for theirs
     repaired = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
     repeat = max(float(np.mean(repeats(touch))) for touch in streams.touches)
-    return of_the_bus(replace(held, undone=even is not None), repeat), repaired
+    return of_the_bus(replace(loop, undone=even is not None), repeat), repaired
 
 
-def of_the_bus(held: StreamEffect, repeat: float) -> StreamEffect:
+def of_the_bus(loop: StreamEffect, repeat: float) -> StreamEffect:
     """A loop as polls of the bus, where it reports each position once and at an interval that buses are polled at.
 
     repeat: share of positions that repeat: a poll without a new report sends none.
     """
-    period_s = 1 / held.value
+    period_s = 1 / loop.value
     if repeat > FEW_REPEATS or not any(abs(period_s / bus_s - 1) < BUS_CLOCK for bus_s in BUS_S):
-        return held
-    ci95_s = (1 / held.ci95[1], 1 / held.ci95[0])
-    named = replace(held, effect=PollGrid.id, parameter="period_s", value=period_s, ci95=ci95_s, where="every stamp")
+        return loop
+    ci95_s = (1 / loop.ci95[1], 1 / loop.ci95[0])
+    named = replace(loop, effect=PollGrid.id, parameter="period_s", value=period_s, ci95=ci95_s, where="every stamp")
     return replace(named, rivals=(SampleHold.id,))
 
 
@@ -69,18 +69,10 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
         return None
     whole = np.maximum(np.round(intervals / period_s), 1)
     regular = np.abs(intervals - period_s * whole) < 0.015 * period_s
-    advance = [float(np.median(np.hypot(np.diff(t.x_mm), np.diff(t.y_mm)))) for t in touches]
-    told = [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm >= STEPS * step_mm]
-    # Where the loop is faster than the touch most events repeat, and none advances by the usual step.
-    told = told or [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm == 0]
-    share = float(np.mean(np.concatenate(told))) if told else 0.0
+    share = _share_of_repeats(touches, step_mm)
     age_s = uneven_age_s(touches, step_mm)
     if share <= FEW_REPEATS and age_s > UNEVEN_AGE * period_s:
-        # A ripple of the panel is uneven along the path as well, but by its place.
-        ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
-        if ripple is not None:
-            even = [_at(t, ripple.undone_mm(np.column_stack([t.x_mm, t.y_mm]))) for t in touches]
-            age_s = uneven_age_s(even, step_mm)
+        age_s = _age_without_ripple_s(touches, step_mm, age_s)
     if float(np.mean(regular)) < 0.97 or not (share > FEW_REPEATS or age_s > UNEVEN_AGE * period_s):
         return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
@@ -99,6 +91,24 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
         f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
         max(share, age_s / period_s),
     )
+
+
+def _share_of_repeats(touches: list[TouchTrace], step_mm: float) -> float:
+    """Share of positions that repeat, in runs that advance by more than the resolution from event to event."""
+    advance = [float(np.median(np.hypot(np.diff(t.x_mm), np.diff(t.y_mm)))) for t in touches]
+    informative = [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm >= STEPS * step_mm]
+    # Where the loop is faster than the touch most events repeat, and none advances by the usual step.
+    informative = informative or [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm == 0]
+    return float(np.mean(np.concatenate(informative))) if informative else 0.0
+
+
+def _age_without_ripple_s(touches: list[TouchTrace], step_mm: float, age_s: float) -> float:
+    """The scatter of ages, s, without a ripple of the panel, which is uneven along the path by its place."""
+    ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
+    if ripple is None:
+        return age_s
+    even = [_at(t, ripple.undone_mm(np.column_stack([t.x_mm, t.y_mm]))) for t in touches]
+    return uneven_age_s(even, step_mm)
 
 
 def _at(touch: TouchTrace, xy_mm: np.ndarray) -> TouchTrace:

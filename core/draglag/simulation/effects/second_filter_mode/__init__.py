@@ -13,7 +13,7 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters, Theta, Undoing
 from draglag.simulation.effects.second_filter_mode.lateness import Lateness
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
-from draglag.simulation.effects.second_filter_mode.skips import change_behind
+from draglag.simulation.effects.second_filter_mode.skips import threshold_of_change
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -28,7 +28,7 @@ THRESHOLDS = {By.SPEED: "threshold_mm_s", By.ACCELERATION: "threshold_mm_s2"}
 LOWEST, HIGHEST = 0.8, 1.25  # of a threshold: edges lie at speeds that far apart
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
-SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed beside a skip
+SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their speed next to a skip
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class SecondFilterMode(Effect):
         if setting is not None and not setting.timed:
             name = THRESHOLDS[setting.by]
             out[name] = (setting.above, (LOWEST * setting.above, HIGHEST * setting.above))
-        change = _change_behind(found.fit)
+        change = _threshold_of_change(found.fit)
         if change is not None:
             out[THRESHOLDS[By.ACCELERATION]] = (change, (change / SMOOTHED, change * SMOOTHED))
         return out
@@ -117,7 +117,7 @@ class SecondFilterMode(Effect):
         setting = next((Setting.of(term.theta) for term in fit.terms if term.effect == cls.id), None)
         if setting is None or not setting.times_s:
             return None
-        change, times = _change_behind(fit), setting.times_s
+        change, times = _threshold_of_change(fit), setting.times_s
         cause = "" if change is None else f", as a rule where the speed changes by more than {change:.0f} mm/s²"
         return f"in {len(times) // 2} stretches of time, {sum(times[1::2]) - sum(times[::2]):.0f} s in all{cause}"
 
@@ -150,8 +150,8 @@ def _mode(view: View, setting: Setting) -> Signature:
     return Signature(latency=column(on.astype(float)), theta=setting.theta)
 
 
-def _change_behind(fit: Fit) -> float | None:
+def _threshold_of_change(fit: Fit) -> float | None:
     """Above which change of speed, mm/s², a filter is there that the touch events show, if that is what it follows."""
     settings = (Setting.of(term.theta) for term in fit.terms if term.effect == SecondFilterMode.id)
     times = next((setting.times_s for setting in settings if setting is not None and setting.shown), None)
-    return None if times is None else change_behind(fit.runs, times)
+    return None if times is None else threshold_of_change(fit.runs, times)

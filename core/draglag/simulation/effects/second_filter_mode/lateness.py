@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.in_fits import FreedTrace
+from draglag.simulation.effects.in_fits import UndoneTrace
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
@@ -23,7 +23,7 @@ class Lateness:
 
     place: ClassVar[int] = 0
 
-    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+    def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         t_s, xy_mm = without_lateness(trace.t_s, trace.xy_mm, self.size_s, first_s + np.array(self.times_s))
         return replace(trace, t_s=t_s, xy_mm=xy_mm)
 

@@ -24,10 +24,10 @@ from draglag.simulation.effects.second_filter_mode.switching import (
     away,
     find_switching,
     later_of,
-    law_beside,
-    mistaken_s,
+    law_from_levels,
+    misassigned_s,
     of_neither,
-    settled,
+    refine_times,
 )
 
 OWN = SecondFilterMode.id
@@ -106,11 +106,11 @@ def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None
         if fit is None:
             return None
         size_s, last = fit.terms[-1].sizes[0], setting
-        setting = settled(fit, size_s, setting)
+        setting = refine_times(fit, size_s, setting)
         if (setting == last and law is not None) or not setting.times_s:
             break
         with contextlib.suppress(EstimateError):
-            law = law_beside(fit, before.law.plateau_mm_s > 0)
+            law = law_from_levels(fit, before.law.plateau_mm_s > 0)
     return None if fit is None else without_mixed(session, before, fit)
 
 
@@ -127,7 +127,7 @@ def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
         found = refit(session, before, [*before.terms, Term(OWN, setting.theta, (0.0,))], law, only)
         if found is None:
             return fit
-        fit, left_s, mistaken = found, found.terms[-1].sizes[0], mistaken_s(found, setting)
+        fit, left_s, mistaken = found, found.terms[-1].sizes[0], misassigned_s(found, setting)
         if abs(left_s) < LEFT_OVER * setting.above and not mistaken:
             break
         # In a stretch of a stretch the filter has let go again; as long as some are mistaken, they make the size.

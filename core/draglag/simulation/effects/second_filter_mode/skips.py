@@ -1,7 +1,7 @@
 """A filter that comes and goes as touch events show it: its trace stands still when it takes over, and skips as far
 ahead when it lets go.
 
-The lateness is one for all runs: in time, whatever their speed. Which switches are likeliest, a tracker tells.
+The lateness is one for all runs: in time, whatever their speed. A tracker finds the likeliest switches.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from draglag.motion import local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
-from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, followed, side_by_side
+from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, stack_runs, track_histories
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
-QUICKER = 9  # events over which a step is compared with those beside it: a skip takes one or two
+QUICKER = 9  # events over which a step is compared with its neighbours: a skip takes one or two
 SLOWEST_MM_S = 60.0  # slower, a skip of some milliseconds is within the noise
 LEAST_SKIP_S, SURE = 0.003, 6.0  # and robust deviations of the run's own steps
 OF_AN_INTERVAL = 0.5  # more or less, frames were lost or held back, not the stylus
@@ -33,7 +33,7 @@ LEAST_EACH = 8.0  # log-likelihood for each switch of a run; what a tremor makes
 LEAST_GAIN = 1000.0  # of all runs; other effects come to some 200
 DIRECTIONS = np.pi / 4 * np.arange(4)
 GRID_S, PANELS_S = 0.005, 0.05  # a panel's own smoothing of a speed, about
-TOLD = 0.85  # of both states, that a threshold of the speed's change has to tell apart
+MIN_ACCURACY = 0.85  # balanced accuracy with which a threshold of the speed's change separates both states
 ALIKE = 0.2  # of a run's events by place, direction or speed, within which lie …
 # … so many of its switches: those are no filter's. Of the trace's skips as they are it is more: of generated filters
 # 0.59 to 0.79, of split panels, asymmetries and slow runs' noise 0.84 to 1.
@@ -63,12 +63,12 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
     skip_s = _typical_skip_s([data for data in runs if data.keeps_moving])
     if skip_s is None:
         return None
-    tracks = side_by_side(runs)
+    tracks = stack_runs(runs)
     each = np.broadcast_to(UNSTEADY_MM2_S3, (len(runs), UNSTEADY_MM2_S3.size))
-    plain, _, left = followed(tracks, 0.0, each, FAR, 1)
+    plain, _, left = track_histories(tracks, 0.0, each, FAR, 1)
     best = np.argmin(np.abs(np.log(_medians(left, tracks.live) / (2 * np.log(2)))), axis=1)
     own = UNSTEADY_MM2_S3[best][:, None]
-    likely, states, _ = followed(tracks, skip_s, own, SWITCH, HISTORIES)
+    likely, states, _ = track_histories(tracks, skip_s, own, SWITCH, HISTORIES)
     gains = likely[:, 0] - plain[np.arange(len(runs)), best]
     switches = np.count_nonzero(np.diff(states[..., 0], axis=0), axis=0)
     sure = gains > LEAST_EACH * np.maximum(switches, 1)
@@ -83,8 +83,8 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
 
 
 @lru_cache(maxsize=4)
-def change_behind(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
-    """Above which change of speed, mm/s², the filter is there, if that tells its stretches from the rest.
+def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
+    """Above which change of speed, mm/s², the filter is active, if such a threshold separates its stretches; else None.
 
     Args:
         runs: with the lateness undone. times_s: (2 k,) of ``Skips``.
@@ -102,16 +102,16 @@ def change_behind(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> floa
     change, later = np.concatenate(changes), np.concatenate(states)
     order = np.argsort(change)
     on = later[order]
-    apart = np.cumsum(~on) / max(np.count_nonzero(~on), 1) - np.cumsum(on) / max(np.count_nonzero(on), 1)
-    best = int(np.argmax(apart))
-    return float(change[order[best]]) if 0.5 + 0.5 * apart[best] > TOLD else None
+    separation = np.cumsum(~on) / max(np.count_nonzero(~on), 1) - np.cumsum(on) / max(np.count_nonzero(on), 1)
+    best = int(np.argmax(separation))
+    return float(change[order[best]]) if 0.5 + 0.5 * separation[best] > MIN_ACCURACY else None
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
-    """By how much events are ahead of those beside them where the trace skips, in runs where it stands still as well;
+    """By how much events are ahead of their neighbours where the trace skips, in runs where it stands still as well;
     None where it does not, or where all of that is at one place, direction or speed (to follow the events takes
     seconds). A start from rest looks like a skip, a stop like a standstill, and neither is one."""
-    skips, stands, at = [], 0, []
+    skips, standstills, at = [], 0, []
     for data in runs:
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
         typical_s = float(np.median(apart_s))
@@ -125,9 +125,9 @@ def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
         at.append(np.flatnonzero(np.abs(ahead_s) > least_s) + 1 if still else np.empty(0, int))
         if still:
             skips.append(ahead_s[ahead_s > least_s])
-            stands += still
+            standstills += still
     all_s = np.concatenate(skips) if skips else np.empty(0)
-    if all_s.size < FEWEST or stands < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
+    if all_s.size < FEWEST or standstills < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
         return None
     return float(np.median(all_s))
 
@@ -156,7 +156,7 @@ def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[
     Args:
         at: indices of the events that switch, each run's.
     """
-    told = []
+    shares = []
     for data, events in zip(runs, at, strict=True):
         if events.size:
             v = np.gradient(data.smooth_mm, data.t_s, axis=0)
@@ -164,6 +164,6 @@ def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[
             covariates = np.column_stack([data.smooth_mm, ways, np.hypot(*v.T)])
             rank = np.argsort(np.argsort(covariates, axis=0), axis=0) / len(covariates)
             ends = [np.searchsorted(one, one + ALIKE, side="right") for one in np.sort(rank[events], axis=0).T]
-            told.append(np.max(np.array(ends) - np.arange(events.size), axis=1) / events.size)
+            shares.append(np.max(np.array(ends) - np.arange(events.size), axis=1) / events.size)
     own = [weight for weight, events in zip(weights, at, strict=True) if events.size]
-    return float(np.max(np.average(told, axis=0, weights=own)))
+    return float(np.max(np.average(shares, axis=0, weights=own)))

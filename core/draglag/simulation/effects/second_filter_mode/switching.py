@@ -26,7 +26,7 @@ DWELL_S = 4.0
 LEAST_EDGES = 8
 ROUNDS = 5
 EDGE_MM, RUN_ERROR_S = 0.1, 3e-4
-SLOWEST_MM_S = 25.0  # across the beam; slower, an edge says nothing of a latency
+SLOWEST_MM_S = 25.0  # across the beam; slower, an edge does not constrain a latency
 LAW_SD_S = 2e-3  # how well the law of a fit with most of the states right is known
 LEVELS = 17
 FAR_S = 0.2
@@ -82,8 +82,8 @@ def find_switching(fit: Fit) -> Switching | None:
     return Switching(float(SIZES_S[best]), np.array(sorted(spans)), float(gains[best] - EACH_SWITCH * switches))
 
 
-def settled(fit: Fit, size_s: float, setting: Setting) -> Setting:
-    """The times anew beside the law of a fit that has the switching in it: a run that never switches tells only by
+def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
+    """The times re-estimated with the law of a fit that contains the switching: a run that never switches shows only by
     the law which of the two levels is its own."""
     placed, late_s, sd_s, usable = _latencies(fit)
     late_s = late_s + size_s * within(setting.times_s, placed.since_start_s)
@@ -111,7 +111,7 @@ def later_of(placed: Placed, setting: Setting) -> np.ndarray:
     return within(setting.times_s, placed.since_start_s + placed.latency_s)
 
 
-def mistaken_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
+def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
     """Stretches from–to, on the clock of the times of a filter undone in the traces, in which the edges show it undone
     where it was not there and there where it was not undone: a switch had been missed."""
     placed, late_s, sd_s, usable = _latencies(fit)
@@ -136,8 +136,8 @@ def mistaken_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
     return tuple(np.array(out).ravel().tolist())
 
 
-def law_beside(fit: Fit, plateau: bool) -> LawParameters:
-    """Where to begin anew: the law through each run's level in a fit that has the switching in it.
+def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
+    """Starting law of a refit: through each run's level in a fit that contains the switching.
 
     The runs' own estimates are of one level each, and a law begun there stays where it fits them. Raises EstimateError.
     """
@@ -152,7 +152,7 @@ def law_beside(fit: Fit, plateau: bool) -> LawParameters:
 
 
 def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
-    """Of every placed edge: how late it is beside the fit and its standard deviation, s, and whether it tells."""
+    """Of every placed edge: lateness relative to the fit and its standard deviation, s, and whether it is usable."""
     placed = fit.placed
     lever = fit_lever(fit)
     variance = touch_variances(fit.runs, placed) + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2
@@ -171,10 +171,10 @@ def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
     if setting.by is By.SPEED:
         unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
         unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
-        told = ~(np.abs(placed.speed_mm_s - setting.above) < unsure_mm_s)
+        informative = ~(np.abs(placed.speed_mm_s - setting.above) < unsure_mm_s)
         # Of a run that is about the threshold all along, the few edges left are those whose speed was read wrong.
-        share = np.bincount(placed.run, told) / np.maximum(np.bincount(placed.run), 1)
-        return np.asarray(told & (share > MOSTLY)[placed.run])
+        share = np.bincount(placed.run, informative) / np.maximum(np.bincount(placed.run), 1)
+        return np.asarray(informative & (share > MOSTLY)[placed.run])
     times = np.array(setting.times_s)
     at_s = placed.since_start_s + (placed.latency_s if setting.shown else 0.0)
     after = np.clip(np.searchsorted(times, at_s), 1, times.size - 1)
@@ -263,14 +263,14 @@ def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tu
         now = now / scale[i]
         forward[i] = now
     later = np.empty((m, *zero.shape[:-1]))
-    behind = np.ones_like(now)
+    backward = np.ones_like(now)
     for i in range(m - 1, -1, -1):
-        both = forward[i] * behind
+        both = forward[i] * backward
         later[i] = both[1] / (both[0] + both[1])
         if i:
             p = stay[..., i - 1]
-            ahead = behind * density[i]
-            behind = (p * ahead + (1 - p) * ahead[::-1]) / scale[i]
+            ahead = backward * density[i]
+            backward = (p * ahead + (1 - p) * ahead[::-1]) / scale[i]
     return np.log(scale).sum(axis=0) + top.sum(axis=-1), np.moveaxis(later, 0, -1)
 
 

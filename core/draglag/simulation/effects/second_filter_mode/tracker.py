@@ -1,6 +1,6 @@
 """A tracker that follows the touch events of all runs at once, with two levels of lateness and a switch at any event.
 
-Constant speed and turn between events, a hand's random acceleration beside it (Kalman); of all histories of switches
+Constant speed and turn between events, and a hand's random acceleration (Kalman); of all histories of switches
 the likeliest few are kept (beam search).
 """
 
@@ -17,10 +17,10 @@ from draglag.recording import FloatArray
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
-HISTORIES = 8  # three times as many tell the same
+HISTORIES = 8  # three times as many give the same
 SWITCH = 5.0  # log-likelihood that a switch costs
 OUTLIER = 50.0  # squared standard deviations; beyond it an event moves no tracker, but for too many of them
-LOST = 4  # so many events on end, and it begins anew
+LOST = 4  # outliers in a row after which it restarts
 FAR = 1e9  # what no switch is worth
 TURN_S, FASTEST_TURN = 0.05, 60.0  # rad/s: 1 m/s on a circle of 17 mm
 LEAST_WAY_MM = 1.5  # over which a direction is known
@@ -40,7 +40,7 @@ class Tracks:
     noise_mm2: FloatArray
 
 
-def side_by_side(runs: Sequence[RunData]) -> Tracks:
+def stack_runs(runs: Sequence[RunData]) -> Tracks:
     """The runs filled up to the longest with events that come at once and count for nothing."""
     n = max(data.t_s.size for data in runs)
     shape = n, len(runs)
@@ -73,7 +73,7 @@ def _turn_rate(t_s: FloatArray, z_mm: np.ndarray) -> FloatArray:
     return np.asarray((summed[last + 1] - summed[first]) / (last + 1 - first))
 
 
-def followed(
+def track_histories(
     tracks: Tracks, size_s: float, unsteady: FloatArray, switch: float, histories: int
 ) -> tuple[FloatArray, np.ndarray, FloatArray]:
     """Log-likelihood (runs, g) of the likeliest history, its states (n, runs, g), and squared innovations of the one in
@@ -93,9 +93,9 @@ def followed(
     value = np.full(shape, -FAR)
     value[..., :2] = 0.0
     lost = np.zeros(shape, int)
-    came, states = np.empty((n - 1, *shape), np.int8), np.empty((n - 1, *shape), bool)
+    parents, states = np.empty((n - 1, *shape), np.int8), np.empty((n - 1, *shape), bool)
     left = np.empty((n - 1, *shape[:2]))
-    price = np.array([0.0, switch])
+    penalty = np.array([0.0, switch])
     back_s = _way_s(-tracks.rate[1:], size_s)
     for i in range(n - 1):
         p, v = p + v * tracks.way_s[i][:, None, None], v * tracks.turn[i][:, None, None]
@@ -103,7 +103,7 @@ def followed(
         then = now + v * back_s[i][:, None, None]
         off = np.stack([np.where(late, then, now), np.where(late, now, then)], axis=-1)  # if it stays, if it switches
         square = (off.real**2 + off.imag**2) / gains[i, 2][..., None, None]
-        cost = 0.5 * np.minimum(square, OUTLIER) * tracks.live[i + 1][:, None, None, None] + price
+        cost = 0.5 * np.minimum(square, OUTLIER) * tracks.live[i + 1][:, None, None, None] + penalty
         each = (value[..., None] - cost).reshape(*shape[:2], -1)
         order = np.argsort(-each, axis=-1)[..., :histories]
         parent = order // 2
@@ -111,12 +111,12 @@ def followed(
         p, v, lost, late = (np.take_along_axis(a, parent, -1) for a in (p, v, lost, late))
         late = late ^ (order % 2 == 1)
         out = square > OUTLIER
-        anew = out & (lost >= LOST)
-        p = p + np.where(anew, 1.0, np.where(out, 0.0, gains[i, 0][..., None])) * off
-        v = np.where(anew, shown[i][:, None, None], v + np.where(out, 0.0, gains[i, 1][..., None]) * off)
-        lost = np.where(out & ~anew, lost + 1, 0)
-        came[i], states[i], left[i] = parent, late, square[..., 0]
-    return value[..., 0], _history(came, states), left
+        restart = out & (lost >= LOST)
+        p = p + np.where(restart, 1.0, np.where(out, 0.0, gains[i, 0][..., None])) * off
+        v = np.where(restart, shown[i][:, None, None], v + np.where(out, 0.0, gains[i, 1][..., None]) * off)
+        lost = np.where(out & ~restart, lost + 1, 0)
+        parents[i], states[i], left[i] = parent, late, square[..., 0]
+    return value[..., 0], _history(parents, states), left
 
 
 def _shown_velocity(tracks: Tracks) -> np.ndarray:
@@ -135,8 +135,8 @@ def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
     power = 2 * unsteady
     pp, pv, vv = noise, np.zeros(unsteady.shape), np.full(unsteady.shape, 1e5)
     out = np.empty((tracks.t_s.shape[0] - 1, 3, *unsteady.shape))
-    for i, apart in enumerate(np.minimum(np.diff(tracks.t_s, axis=0), 0.05)):
-        d = apart[:, None]
+    for i, interval_s in enumerate(np.minimum(np.diff(tracks.t_s, axis=0), 0.05)):
+        d = interval_s[:, None]
         pp = pp + 2 * d * pv + d**2 * vv + power * d**3 / 3
         pv = pv + d * vv + power * d**2 / 2
         vv = vv + power * d
@@ -147,12 +147,12 @@ def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
     return out
 
 
-def _history(came: np.ndarray, states: np.ndarray) -> np.ndarray:
+def _history(parents: np.ndarray, states: np.ndarray) -> np.ndarray:
     """States of the history in front at the end, (n, runs, g)."""
-    out = np.empty((came.shape[0] + 1, *came.shape[1:3]), bool)
-    at = np.zeros((*came.shape[1:3], 1), np.int64)
-    for i in range(came.shape[0] - 1, -1, -1):
+    out = np.empty((parents.shape[0] + 1, *parents.shape[1:3]), bool)
+    at = np.zeros((*parents.shape[1:3], 1), np.int64)
+    for i in range(parents.shape[0] - 1, -1, -1):
         out[i + 1] = np.take_along_axis(states[i], at, -1)[..., 0]
-        at = np.take_along_axis(came[i], at, -1).astype(np.int64)
+        at = np.take_along_axis(parents[i], at, -1).astype(np.int64)
     out[0] = out[1]
     return out

@@ -99,6 +99,6 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def of_shape(cls, value: float, theta: Theta, sizes: Theta, about: float) -> FittedShape | None:
-        from draglag.simulation.effects.smoothing_shrink.fitted import LookingBack
+        from draglag.simulation.effects.smoothing_shrink.fitted import CausalWindow
 
-        return LookingBack(value, tuple(theta), tuple(sizes), about)
+        return CausalWindow(value, tuple(theta), tuple(sizes), about)

@@ -13,14 +13,14 @@ from draglag.simulation.kinematics import Kinematics
 
 
 @dataclass(frozen=True)
-class LookingBack(FittedShape):
+class CausalWindow(FittedShape):
     """value: its time constant, s."""
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
-        return behind(x_mm, self.value, k.step_s), behind(y_mm, self.value, k.step_s)
+        return low_passed(x_mm, self.value, k.step_s), low_passed(y_mm, self.value, k.step_s)
 
 
-def behind(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
+def low_passed(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
     """A path (n,) behind a first-order low-pass that looks back only, with its delay at rest given back."""
     if time_constant_s <= 0:
         return position_mm

@@ -30,9 +30,9 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
             term = found.terms[-1]
             if not np.isfinite(lag_s) or lag_s <= 0 or (term.theta and abs(lag_s - term.theta[0]) < SETTLED * lag_s):
                 break
-            freed = refit(session, before, [*before.terms, Term(own, Setting(lag_s, even).theta, (0.0,))], found.law)
-            if freed is None:
+            sharper = refit(session, before, [*before.terms, Term(own, Setting(lag_s, even).theta, (0.0,))], found.law)
+            if sharper is None:
                 break
-            found = freed
+            found = sharper
         out.append(found if found is not mean else None)
     return out

@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix, identity
 
 from draglag.motion import local_fit
 from draglag.recording import FloatArray
-from draglag.simulation.effects.in_fits import FreedTrace
+from draglag.simulation.effects.in_fits import UndoneTrace
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
@@ -41,7 +41,7 @@ class Sharpening:
 
     place: ClassVar[int] = 2
 
-    def freed(self, trace: FreedTrace, shown: RunData, first_s: float) -> FreedTrace:
+    def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         half_s = float(np.median(shown.speed_half_s))
         t_s, xy_mm, spread = _sharpened(trace.t_s, trace.xy_mm, self.setting.lag_s, half_s, self.setting.even)
         return replace(trace, t_s=t_s, xy_mm=xy_mm, spread=spread)

@@ -45,10 +45,10 @@ class SpatialWarp(Effect):
     )
     follows: ClassVar[str] = "x"
     where: ClassVar[str] = "along x, smoothly"
-    shown_apart_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
+    separated_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "width"
-    unseen_without: ClassVar[str] = "circles that travel across the whole width show it"
+    identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amplitude_mm", "mm", -5.0, 5.0, 0.6),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

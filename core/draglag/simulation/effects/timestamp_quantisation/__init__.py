@@ -20,8 +20,8 @@ class TimestampQuantisation(Effect):
     follows: ClassVar[str] = "frame"
     undone_in: ClassVar[str] = "stream"
     uneven_ages: ClassVar[bool] = True
-    seen_by: ClassVar[str] = "draglag.simulation.effects.timestamp_quantisation.stream"
-    looked_for: ClassVar[int] = 3
+    detected_by: ClassVar[str] = "draglag.simulation.effects.timestamp_quantisation.stream"
+    detection_order: ClassVar[int] = 3
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("quantum_s", "s", 1e-06, 0.05, 0.004),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -15,7 +15,7 @@ from draglag.simulation.effects.timestamp_quantisation import TimestampQuantisat
 EXACT = 2e-3  # of a tick: stamps are written to 1 µs; frames of the sample sessions jitter by 6e-3 of their interval
 
 
-def look(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """A coarse clock, and runs with the stamps of an even one."""
     coarse = streams.of(clock_in)
     return coarse, runs if coarse is None else tuple(replace(r, touch=evened(r.touch, coarse.value)) for r in runs)
@@ -76,7 +76,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
 
 def _reaches_further(touches: list[TouchTrace]) -> float:
     """How much of a longer interval the stylus uses to go further: 1 where frames are missing, 0 where stamps are
-    coarse; median over the runs fast enough to tell, 0 without any."""
+    coarse; median over the runs that are fast enough, 0 without any."""
     shares = []
     for touch in touches:
         dt = np.diff(touch.t_s)

@@ -14,8 +14,8 @@ import pytest
 
 from devices.ethercat_rig import Recording, needs_segment
 from draglag_devices.discovery import Found
-from draglag_devices.ethercat_laser import look, probe
-from draglag_devices.ethercat_laser.look import look_for_buses
+from draglag_devices.ethercat_laser import finding, probe
+from draglag_devices.ethercat_laser.finding import find_buses
 from draglag_devices.ethercat_laser.surroundings import used_addresses
 from emulators.ethercat import Segment, why_not
 
@@ -42,7 +42,7 @@ class TestWithASegment:
 
     def test_other_devices_are_a_bus_and_not_ready(self, segment: Segment) -> None:
         segment.order("identity", terminal=EL1008)
-        found = of(segment.iface, look_for_buses())
+        found = of(segment.iface, find_buses())
         assert not found.usable
         kinds = "vendor 0x2 product 0x044D2C52, vendor 0x2 product 0x03F03052"
         assert f"2 devices, not an EK1101 with an EL1252: {kinds}" in found.description
@@ -50,18 +50,18 @@ class TestWithASegment:
 
     def test_of_several_el1252_the_address_must_say_which(self, segment: Segment) -> None:
         segment.order("identity", behind=[0x04E43052])
-        found = of(segment.iface, look_for_buses())
+        found = of(segment.iface, find_buses())
         assert (found.usable, found.remedy) == (False, "say which in the laser's address: &position=2 or &position=3")
 
     def test_a_device_that_owns_its_eeprom_is_known_and_owns_it_afterwards(self, segment: Segment) -> None:
         segment.order("register", address=0x0500, value="01")
-        assert of(segment.iface, look_for_buses()).usable
+        assert of(segment.iface, find_buses()).usable
         assert segment.order("register", address=0x0500, length=1)["value"] == "01"
 
     def test_an_interface_with_an_address_is_left_alone_unless_it_is_asked_for(self, segment: Segment) -> None:
         subprocess.run(["ip", "addr", "add", "198.51.100.7/32", "dev", segment.iface], check=True)
         try:
-            left, asked = (of(segment.iface, look_for_buses(probe)) for probe in ((), (segment.iface,)))
+            left, asked = (of(segment.iface, find_buses(probe)) for probe in ((), (segment.iface,)))
         finally:
             subprocess.run(["ip", "addr", "del", "198.51.100.7/32", "dev", segment.iface], check=True)
         assert not left.usable
@@ -75,13 +75,13 @@ class TestWithASegment:
 LISTEN = """
 import json, socket
 from draglag_devices.ethercat_laser.preflight import ETHERTYPE
-from draglag_devices.ethercat_laser.probe import look_around
+from draglag_devices.ethercat_laser.probe import scan_bus
 wires = {}
 for name in ("office-s", "member-s", "field-s"):
     wires[name] = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
     wires[name].bind((name, ETHERTYPE))
     wires[name].setblocking(False)
-entries = {entry["name"]: entry["left_alone"] for entry in look_around()}
+entries = {entry["name"]: entry["left_alone"] for entry in scan_bus()}
 frames = {}
 for name, wire in wires.items():
     try:
@@ -139,7 +139,7 @@ def test_without_knowing_addresses_no_interface_is_asked(monkeypatch: pytest.Mon
     monkeypatch.setattr(probe, "link_state", lambda interface: (1, True))
     monkeypatch.setattr(probe, "has_rights", lambda: True)
     monkeypatch.setattr(probe, "count_slaves", lambda interface: pytest.fail("a frame went out"))
-    (entry,) = probe.look_around()
+    (entry,) = probe.scan_bus()
     assert (entry["left_alone"], entry["slaves"]) == ("has addresses that cannot be read", 0)
 
 
@@ -155,16 +155,16 @@ def test_without_knowing_addresses_no_interface_is_asked(monkeypatch: pytest.Mon
 def test_a_helper_that_fails_leaves_no_interface_out(
     monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], problem: str, remedy: str
 ) -> None:
-    monkeypatch.setattr(look, "command", lambda *_: [sys.executable, "-c", "raise SystemExit('it has no rights')"])
-    monkeypatch.setattr(look, "look_around", lambda asked, send: [seen(rights=False, **changes)])
-    (found,) = look_for_buses()
+    monkeypatch.setattr(finding, "command", lambda *_: [sys.executable, "-c", "raise SystemExit('it has no rights')"])
+    monkeypatch.setattr(finding, "scan_bus", lambda asked, send: [seen(rights=False, **changes)])
+    (found,) = find_buses()
     assert (found.address, found.usable) == ("ethercat:eth1?channel=1", False)
     assert found.description == f"network interface eth1: {problem}"
     assert remedy in found.remedy
 
 
 def test_a_helper_that_cannot_be_started_says_why(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(look, "command", lambda *_: [str(tmp_path / "gone")])
-    monkeypatch.setattr(look, "look_around", lambda asked, send: [seen()])
-    (found,) = look_for_buses()
+    monkeypatch.setattr(finding, "command", lambda *_: [str(tmp_path / "gone")])
+    monkeypatch.setattr(finding, "scan_bus", lambda asked, send: [seen()])
+    (found,) = find_buses()
     assert "the EtherCAT helper failed (No such file or directory)" in found.description

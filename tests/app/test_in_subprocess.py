@@ -7,7 +7,7 @@ import os
 import pytest
 
 from draglag.errors import DataError
-from draglag_app.apart import run_apart
+from draglag_app.in_subprocess import run_in_subprocess
 
 
 def squares(n: int, progress: object) -> tuple[int, int]:
@@ -33,19 +33,19 @@ def quiet(fraction: float, text: str) -> None:
 
 
 def test_result_comes_from_another_process() -> None:
-    result, process = run_apart(squares, (7,), quiet)
+    result, process = run_in_subprocess(squares, (7,), quiet)
     assert result == 49
     assert process != os.getpid()
 
 
 def test_sentences_come_back() -> None:
     with pytest.raises(DataError, match="the run has no edges"):
-        run_apart(refuses, (1,), quiet)
+        run_in_subprocess(refuses, (1,), quiet)
 
 
 def test_a_dead_process_is_told() -> None:
     with pytest.raises(DataError, match="without a result"):
-        run_apart(dies, (1,), quiet)
+        run_in_subprocess(dies, (1,), quiet)
 
 
 def test_cancelling_ends_it_at_once() -> None:
@@ -57,4 +57,4 @@ def test_cancelling_ends_it_at_once() -> None:
             raise KeyError("cancelled")
 
     with pytest.raises(KeyError):
-        run_apart(never_ends, (1,), cancel)
+        run_in_subprocess(never_ends, (1,), cancel)

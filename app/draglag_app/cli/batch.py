@@ -13,6 +13,7 @@ from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.errors import DraglagError
 from draglag.provenance import is_simulated
 from draglag.recording import Session
+from draglag_app.cli.common import keep_result
 
 AT_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)  # speeds at which a row has the curve: each twice the one before
 SHOWN = 40  # points of a sparkline, of some 160 pixels
@@ -82,8 +83,6 @@ class Analysing:
         analysis = analyze(session, self.options)
         result = analysis.to_dict()
         if self.save is not False:
-            from draglag_app.cli.common import keep_result
-
             keep_result(path, result, options_kept(self.options), must=bool(self.save))
         row = _about(path, session) | _analysis_row(analysis)
         if not row["n_latencies"]:

@@ -39,14 +39,14 @@ class _Deviation:
     weight: FloatArray
 
 
-def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
+def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
     """Positions as if all were of the mean age, or at times as if they were; None where the beat cannot be seen.
 
     Args:
         period_s: of the host's loop.
     """
-    seen = [_deviation(touch, period_s) for touch in touches]
-    fast = sorted((d for d in seen if d is not None), key=lambda d: -float(d.weight.mean()))[:FASTEST]
+    deviations = [_deviation(touch, period_s) for touch in touches]
+    fast = sorted((d for d in deviations if d is not None), key=lambda d: -float(d.weight.mean()))[:FASTEST]
     if not fast:
         return None
     alpha = _turns_a_tick(fast)
@@ -59,9 +59,9 @@ def unheld(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] |
     # The sawtooth's height is the frames' period, of which only p_t / (n + α) are possible; jitter makes it look lower.
     height_s = float(np.median([fit.height_s for fit in best]))
     possible_s = period_s / (np.arange(6) + alpha)
-    told_s = possible_s[(HEIGHT[0] * possible_s < height_s) & (height_s < HEIGHT[1] * possible_s)]
-    fits = [None if d is None else _sawtooth(d, alpha) for d in seen]
-    tried = [_at_even_ages(touches, fits, alpha, period_s, float(frame_s)) for frame_s in told_s]
+    candidates_s = possible_s[(HEIGHT[0] * possible_s < height_s) & (height_s < HEIGHT[1] * possible_s)]
+    fits = [None if d is None else _sawtooth(d, alpha) for d in deviations]
+    tried = [_at_even_ages(touches, fits, alpha, period_s, float(frame_s)) for frame_s in candidates_s]
     return min(tried, key=uneven_age_s) if len(tried) > 1 else next(iter(tried), None)
 
 
@@ -135,16 +135,16 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
 def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
     """α, from runs that show it well.
 
-    A spectrum tells a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow to
-    show by itself shows by those: a line may be α's double, or another multiple of a slow α.
+    A spectrum separates a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow
+    to appear itself appears by those: a line may be α's double, or another multiple of a slow α.
     """
     best: tuple[float, list[float]] = (-np.inf, [0.5])
     beats = _beats(fast)
     lines = [np.array([_finer(run, line) for run in fast]) for line in beats]
     turns = [one for line in lines for one in (line, line / 2, (line + 1) / 2)]
     # Neighbouring multiples of a slow α lie α apart.
-    apart = float(np.min(np.diff(np.sort(beats))))
-    slow = [lines[0] / round(beats[0] / one) for one in (apart, apart / 2) if one < SLOWEST]
+    spacing = float(np.min(np.diff(np.sort(beats))))
+    slow = [lines[0] / round(beats[0] / one) for one in (spacing, spacing / 2) if one < SLOWEST]
     for alphas in (side for one in (*turns, *slow) for side in (one, 1 - one)):
         pairs = zip(fast[:2], alphas[:2], strict=True)
         share = float(np.mean([_sawtooth(run, float(alpha), PHASES[::2]).share for run, alpha in pairs]))
@@ -192,9 +192,9 @@ class _Fit:
 def _sawtooth(run: _Deviation, alpha: float, phases: FloatArray = PHASES) -> _Fit:
     """The phase of the sawtooth that fits a run's deviations best, its height, and the share it explains."""
     even = np.mod(alpha * np.arange(run.tick[-1] + 1)[:, None] - phases, 1.0)
-    behind = (savgol_filter(even, WINDOW, DEGREE, axis=0) - even)[run.tick]  # as the deviations were taken
-    moment = (run.weight * run.ahead_s) @ behind
-    size = run.weight @ behind**2
+    sawtooth = (savgol_filter(even, WINDOW, DEGREE, axis=0) - even)[run.tick]  # as the deviations were taken
+    moment = (run.weight * run.ahead_s) @ sawtooth
+    size = run.weight @ sawtooth**2
     gain = np.where(moment > 0, moment**2 / size, 0.0) / float(np.sum(run.weight * run.ahead_s**2))
     k = int(np.argmax(gain))
     return _Fit(float(phases[k]), float(moment[k] / size[k]), float(gain[k]))

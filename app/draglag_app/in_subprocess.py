@@ -13,11 +13,11 @@ Progress = Callable[[float, str], None]
 _POLL_S = 0.1
 
 
-def run_apart(function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress) -> Any:
+def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress) -> Any:
     """``function(*arguments, progress)`` in a new process; returns its result.
 
     Function, arguments and result must be picklable. ``progress`` is called several times a second with what the
-    function told last; whatever it raises ends the process and is raised here.
+    function reported last; whatever it raises ends the process and is raised here.
 
     Raises DataError with the function's own sentence when it fails, or when the process ends without a result.
     """
@@ -56,7 +56,7 @@ def _child(there: Connection, function: Callable[..., Any], arguments: tuple[Any
         there.send(("result", function(*arguments, progress)))
     except DraglagError as error:
         there.send(("fault", str(error)))
-    except Exception as error:  # told to whoever asked
+    except Exception as error:  # reported to the caller
         there.send(("fault", f"{type(error).__name__}: {error}"))
     finally:
         there.close()
@@ -79,7 +79,8 @@ def close_gap_of(
         path: the session's file, for the model's provenance, or None.
         include: runs to take in although they went wrong.
 
-    Further keys: ``overlay`` (``overlay_numbers``, or None and ``overlay_why``),
+    Further keys: ``provisional`` (a term without a name that would close what is left, or None),
+    ``overlay`` (``overlay_numbers``, or None and ``overlay_why``),
     ``model`` (the extended model's JSON or None) and ``report`` (to go on from).
     """
     import hashlib
@@ -122,6 +123,22 @@ def close_gap_of(
         "drift_in_analysis": drift_in_analysis(session, report),
         "overlay": overlay,
         "overlay_why": why,
+        "provisional": _provisional(report),
         "model": model.model_dump(mode="json"),
         "report": report,
     }
+
+
+def _provisional(report: Any) -> dict[str, object] | None:
+    """The smooth term that would close what has no name; None where nothing is left or nothing smooth does."""
+    from draglag.gap.provisional import provisional_term
+
+    found = provisional_term(report) if report.unexplained_by is not None else None
+    return None if found is None else found.to_dict()
+
+
+def write_gap_of(session: Any, report: Any, path: Any, progress: Progress) -> None:
+    """Write the page with figures of a gap report. Raises DataError."""
+    from draglag.report.gap import write_gap_report
+
+    write_gap_report(session, report, path, progress, None)

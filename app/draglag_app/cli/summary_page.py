@@ -5,11 +5,11 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
-from draglag_app.batch import Outcome, Sparkline
+from draglag_app.cli.batch import Outcome, Sparkline
 
 WIDTH, HEIGHT, EDGE = 160, 36, 3  # of a picture, CSS pixels
 
-_LOOK = """:root{color-scheme:light dark}
+_CSS = """:root{color-scheme:light dark}
 body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:90rem;padding:0 1rem}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums}
 th,td{padding:.25rem .6rem;border-bottom:1px solid #8884;text-align:right}
@@ -27,9 +27,9 @@ def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence
     """
     frame = _frame([outcome.picture for outcome, _ in rows])
     columns = list(zip(*(cells for outcome, cells in rows if not outcome.problem), strict=True)) or [()] * len(head)
-    looks = [_look(column) for column in columns]
+    types = [_column_type(column) for column in columns]
     heads = f"<th>{html.escape(head[0])}</th><th></th>"
-    heads += "".join(f"<th{look}>{html.escape(name)}</th>" for name, look in zip(head[1:], looks[1:], strict=True))
+    heads += "".join(f"<th{look}>{html.escape(name)}</th>" for name, look in zip(head[1:], types[1:], strict=True))
     lines = []
     for outcome, cells in rows:
         first = f"<td>{html.escape(cells[0])}</td><td>{sparkline(outcome.picture, frame)}</td>"
@@ -37,20 +37,20 @@ def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence
             rest = f'<td class="problem" colspan="{len(head) - 1}">{html.escape(outcome.problem)}</td>'
         else:
             rest = "".join(
-                f"<td{look}>{html.escape(cell)}</td>" for cell, look in zip(cells[1:], looks[1:], strict=True)
+                f"<td{look}>{html.escape(cell)}</td>" for cell, look in zip(cells[1:], types[1:], strict=True)
             )
         lines.append(f"<tr>{first}{rest}</tr>")
     failed = sum(bool(outcome.problem) for outcome, _ in rows)
     said = f"{len(rows)} sessions{f', {failed} of them failed' if failed else ''}. {legend}"
     return (
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f"<style>{_LOOK}</style></head><body><h1>{html.escape(title)}</h1><p>{html.escape(said)}</p>"
+        f"<style>{_CSS}</style></head><body><h1>{html.escape(title)}</h1><p>{html.escape(said)}</p>"
         f'<div class="wide"><table><thead><tr>{heads}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
         "</body></html>"
     )
 
 
-def _look(column: Sequence[str]) -> str:
+def _column_type(column: Sequence[str]) -> str:
     """The class of a column of text; numbers stand at the right, as they do without one."""
     return "" if all(not cell or cell[-1].isdigit() for cell in column) else ' class="text"'
 

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from draglag.curve import CurveFit
-from draglag.curve.compare import CurveDifference
-from draglag.latency import RunEstimate
+from draglag.drawing import style
 from draglag.packages import need
-from draglag.report import style
 
 if TYPE_CHECKING:
     from draglag.analysis import Analysis
+    from draglag.curve import CurveFit
+    from draglag.curve.compare import CurveDifference
+    from draglag.latency import RunEstimate
 
-TAP_LOOK = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
+TAP_STYLE = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v", ":")}
 
 
 def own_axes(axes: Any | None) -> Any:
@@ -45,24 +45,10 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
     flagged = [run for run in runs if run.flags]
     if analysis.curve is not None:
         draw_curve(axes, analysis.curve)
-    for some, marker, colour, label in (
-        (sound, "s", style.BLACK, "run, 95 % interval"),
-        (flagged, "X", style.ORANGE, "run with a warning"),
-    ):
-        if some:
-            axes.errorbar(
-                [run.speed_mm_s for run in some],
-                [run.latency_ms for run in some],
-                yerr=_bars(some),
-                fmt=marker,
-                color=colour,
-                capsize=2.5,
-                elinewidth=1.1,
-                label=label,
-                zorder=3,
-            )
+    _draw_runs(axes, sound, "s", style.BLACK, "run, 95 % interval")
+    _draw_runs(axes, flagged, "X", style.ORANGE, "run with a warning")
     for name, taps in analysis.taps.items():
-        colour, marker, dashes = TAP_LOOK[name]
+        colour, marker, dashes = TAP_STYLE[name]
         axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)
         label = f"tap, {name}: median {1e3 * taps.median_s:.1f} ms"
         # Beyond the fastest run: a tap stands for an infinitely fast drag, and must not cover a run.
@@ -75,11 +61,27 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
         axes.legend(loc="upper right")
 
 
-def draw_difference(axes: Any, apart: CurveDifference) -> None:
+def _draw_runs(axes: Any, runs: list[RunEstimate], marker: str, colour: str, label: str) -> None:
+    """Latencies of runs, ms, against speed, mm/s, with 95 % intervals; nothing without runs."""
+    if runs:
+        axes.errorbar(
+            [run.speed_mm_s for run in runs],
+            [run.latency_ms for run in runs],
+            yerr=_bars(runs),
+            fmt=marker,
+            color=colour,
+            capsize=2.5,
+            elinewidth=1.1,
+            label=label,
+            zorder=3,
+        )
+
+
+def draw_difference(axes: Any, difference: CurveDifference) -> None:
     """By how much one curve is above another, ms, against speed, with its 95 % band."""
-    band = (1e3 * apart.low_s, 1e3 * apart.high_s)
-    axes.fill_between(apart.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
-    axes.plot(apart.speed_mm_s, 1e3 * apart.difference_s, color=style.BLUE)
+    band = (1e3 * difference.low_s, 1e3 * difference.high_s)
+    axes.fill_between(difference.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
+    axes.plot(difference.speed_mm_s, 1e3 * difference.difference_s, color=style.BLUE)
     axes.axhline(0, color=style.BLACK, linewidth=0.8)
     axes.set(xlabel="drag speed, mm/s", ylabel="difference of latencies, ms")
 

@@ -12,12 +12,12 @@ from draglag_devices.discovery import Found
 from draglag_devices.ethercat_laser.helper import LAUNCHERS, command
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
 from draglag_devices.ethercat_laser.preflight import INSTALL
-from draglag_devices.ethercat_laser.probe import NOT_ALLOWED, look_around
+from draglag_devices.ethercat_laser.probe import NOT_ALLOWED, scan_bus
 
-_PATIENCE_S = 10.0
+_TIMEOUT_S = 10.0
 
 
-def look_for_buses(asked: Collection[str] = ()) -> list[Found]:
+def find_buses(asked: Collection[str] = ()) -> list[Found]:
     """One entry an Ethernet interface, with the reason and the remedy where it is not usable.
 
     Interfaces that others use (with an address, wireless, …) are asked only where ``asked`` names them.
@@ -31,17 +31,17 @@ def _probe(asked: Collection[str]) -> tuple[str, list[dict[str, Any]]]:
     reason = ""
     try:
         done = subprocess.run(
-            command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE_S, check=False
+            command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False
         )
         reason = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
         return "", list(json.loads(done.stdout.splitlines()[-1])["found"])
     except subprocess.TimeoutExpired:
-        reason = f"no answer within {_PATIENCE_S:.0f} s"
+        reason = f"no answer within {_TIMEOUT_S:.0f} s"
     except OSError as error:
         reason = error.strerror or str(error)
     except (ValueError, LookupError, TypeError):
         pass
-    return f"the EtherCAT helper failed ({reason})", look_around(asked, send=False)
+    return f"the EtherCAT helper failed ({reason})", scan_bus(asked, send=False)
 
 
 def _entry(seen: dict[str, Any], helper: str) -> Found:

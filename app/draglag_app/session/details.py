@@ -1,0 +1,77 @@
+"""Details of a session in addition to its data: participant, session, operator, free fields; the file name from them."""
+
+from __future__ import annotations
+
+import re
+import string
+from collections.abc import Iterable, Mapping
+from datetime import datetime
+from pathlib import Path
+
+from draglag.errors import DataError
+
+STANDARD = ("participant", "session", "operator")
+TEMPLATE = "{date}_{time}_{protocol}-{screen}"
+"""Names every session differently: no two begin in the same second."""
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}\Z")  # also a name of HDF5, MATLAB and R
+_GIVEN = ("date", "time", "protocol", "screen")
+_LONGEST = 200  # of a stem, bytes: file systems take 255 with the endings
+
+
+def check_name(name: str) -> str:
+    """The name of a free field itself, if it can be one. Raises DataError."""
+    if not _NAME.match(name) or name in _GIVEN:
+        raise DataError(
+            f"“{name[:60]}” cannot be the name of a field",
+            "Use letters, digits and _, a letter first, and none of " + ", ".join(_GIVEN),
+        )
+    return name
+
+
+def parse_details(texts: Iterable[str]) -> dict[str, str]:
+    """Details from NAME=TEXT each. Raises DataError."""
+    out = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise DataError(f"“{text[:60]}” is no detail", "Write NAME=TEXT, as participant=P07")
+        out[check_name(name.strip())] = value.strip()
+    return {name: value for name, value in out.items() if value}
+
+
+def check_template(template: str, fields: Iterable[str] = ()) -> str:
+    """The template itself, if file names can be made from it. Raises DataError."""
+    known = {*_GIVEN, *STANDARD, *fields}
+    try:
+        parts = [part for part in string.Formatter().parse(template) if part[1] is not None]
+    except ValueError:
+        raise DataError("a bracket of the file name is not closed", "Write fields as {participant}") from None
+    # Widths and conversions would make names that nobody foresees: they are refused with the field.
+    places = [f"{name}{':' + spec if spec else ''}{'!' + turn if turn else ''}" for _, name, spec, turn in parts]
+    unknown = [place for place in places if place not in known]
+    if unknown:
+        raise DataError(f"the file name asks for {{{unknown[0]}}}", "Known are " + ", ".join(sorted(known)))
+    if not places and not template.strip():
+        raise DataError("the file name is empty", f"The usual one is {TEMPLATE}")
+    return template
+
+
+def file_name(
+    folder: Path, template: str, protocol: str, screen: str, details: Mapping[str, str], now: datetime
+) -> Path:
+    """A session file's path that is not taken yet, from the template. Fields without a value leave no separators.
+
+    Raises DataError for a template that ``check_template`` refuses.
+    """
+    values = {"date": f"{now:%Y-%m-%d}", "time": f"{now:%H%M%S}", "protocol": protocol, "screen": screen}
+    values |= dict.fromkeys(STANDARD, "") | dict(details)
+    plain = {key: re.sub(r"[^\w.-]+", "_", value).strip("._") for key, value in values.items()}
+    stem = check_template(template, details).format(**plain)
+    stem = re.sub(r"[^\w.-]+", "_", stem)  # a template that names folders would leave the one chosen
+    stem = re.sub(r"([-_.])[-_.]+", r"\1", stem).strip("-_.")
+    stem = stem.encode()[:_LONGEST].decode(errors="ignore") or "session"
+    path, k = folder / f"{stem}.h5", 2
+    while path.exists() or path.with_name(path.name + ".partial").exists():
+        path, k = folder / f"{stem}-{k}.h5", k + 1
+    return path

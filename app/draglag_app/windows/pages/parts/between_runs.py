@@ -1,0 +1,45 @@
+"""What the Record page says between runs: the verdict on the last one, the rest that is left, what comes next."""
+
+from __future__ import annotations
+
+import math
+
+from PySide6.QtCore import QCoreApplication
+
+from draglag.latency import RunEstimate
+from draglag_app.windows.wording import words
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("BetweenRuns", text)
+
+
+def verdict_words(estimate: RunEstimate, preliminary: bool) -> tuple[str, str]:
+    """(level, words) that can be read across a room: "✓ 38.7 ± 0.1 ms", "▲ few edges: repeat? F7"."""
+    if preliminary:
+        return "", words.latency_text(estimate) + " …"
+    level, text = words.verdict(estimate)
+    if level == "ok":
+        return "good", "✓ " + words.latency_text(estimate)
+    mark = "▲" if level == "warning" else "✕"
+    return "warning" if level == "warning" else "bad", tr("{mark} {why}: repeat? F7").format(mark=mark, why=text)
+
+
+def rest_words(left_s: float, session_left_s: float, first: bool, again: bool) -> str:
+    """How long the rest lasts, what the keys do, how long the session still takes. Infinite: until a key."""
+    parts = []
+    if math.isfinite(left_s):
+        parts.append(tr("Rest {time}").format(time=words.duration(math.ceil(max(0.0, left_s)))))
+    if again:
+        parts.append(tr("the last run comes once more; F6 begins it now"))
+    elif first:
+        parts.append(tr("F6 begins the first run now"))
+    else:
+        parts.append(tr("F6 begins the next run now, F7 repeats the last one"))
+    parts.append(session_left(session_left_s))
+    return " · ".join(parts)
+
+
+def session_left(left_s: float) -> str:
+    """How long the session still takes."""
+    return tr("{time} left in the session").format(time=words.duration(left_s))

@@ -1,0 +1,85 @@
+"""The steps to a measurement across the top of the window, and what each still needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from PySide6.QtCore import QCoreApplication, Signal
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QSizePolicy
+
+from draglag_app.windows.actions import say
+from draglag_app.windows.parts.plain import plain
+from draglag_app.windows.parts.widgets import restyle
+from draglag_app.windows.start import Obstacle
+from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+
+STEPS = {
+    "bench": QT_TRANSLATE_NOOP("Actions", "Bench"),
+    "geometry": QT_TRANSLATE_NOOP("Actions", "Geometry"),
+    "protocol": QT_TRANSLATE_NOOP("Actions", "Protocol"),
+    "record": QT_TRANSLATE_NOOP("Actions", "Record"),
+}
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("Steps", text)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step. ``missing`` is empty where it is done; ``blocks``: without it nothing can be recorded."""
+
+    page: str
+    missing: str = ""
+    blocks: bool = False
+
+
+def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ...]:
+    """The four steps. ``faults``: instruments that a check found wrong, a sentence each."""
+    made = []
+    for page in STEPS:
+        here = [obstacle for obstacle in found if obstacle.page == page]
+        missing = [obstacle.short for obstacle in here]
+        if page == "bench" and faults:
+            missing.append(tr("an instrument is at fault"))
+        made.append(Step(page, ", ".join(missing), any(obstacle.hopeless for obstacle in here)))
+    if any(step.missing for step in made):
+        blocks = any(step.blocks for step in made)
+        made[-1] = Step("record", tr("waits for the steps before") if blocks else tr("see the steps before"), blocks)
+    return tuple(made)
+
+
+class StepGuide(QFrame):
+    """A row of buttons, one a step: "✓ Bench", "1 Bench: choose touchscreen". ``chosen`` names the page."""
+
+    chosen = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("steps")
+        self.setAccessibleName(tr("Steps to a measurement"))
+        row = self.row = QHBoxLayout(self)
+        row.setContentsMargins(12, 4, 12, 4)
+        row.setSpacing(8)
+        self.buttons: dict[str, QPushButton] = {}
+        for page in STEPS:
+            made = self.buttons[page] = QPushButton()
+            made.setObjectName("step")
+            # As wide as there is room: what does not fit is in the tip.
+            made.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
+            made.clicked.connect(lambda checked=False, page=page: self.chosen.emit(page))
+            row.addWidget(made, 1)
+
+    def show_steps(self, steps: Sequence[Step], present: str) -> None:
+        """Say what is done and what is missing; ``present`` is the page in sight."""
+        for number, step in enumerate(steps, 1):
+            made, name = self.buttons[step.page], say(STEPS[step.page])
+            done = not step.missing
+            text = f"✓ {name}" if done else f"{number} {name}: {step.missing}"
+            made.setText(text)
+            made.setToolTip(plain(text))
+            made.setAccessibleName(f"{name}: {tr('done') if done else step.missing}")
+            self.row.setStretchFactor(made, 1 if done else 3)  # what is missing needs the room
+            restyle(made, "state", "done" if done else "blocked" if step.blocks else "open")
+            restyle(made, "present", "true" if step.page == present else "false")

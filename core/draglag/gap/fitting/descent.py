@@ -1,0 +1,114 @@
+"""The search of the joint fit: damped Gauss–Newton steps, with edges and noise that follow the law at first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from draglag.errors import EstimateError
+from draglag.gap.fitting.likelihood import downhill, likeliest
+from draglag.gap.fitting.noise import Components, scatter
+from draglag.gap.fitting.search import at_best_rates, cost_relative_to
+from draglag.gap.fitting.state import State, stepped, usable
+from draglag.gap.fitting.whitening import Whitener, whitener
+from draglag.gap.traces.run_data import RunData
+from draglag.recording import Session
+
+MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the law is sought
+UNUSABLE = "Check the calibration and the clocks of this session"
+STEPS, ATTEMPTS = 12, 6
+PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
+ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where the search stands: a point, the edges (of all) to judge by, and their noise there."""
+
+    state: State
+    use: np.ndarray
+    components: Components
+    white: Whitener
+
+    @classmethod
+    def at(cls, runs: tuple[RunData, ...], state: State, use: np.ndarray, components: Components) -> Search:
+        return cls(state, use, components, whitener(scatter(runs, state.placed, use, state.blur_mm), components))
+
+    def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float) -> Search:
+        """From the likeliest law of a grid of rates, where that is better."""
+        state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm)
+        return self if state is self.state else Search.at(runs, state, use, self.components)
+
+
+def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
+    """The search at its end. fixed: the edges to judge by are those of a smaller model.
+
+    Edges and weights follow the law at first, but not to the end: or the search would chase them.
+    """
+    width_mm = session.screen.width_mm
+    settled = judged = False
+    damping = 0.0
+    for iteration in range(STEPS):
+        if iteration == 1:
+            search = search.at_best_rates(runs, width_mm)
+        if (iteration == 4 and not judged) or settled:
+            settled, judged, damping = False, True, 0.0
+            search = _judged(session, runs, search, fixed).at_best_rates(runs, width_mm)
+        found = _next(search.state, search.white, search.use, runs, width_mm, damping, ENOUGH if judged else ROUGHLY)
+        settled = found is None
+        if found is None:
+            if judged:
+                break
+            continue
+        state, strayed, gained, damping = found
+        if not fixed and not judged:
+            search = Search.at(runs, state, usable(state, runs, loose=iteration < 2), search.components)
+        elif strayed.any():
+            search = Search.at(runs, state, search.use & ~strayed, search.components)
+        else:
+            search = replace(search, state=state)
+        if judged and gained < ENOUGH:
+            break
+        settled = not judged and gained < ROUGHLY and iteration >= 2
+    return search
+
+
+def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
+    """The same with the edges and the noise that decide: near a fit, not where it began."""
+    state = search.state
+    use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))
+    if not use.any():
+        raise EstimateError(f"{session.name}: no edge lies where the law predicts it", UNUSABLE)
+    parts = scatter(runs, state.placed, use, state.blur_mm)
+    # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
+    likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (search.components,), rounds=1)
+    components = replace(likely, run_s=min(likely.run_s, MOST_RUN_S), run_mm=min(likely.run_mm, MOST_RUN_MM))
+    return Search.at(runs, state, use, components)
+
+
+def _next(
+    state: State,
+    white: Whitener,
+    use: np.ndarray,
+    runs: tuple[RunData, ...],
+    width_mm: float,
+    damping: float,
+    least: float,
+) -> tuple[State, np.ndarray, float, float] | None:
+    """A point further down, which edges cannot be placed there, by how much the cost fell and the damping to go on with
+    (Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave). None where no step
+    promises at least that much, or goes down at all."""
+    down = downhill(white, state, use)
+    for attempt in range(ATTEMPTS):
+        step, promised = down.step(state.prior, damping)
+        if promised < least:
+            return None
+        there = stepped(state, step, runs, width_mm)
+        cost, strayed = cost_relative_to(white, there, state, use)
+        if cost <= down.cost + PLACING:
+            if attempt == 0:
+                damping = damping / 10 if damping > 1e-5 else 0.0
+            return there, strayed, down.cost - cost, damping
+        damping = max(10 * damping, 1e-3)
+    return None

@@ -1,0 +1,38 @@
+"""From a run to its latency, by any estimator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from draglag.errors import EstimateError
+from draglag.latency.estimate import FEWEST_EDGES, WINDOW_S, RunEstimate, prepare
+from draglag.latency.estimators import estimator_of
+from draglag.recording import Run
+
+
+def estimate_run(
+    run: Run,
+    stylus_diameter_mm: float,
+    estimator: str = "efficient",
+    update_rate_hz: float | None = None,
+    window_s: tuple[float, float] = WINDOW_S,
+) -> RunEstimate:
+    """Latency of a run whose speed is constant (Eq. 1). Never raises for bad data: the flags say what is wrong.
+
+    Raises EstimateError for an estimator that nobody brings, or one of another package that fails.
+
+    Args:
+        estimator: "efficient" (joint maximum likelihood), "paper" (Eq. 2 on the raw events), or one of another package.
+        update_rate_hz: emulate a loop that takes the last event at this rate; None uses the kernel's stamps.
+        window_s: latencies searched.
+    """
+    one = estimator_of(estimator)
+    blank = RunEstimate(run.id, run.protocol, run.nominal_speed_mm_s, "kernel")
+    try:
+        ready = prepare(run, stylus_diameter_mm, update_rate_hz)
+    except EstimateError:
+        return replace(blank, flags=("no_touch",))
+    blank = replace(blank, stamps=ready.stamps, n_edges=ready.edges.t_s.size, n_rejected=ready.edges.n_rejected)
+    if ready.edges.t_s.size < FEWEST_EDGES:
+        return replace(blank, flags=("few_edges", "unidentifiable"))
+    return one(ready, blank, window_s)
