@@ -79,7 +79,7 @@ use() { # as a user who has an empty home
     rm "$root/var/tmp/open_window.py"
     # On X and Wayland, too, Qt finds what its plugins load.
     out=$(answer root 'cd /opt/draglag/lib/python3*/site-packages/PySide6/Qt/plugins/platforms && ldd libqxcb.so libqwayland*.so')
-    case "$out" in *"not found"*) say "$out"; wrong "Depends lacks a library" ;; esac
+    case "$out" in *"not found"*) printf '%s\n' "$out" | grep "not found" >&2; wrong "Depends lacks a library" ;; esac
     answer newcomer 'draglag devices' >/dev/null
     as newcomer 'test ! -w /opt/draglag && ! touch /opt/draglag/lib/x 2>/dev/null' || wrong "a user may write in /opt/draglag"
     quietly dpkg --verify draglag
