@@ -21,6 +21,9 @@ if [ "${1:-}" = --remove ]; then
     echo "Removed $home."
     exit 0
 fi
+case $(dpkg-query -W -f '${Status}' draglag 2>/dev/null) in
+*" installed") fail "The package draglag has $home. For EtherCAT: sudo draglag-ethercat-setup eth1; to remove it: sudo apt remove draglag" ;;
+esac
 for name in "$@"; do
     case $name in -*) fail "$name: expected names of network interfaces, or --remove" ;; esac
 done

@@ -79,7 +79,8 @@ def close_gap_of(
         path: the session's file, for the model's provenance, or None.
         include: runs to take in although they went wrong.
 
-    Further keys: ``overlay`` (``overlay_numbers``, or None and ``overlay_why``),
+    Further keys: ``provisional`` (a term without a name that would close what is left, or None),
+    ``overlay`` (``overlay_numbers``, or None and ``overlay_why``),
     ``model`` (the extended model's JSON or None) and ``report`` (to go on from).
     """
     import hashlib
@@ -116,9 +117,18 @@ def close_gap_of(
         "drift_in_analysis": drift_in_analysis(session, report),
         "overlay": overlay,
         "overlay_why": why,
+        "provisional": _provisional(report),
         "model": model.model_dump(mode="json"),
         "report": report,
     }
+
+
+def _provisional(report: Any) -> dict[str, object] | None:
+    """The smooth term that would close what has no name; None where nothing is left or nothing smooth does."""
+    from draglag.gap.provisional import provisional_term
+
+    found = provisional_term(report) if report.unexplained_by is not None else None
+    return None if found is None else found.to_dict()
 
 
 def write_gap_of(session: Any, report: Any, path: Any, progress: Progress) -> None:

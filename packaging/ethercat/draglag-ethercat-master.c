@@ -1,7 +1,8 @@
 /* Starts draglag's EtherCAT process with the two capabilities it needs, and nothing else.
  *
  * Installed by install.sh with cap_net_raw,cap_net_admin=ep, owned by root, executable by the group draglag only.
- * Interpreter and interfaces are fixed when this is compiled (-DDRAGLAG_PYTHON="…" -DDRAGLAG_INTERFACES="eth1,eth2").
+ * Interpreter and interfaces are fixed when this is compiled (-DDRAGLAG_PYTHON="…" -DDRAGLAG_INTERFACES="eth1,eth2"),
+ * and so is the command that its messages name for installing it again (-DDRAGLAG_INSTALL="sudo …").
  * Arguments are checked, the environment is emptied, descriptors are closed, and every component of the interpreter's
  * path must still belong to root and be writable by nobody else: whoever may start this can exchange EtherCAT frames on
  * those interfaces, and no more.
@@ -19,8 +20,8 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#if !defined(DRAGLAG_PYTHON) || !defined(DRAGLAG_INTERFACES)
-#error "compile with -DDRAGLAG_PYTHON=\"/path/of/the/interpreter\" -DDRAGLAG_INTERFACES=\"eth1,eth2\""
+#if !defined(DRAGLAG_PYTHON) || !defined(DRAGLAG_INTERFACES) || !defined(DRAGLAG_INSTALL)
+#error "compile it by install.sh, which defines DRAGLAG_PYTHON, DRAGLAG_INTERFACES and DRAGLAG_INSTALL"
 #endif
 
 #define NEEDED ((1u << CAP_NET_RAW) | (1u << CAP_NET_ADMIN))
@@ -172,11 +173,11 @@ int main(int argc, char **argv)
         /* As a message of the bus process, so that it reaches people like its own refusals. */
         printf("{\"m\": \"refused\", \"code\": \"not_allowed\", \"problem\": \"the network interface %s was not allowed "
                "when the EtherCAT helper was installed, only %s\", \"remedy\": \"install it again for this interface: "
-               "sudo ./run install %s\"}\n", argv[1], DRAGLAG_INTERFACES, argv[1]);
+               DRAGLAG_INSTALL " %s\"}\n", argv[1], DRAGLAG_INTERFACES, argv[1]);
         return 1;
     }
     if (!is_trusted(DRAGLAG_PYTHON)) {
-        fputs(DRAGLAG_PYTHON " or a folder above it can be changed by others than root: sudo ./run install\n", stderr);
+        fputs(DRAGLAG_PYTHON " or a folder above it can be changed by others than root: " DRAGLAG_INSTALL "\n", stderr);
         return 1;
     }
     /* Without the capabilities the process starts all the same and says itself what is missing. */

@@ -12,9 +12,17 @@ export PATH
 unset CDPATH
 place=$(cd "$(dirname "$0")" && pwd)
 . "$place/../trusted.sh"
-lib=/usr/local/lib/draglag
+case $place in
+/usr/share/draglag/*) # the Debian package's
+    lib=/usr/lib/draglag install="sudo draglag-ethercat-setup"
+    again="install the package again: sudo apt install --reinstall draglag"
+    ;;
+*)
+    lib=/usr/local/lib/draglag install="sudo ./run install"
+    again="make an installation that is root's alone first: $install"
+    ;;
+esac
 helper=$lib/draglag-ethercat-master
-again="make an installation that is root's alone first: sudo ./run install"
 
 [ "$(id -u)" = 0 ] || fail "This needs the administrator's rights: sudo $0 $*"
 
@@ -97,8 +105,8 @@ mkdir -p "$lib"
 trusted "$lib" || changed
 new=$(mktemp "$lib/.new.XXXXXX")
 trap 'rm -f "$new"' EXIT
-clean cc -O2 -Wall -Wextra -Werror -DDRAGLAG_PYTHON="\"$python\"" -DDRAGLAG_INTERFACES="\"$interfaces\"" -o "$new" \
-    "$place/draglag-ethercat-master.c"
+clean cc -O2 -Wall -Wextra -Werror -DDRAGLAG_PYTHON="\"$python\"" -DDRAGLAG_INTERFACES="\"$interfaces\"" \
+    -DDRAGLAG_INSTALL="\"$install\"" -o "$new" "$place/draglag-ethercat-master.c"
 chown "root:$group" "$new"
 chmod 0750 "$new"
 setcap cap_net_raw,cap_net_admin=ep "$new" # after chown, which clears capabilities

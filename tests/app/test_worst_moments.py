@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from app.session_rigs import Recording, Wrapped, fast_rig, protocol
-from draglag.analysis import analyze
+from draglag.analysis import Analysis, analyze
 from draglag.recording import LaserTrace, Session, TouchTrace, concatenate, empty_laser, empty_touch
 from draglag.store import read_session, verify
 from draglag_app.session import Control, events, watch
@@ -304,22 +304,27 @@ def test_a_device_that_never_speaks_again_is_given_up(tmp_path: Path, monkeypatc
     assert "laser source does not report any more" in recording.events[-1].problem
 
 
-def test_a_clock_that_drifts_by_200_ppm_costs_the_latency_nothing(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def steady(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    """Of a session without any trouble."""
+    return analyze(record(tmp_path_factory.mktemp("steady"), {})[1])
+
+
+def test_a_clock_that_drifts_by_200_ppm_costs_the_latency_nothing(steady: Analysis, tmp_path: Path) -> None:
     rig = fast_rig()
     world = rig.stage.players["sim"]
     world.clocks["laser"] = DeviceClock(world.clocks["laser"].offset_s, 200e-6)
     drifting = read_session(Recording(protocol(300, 600), rig, tmp_path / "drifting.h5").path)
-    steady = read_session(Recording(protocol(300, 600), fast_rig(), tmp_path / "steady.h5").path)
-    for one, other in zip(analyze(drifting).runs, analyze(steady).runs, strict=True):
+    for one, other in zip(analyze(drifting).runs, steady.runs, strict=True):
         assert one.latency_s == pytest.approx(other.latency_s, abs=5e-4)
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
-def test_a_clock_that_begins_to_drift_keeps_the_latency_in_its_interval(moment: str, tmp_path: Path) -> None:
+def test_a_clock_that_begins_to_drift_keeps_the_latency_in_its_interval(
+    moment: str, steady: Analysis, tmp_path: Path
+) -> None:
     _, drifting = record(tmp_path, {"laser": ("drifting", moment)})
-    (tmp_path / "steady").mkdir()
-    _, steady = record(tmp_path / "steady", {})
-    for one, other in zip(analyze(drifting).runs, analyze(steady).runs, strict=True):
+    for one, other in zip(analyze(drifting).runs, steady.runs, strict=True):
         # A clock that changes its rate within a run is no line: what it leaves open is in the interval.
         low_s, high_s = one.latency_ci95_s
         assert low_s < other.latency_s < high_s

@@ -23,7 +23,8 @@ from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.pitch_ripple.lattice import Lattice, lattice_of
-from draglag.simulation.effects.smoothing_shrink.fitted import CausalWindow, behind
+from draglag.simulation.effects.smoothing_shrink.fitted import CausalWindow
+from draglag.simulation.effects.smoothing_shrink.fitted import low_passed as filtered
 from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
 
 PITCH_MM = 5.3
@@ -125,7 +126,9 @@ def low_passed() -> Session:
 def test_a_circle_behind_a_low_pass_is_shrunk_and_late_as_its_transfer_function_says() -> None:
     t = np.arange(0.0, 20.0, 0.001)
     omega = 12.0
-    shown = behind(np.cos(omega * t), TIME_CONSTANT_S, 0.001) + 1j * behind(np.sin(omega * t), TIME_CONSTANT_S, 0.001)
+    shown = filtered(np.cos(omega * t), TIME_CONSTANT_S, 0.001) + 1j * filtered(
+        np.sin(omega * t), TIME_CONSTANT_S, 0.001
+    )
     gain = (shown / np.exp(1j * omega * t))[2000:-2000]
     known = np.exp(1j * omega * TIME_CONSTANT_S) / (1 + 1j * omega * TIME_CONSTANT_S)
     assert np.abs(gain - known).max() < 0.01  # half a step of the grid
@@ -185,7 +188,7 @@ def test_a_trace_too_short_to_be_freed_is_refused(low_passed: Session) -> None:
 
 def test_a_low_pass_of_no_time_leaves_a_path_as_it_is() -> None:
     path_mm = np.linspace(0.0, 5.0, 50)
-    assert np.array_equal(behind(path_mm, 0.0, 0.001), path_mm)
+    assert np.array_equal(filtered(path_mm, 0.0, 0.001), path_mm)
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.05, -0.03], ids=["of now", "of before", "of later"])

@@ -66,7 +66,7 @@ class Environment:
         """The command line of this environment; no path of the checkout leads into it."""
         command = [str(self.python.with_name("draglag")), *map(str, arguments)]
         env = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "DISPLAY")}
-        return subprocess.run(command, capture_output=True, text=True, check=False, env=env)
+        return subprocess.run(command, capture_output=True, text=True, check=False, env=env, cwd=self.python.parent)
 
     def modules(self) -> set[str]:
         """Names of the installed packages, in lower case."""

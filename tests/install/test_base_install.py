@@ -1,10 +1,15 @@
-"""``pip install draglag`` is the library and the command line alone, on the oldest and the newest Python found."""
+"""What is published, an sdist and its wheel, works without a checkout; the wheel is library and command line alone.
+
+Most is tried on the oldest and the newest Python found, one analysis on each between.
+"""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+import tarfile
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -12,16 +17,23 @@ import pytest
 from install.environments import ROOT, Environment, need_network, pythons, uv
 
 SAMPLES = ROOT / "tests" / "data" / "exchange"
+ROOMS = ("app", "core", "devices", "resources")
 FOR_EXTRAS = {"pyside6-essentials", "pyqtgraph", "evdev", "evdev-binary", "pysoem", "pyserial", "matplotlib", "pandas"}
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the sdist, and the wheel that was built from the sdist."""
     need_network()  # for hatchling
-    folder = tmp_path_factory.mktemp("wheel")
-    built = uv("build", "--quiet", "--wheel", "--out-dir", folder)
+    folder = tmp_path_factory.mktemp("published")
+    built = uv("build", "--quiet", "--out-dir", folder)
     assert built.returncode == 0, built.stderr
-    return next(folder.glob("*.whl"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(published: Path) -> Path:
+    return next(published.glob("*.whl"))
 
 
 def made(wheel: Path, folder: Path, python: Path) -> Environment:
@@ -39,6 +51,33 @@ def newest(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment
     if len(pythons()) < 2:
         pytest.skip("this machine has only one supported Python")
     return made(wheel, tmp_path_factory.mktemp("newest"), pythons()[-1])
+
+
+def test_the_wheel_holds_all_of_the_four_packages_and_nothing_else(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as file:
+        held = {name for name in file.namelist() if ".dist-info/" not in name}
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", *ROOMS], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout.split("\0")
+    if len(listed) < 2:
+        pytest.skip("this is no checkout of git")
+    assert held == {name.partition("/")[2] for name in listed if (ROOT / name).is_file()}
+
+
+def test_the_sdist_holds_what_a_package_is_built_and_tested_from(published: Path) -> None:
+    with tarfile.open(next(published.glob("*.tar.gz"))) as file:
+        held = {name.partition("/")[2] for name in file.getnames()}
+    assert {"pyproject.toml", "LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "run", "mkdocs.yml"} <= held
+    assert {"tests/core/test_curve.py", "packaging/ethercat/draglag-ethercat-master.c", "docs/method.md"} <= held
+    assert not any(name.startswith((".venv/", ".git/")) or name.endswith((".h5", ".pyc")) for name in held)
+
+
+@pytest.mark.parametrize("python", pythons()[1:-1], ids=str)
+def test_pythons_between_oldest_and_newest_analyse_a_session(wheel: Path, python: Path, tmp_path: Path) -> None:
+    between = made(wheel, tmp_path, python)
+    done = between.draglag("analyze", SAMPLES / "none-A", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["curve"]["form"]
 
 
 @pytest.mark.parametrize("which", ["base", "newest"])

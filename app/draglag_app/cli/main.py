@@ -16,6 +16,7 @@ import click
 
 from draglag.errors import DraglagError
 from draglag.packages import missing_package
+from draglag_app.cli.terminal import guard_output
 from draglag_app.leftovers import sweep_for
 
 _HERE = "draglag_app.cli"
@@ -103,6 +104,7 @@ def cli(ctx: click.Context) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the program: 0 done, 1 the data or the rig says no, 2 usage."""
     sweep_for(sys.argv[1:] if arguments is None else arguments)
+    guard_output()
     cli.main(args=None if arguments is None else list(arguments), prog_name="draglag")
 
 

@@ -69,6 +69,7 @@ ACTIONS = (
     ActionSpec("go_log", "go", QT_TRANSLATE_NOOP("Actions", "Log"), "Ctrl+8"),
     ActionSpec("go_preferences", "go", QT_TRANSLATE_NOOP("Actions", "Preferences"), "Ctrl+9"),
     ActionSpec("go_help", "go", QT_TRANSLATE_NOOP("Actions", "Help"), "F1"),
+    ActionSpec("help_here", "help", QT_TRANSLATE_NOOP("Actions", "The manual on this page"), "Shift+F1"),
     ActionSpec("theme", "help", QT_TRANSLATE_NOOP("Actions", "Dark or light"), "Ctrl+T"),
     ActionSpec("fullscreen", "help", QT_TRANSLATE_NOOP("Actions", "Full screen"), "F11"),
 )
@@ -113,6 +114,11 @@ class Actions(QObject):
             action.setShortcut(QKeySequence(spec.keys))
             action.triggered.connect(_without_argument(handler))
             self.made[spec.id] = action
+
+    def use_keys(self, chosen: Mapping[str, str]) -> None:
+        """Let actions have these keys; those that are not named have the usual ones."""
+        for name, action in self.made.items():
+            action.setShortcut(QKeySequence(keys_of(name, chosen)))
 
     def fill(self, bar: QMenuBar) -> None:
         """Menus in the order of the table."""
@@ -168,9 +174,21 @@ def _without_argument(handler: Callable[[], object]) -> Callable[[], None]:
     return call
 
 
-def key_list() -> list[tuple[str, str]]:
-    """(keys, what they do) of every action, for the Help page."""
-    return [(QKeySequence(spec.keys).toString(), say(spec.text)) for spec in ACTIONS if spec.keys]
+def key_list(chosen: Mapping[str, str]) -> list[tuple[str, str]]:
+    """(keys, what they do) of every action, for the Help page; ``chosen``: keys of the operator's own, by action."""
+    rows = [(keys_of(spec.id, chosen), say(spec.text)) for spec in ACTIONS]
+    return [(keys, text) for keys, text in rows if keys]
+
+
+def keys_of(action: str, chosen: Mapping[str, str]) -> str:
+    """The keys of an action, as people read them; empty where it has none."""
+    usual = next((spec.keys for spec in ACTIONS if spec.id == action), "")
+    return QKeySequence(chosen.get(action, usual)).toString()
+
+
+def who_has(keys: str, chosen: Mapping[str, str]) -> str:
+    """The action that has these keys already; empty where they are free."""
+    return next((spec.id for spec in ACTIONS if keys and keys_of(spec.id, chosen) == keys), "")
 
 
 def other_keys() -> list[tuple[str, str]]:

@@ -14,12 +14,14 @@ from draglag_app.session import events
 from draglag_app.session.details import STANDARD
 from draglag_app.windows.parts.full_texts import ElidedLabel
 from draglag_app.windows.parts.plain import plain
-from draglag_app.windows.parts.widgets import Light, label, restyle
+from draglag_app.windows.parts.theme import wide
+from draglag_app.windows.parts.widgets import Light, button, label, restyle
 from draglag_app.windows.wording import words
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 
+_HELP_PX = 44
 _LOW_BYTES = 1_000_000_000
 
 
@@ -55,6 +57,11 @@ class Header(QFrame):
         row.addWidget(self.disk)
         row.addSpacing(14)
         row.addWidget(self.clock)
+        self.help = button("?", tip=self.tr("The manual on this page (Shift+F1)"))
+        self.help.setAccessibleName(self.tr("The manual on this page (Shift+F1)"))
+        self.help.setFixedWidth(wide(_HELP_PX))
+        row.addSpacing(8)
+        row.addWidget(self.help)
         bridge = workspace.bridge
         bridge.device_opened.connect(lambda event: self.set_light(event.role, "live", in_words(event.description)))
         bridge.device_fault.connect(self._fault)

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QButtonGroup, QFrame, QPushButton, QVBoxLayout
 from draglag_app.windows.parts.icons import icon
 from draglag_app.windows.parts.theme import theme, wide
 
-_WIDTH_PX, _ICON_PX = 164, 22
+_WIDTH_PX, _ICON_PX, _BESIDE_PX = 164, 22, 20
 # After these comes a little room: to set up, to judge, to look things up.
 _LAST_OF_A_GROUP = ("record", "compare")
 
@@ -29,15 +29,17 @@ class Navigation(QFrame):
         box.setContentsMargins(0, 8, 0, 8)
         box.setSpacing(2)
         group = QButtonGroup(self)
+        self._titles, self._narrow = dict(titles), False
         self.tabs: dict[str, QPushButton] = {}
         for name, title in titles.items():
             tab = self.tabs[name] = QPushButton(title)
             tab.setCheckable(True)
             tab.setIconSize(QSize(_ICON_PX, _ICON_PX))
             tab.setFixedWidth(wide(_WIDTH_PX))
+            tab.setAccessibleName(title)
             action = actions.get(f"go_{name}")
-            if action is not None:
-                tab.setToolTip(action.shortcut().toString())
+            keys = "" if action is None else action.shortcut().toString()
+            tab.setToolTip("  ".join(part for part in (title, keys) if part))
             tab.clicked.connect(lambda checked=False, name=name: self.chosen.emit(name))
             group.addButton(tab)
             box.addWidget(tab)
@@ -45,6 +47,17 @@ class Navigation(QFrame):
                 box.addSpacing(10)
         box.addStretch(1)
         self.paint_icons()
+
+    def set_narrow(self, narrow: bool) -> None:
+        """Icons alone, their titles in the tips, where the window has no room for more."""
+        if narrow == self._narrow:
+            return
+        self._narrow = narrow
+        width = _ICON_PX + 2 * _BESIDE_PX if narrow else wide(_WIDTH_PX)
+        self.setFixedWidth(width)
+        for name, tab in self.tabs.items():
+            tab.setText("" if narrow else self._titles[name])
+            tab.setFixedWidth(width)
 
     def paint_icons(self) -> None:
         """In the present theme."""

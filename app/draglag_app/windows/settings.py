@@ -133,6 +133,7 @@ class Settings(_Table):
     sound: bool = False  # at the end of every run
     flash: bool = False
     reduced_motion: bool = False
+    keys: dict[str, str] = Field(default_factory=dict)  # action → keys other than the usual ones
     rig: RigSettings = RigSettings()
     panel: PanelSettings = PanelSettings()
 

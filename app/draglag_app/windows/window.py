@@ -8,14 +8,13 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QMimeData, Qt
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QApplication,
     QHBoxLayout,
     QMainWindow,
     QMessageBox,
     QPushButton,
-    QStackedWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -24,7 +23,7 @@ from draglag.errors import DraglagError
 from draglag.provenance import Source, source_of
 from draglag_app.session import events
 from draglag_app.windows import exports, files
-from draglag_app.windows.actions import Actions
+from draglag_app.windows.actions import ACTIONS, Actions, keys_of
 from draglag_app.windows.another_place import ask_another_place, withdraw
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
@@ -34,19 +33,25 @@ from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
 from draglag_app.windows.pages.gap import GapPage
 from draglag_app.windows.pages.geometry import GeometryPage
+from draglag_app.windows.pages.help import HelpPage
 from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
+from draglag_app.windows.parts.keyed_buttons import show_keys
+from draglag_app.windows.parts.page_stack import ColumnScroll, PageScroll, PageStack
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.recent_menu import RecentMenu
-from draglag_app.windows.parts.theme import apply_theme, theme
+from draglag_app.windows.parts.theme import apply_theme, theme, wide
 from draglag_app.windows.session_dialog import SessionDialog
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import make_order, obstacles
 from draglag_app.windows.steps import STEPS, StepGuide, steps_of
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
+
+# A window narrower than that, with letters of the usual size, shows the pages' icons without their titles.
+_NARROW_PX = 1100
 
 
 class OperatorWindow(QMainWindow):
@@ -57,6 +62,7 @@ class OperatorWindow(QMainWindow):
         self.setWindowTitle("draglag")
         self.resize(1280, 800)
         self.space = Workspace(settings, settings_file, self)
+        self._keys: dict[str, str] = {}
         self.pages = make_pages(self.space)
         self.keyboard = Keyboard(self)
         self.actions_table = Actions(self, self._handlers())
@@ -91,6 +97,8 @@ class OperatorWindow(QMainWindow):
         self.space.noticed.connect(self.tell)
         record.noted.connect(self.keyboard.give_back)
         self.header.lights_changed.connect(self._show_readiness)
+        self.space.settings_changed.connect(self._use_keys)
+        self._use_keys()
         for changed in (self.space.settings_changed, self.space.protocol_changed):
             changed.connect(self.record.forget_outcome)
             changed.connect(self._show_readiness)
@@ -107,6 +115,7 @@ class OperatorWindow(QMainWindow):
         outer.setSpacing(0)
         self.header = Header(self.space)
         outer.addWidget(self.header)
+        self.header.help.clicked.connect(lambda: self.ask("help_here"))
         self.steps = StepGuide()
         self.steps.chosen.connect(self.go)
         outer.addWidget(self.steps)
@@ -115,11 +124,11 @@ class OperatorWindow(QMainWindow):
         titles = {name: title for name, (title, _) in self.pages.items()}
         self.navigation = Navigation(titles, self.actions_table.made)
         self.navigation.chosen.connect(self.go)
-        row.addWidget(self.navigation)
-        self.stack = QStackedWidget()
+        row.addWidget(ColumnScroll(self.navigation))
+        self.stack = PageStack()
         for _, page in self.pages.values():
             self.stack.addWidget(page)
-        row.addWidget(self.stack, 1)
+        row.addWidget(PageScroll(self.stack), 1)
         outer.addLayout(row, 1)
         self.notice = NoticeStrip(self.space.tasks)
         self.notice_text = self.notice.text
@@ -144,6 +153,7 @@ class OperatorWindow(QMainWindow):
             "undo": self._undo,
             "redo": self._redo,
             "details": self.ask_details,
+            "help_here": self.help_here,
             "start": lambda: self.start(),
             "proceed": lambda: self._control("proceed"),
             "repeat": self._repeat,
@@ -262,6 +272,14 @@ class OperatorWindow(QMainWindow):
         except DraglagError as error:
             self.tell("error", str(error))
 
+    def help_here(self) -> None:
+        """The manual's section on the page in sight."""
+        title = self.pages[self.page][0]
+        self.go("help")
+        page = self.pages["help"][1]
+        assert isinstance(page, HelpPage)
+        page.show_section(title)
+
     def ask_details(self) -> None:
         """Ask what the next session is about: screen, participant, operator, free fields, the file's name."""
         SessionDialog(self.space, self).open()
@@ -316,6 +334,19 @@ class OperatorWindow(QMainWindow):
         shown = self.stack.currentWidget()
         return next((name for name, (_, page) in self.pages.items() if page is shown), "bench")
 
+    def _use_keys(self) -> None:
+        """The keys as the settings have them, in menus, on buttons and in the tips of the pages."""
+        chosen = self.space.settings.keys
+        if chosen == self._keys:
+            return
+        self._keys = dict(chosen)
+        self.actions_table.use_keys(chosen)
+        usual, present = ({spec.id: keys_of(spec.id, which) for spec in ACTIONS} for which in ({}, chosen))
+        show_keys(self, usual, present)
+        help_page = self.pages["help"][1]
+        assert isinstance(help_page, HelpPage)
+        help_page.show_keys()
+
     def figure_source(self) -> str:
         """What figures of this window are drawn from."""
         space = self.space
@@ -368,6 +399,10 @@ class OperatorWindow(QMainWindow):
             redraw = getattr(page, "restyle_plots", None)
             if redraw is not None:
                 redraw()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.navigation.set_narrow(self.width() < wide(_NARROW_PX))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Return presses the button that has the keyboard, as in dialogs; here Qt gives that to the space bar alone."""

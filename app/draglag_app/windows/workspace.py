@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +16,7 @@ from draglag.errors import DraglagError
 from draglag.protocols import Protocol, load_protocol
 from draglag.provenance import is_simulated
 from draglag.recording import Session
-from draglag.store import PARTIAL, add_analysis, read_session
+from draglag.store import PARTIAL, add_analysis, read_analyses, read_session
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.parts.recent_menu import remembered
 from draglag_app.windows.parts.tasks import Progress, Tasks
@@ -50,6 +50,7 @@ class Workspace(QObject):
     session_changed = Signal()
     """Another session is at hand, or none."""
     analysis_changed = Signal()
+    comments_changed = Signal()
     noticed = Signal(str, str)
     """(level, sentence) for the operator."""
 
@@ -68,6 +69,7 @@ class Workspace(QObject):
         self.path: Path | None = None
         self.analysis: Analysis | None = None
         self.options = AnalysisOptions()
+        self.comments: dict[str, str] = {}  # on runs of the session at hand
         self.live = LiveEstimates(self)
         self.recording.ended.connect(self._ended)
 
@@ -111,21 +113,22 @@ class Workspace(QObject):
     def open(self, path: Path, done: Callable[[], object] | None = None) -> None:
         """Read a session file in a worker, then analyse it; ``done`` is called once it could be read."""
 
-        def take(got: tuple[Session, Path]) -> None:
-            self.take(*got)
+        def take(got: tuple[Session, dict[str, str]]) -> None:
+            self.take(got[0], path, got[1])
             self.change_settings(recent=tuple(remembered(path, self.settings.recent)))
             if done is not None:
                 done()
 
-        def work(progress: Progress) -> tuple[Session, Path]:
+        def work(progress: Progress) -> tuple[Session, dict[str, str]]:
             progress(0.1, path.name)
-            return read_session(path), path
+            return read_session(path), kept_comments(path)
 
         self.tasks.start(self.tr("Reading"), work, take, self.fault)
 
-    def take(self, session: Session, path: Path | None) -> None:
-        """Put a session at hand and analyse it."""
+    def take(self, session: Session, path: Path | None, comments: Mapping[str, str] | None = None) -> None:
+        """Put a session at hand and analyse it; ``comments`` are those on its runs."""
         self.session, self.path, self.analysis = session, path, None
+        self.comments = dict(comments or {})
         self.options = replace(self.options, exclude={})
         self.undo.clear()
         self.session_changed.emit()
@@ -157,6 +160,18 @@ class Workspace(QObject):
         after = replace(before, exclude=left_out, include=before.include | {run_id})
         self._change_runs(self.tr("include {run}").format(run=run_id), before, after)
 
+    def comment(self, run_id: str, text: str) -> None:
+        """Words on a run, kept with the results; empty ones take them away. Can be undone."""
+        before = dict(self.comments)
+        after = {key: said for key, said in {**before, run_id: text}.items() if said}
+        if after != before:
+            what = self.tr("comment on {run}").format(run=run_id)
+            self.undo.push(Edit(what, lambda: self._set_comments(after), lambda: self._set_comments(before)))
+
+    def _set_comments(self, comments: dict[str, str]) -> None:
+        self.comments = comments
+        self.comments_changed.emit()
+
     def _change_runs(self, what: str, before: AnalysisOptions, after: AnalysisOptions) -> None:
         def to(runs: AnalysisOptions) -> None:
             self.set_options(replace(self.options, exclude=runs.exclude, include=runs.include))
@@ -173,7 +188,7 @@ class Workspace(QObject):
             "estimator": analysis.options.estimator,
             "update_rate_hz": analysis.options.update_rate_hz,
             "form": analysis.options.form,
-        }
+        } | ({"comments": dict(self.comments)} if self.comments else {})
         made = datetime.now(UTC).isoformat(timespec="seconds")
 
         def work(progress: Progress) -> int:
@@ -205,3 +220,13 @@ class Workspace(QObject):
             self.noticed.emit("warning" if whole else "error", in_words(problem) + saved)
         if path is not None:
             self.open(path)
+
+
+def kept_comments(path: Path) -> dict[str, str]:
+    """Comments on runs, run → words, as they were kept last with results; none where they cannot be read."""
+    try:
+        stored = read_analyses(path)
+    except DraglagError:
+        return {}
+    found: object = next((one.options["comments"] for one in reversed(stored) if "comments" in one.options), {})
+    return {str(run): str(text) for run, text in found.items()} if isinstance(found, dict) else {}

@@ -10,7 +10,8 @@ from typing import IO
 
 from draglag_devices.ethercat_laser.preflight import has_rights
 
-# Installed by ``./run install``; carries the two capabilities and starts only ``master``.
+# Set up by ``draglag-ethercat-setup`` of the Debian package, or by ``./run install``; carries the two capabilities and
+# starts only ``master``.
 LAUNCHERS = (
     Path("/usr/lib/draglag/draglag-ethercat-master"),
     Path("/usr/local/lib/draglag/draglag-ethercat-master"),

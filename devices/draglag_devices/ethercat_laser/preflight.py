@@ -16,7 +16,9 @@ _SIOCGIFFLAGS, _SIOCETHTOOL, _ETHTOOL_GLINK = 0x8913, 0x8946, 0x0A
 _IFF_UP, _IFF_RUNNING = 0x1, 0x40
 _CAP_NET_ADMIN, _CAP_NET_RAW = 1 << 12, 1 << 13
 ETHERTYPE = 0x88A4
-INSTALL = "sudo ./run install"  # in the checkout; the interfaces that the bus is on follow
+# The interfaces that the bus is on follow. The first is the Debian package's, the other is typed in a checkout.
+_OF_THE_PACKAGE = Path("/usr/sbin/draglag-ethercat-setup")
+INSTALL = f"sudo {_OF_THE_PACKAGE.name}" if _OF_THE_PACKAGE.exists() else "sudo ./run install"
 
 
 def check_interface(interface: str) -> None:

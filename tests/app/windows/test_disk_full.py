@@ -16,7 +16,7 @@ from draglag.protocols import expand
 from draglag.recording import Session
 from draglag.store import read_session
 from draglag.store.frames import FrameFile
-from draglag_app.windows.resume_elsewhere import AnotherPlace
+from draglag_app.windows.another_place import AnotherPlace
 from draglag_app.windows.window import OperatorWindow
 
 

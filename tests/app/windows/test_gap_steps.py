@@ -37,7 +37,7 @@ def test_every_step_has_its_name_below_it(
         )
         for _ in range(5):
             qapp.processEvents()
-        assert len(names_drawn(page.plot)) == len(effects) + 1
+        assert len(names_drawn(page.plot)) == len(effects) + 2  # the first gap, the noise floor
     finally:
         use_language(qapp, "en")
 
@@ -50,3 +50,30 @@ def names_drawn(plot: StepPlot) -> list[str]:
     _, _, texts = axis.generateDrawSpecs(painter)
     painter.end()
     return [text for _, _, text in texts]
+
+
+def test_the_waterfall_falls_from_the_first_gap_to_the_noise_floor(open_window: Callable) -> None:
+    page = open_window().pages["gap"][1]
+    step = {"where": "", "parameters": {}, "evidence": {}}
+    steps = [
+        {**step, "effect": "clock_drift", "gap_before_mm": 0.6, "gap_after_mm": 0.3, "probability": 0.9},
+        {**step, "effect": "beam_bow", "gap_before_mm": 0.3, "gap_after_mm": 0.25, "probability": 0.1},
+    ]
+    page.show_report(
+        {
+            "verdict": "unexplained", "steps": steps, "gap_first_mm": 0.6, "gap_last_mm": 0.25, "noise_floor_mm": 0.1,
+            "unexplained_by": "speed", "not_seen": {"clock_offset": "taps timed on the same clock show it"},
+            "provisional": {"covariate": "speed", "gap_before_mm": 0.25, "gap_after_mm": 0.12, "probability": 0.8},
+        }
+    )  # fmt: skip
+    drawn = {name: [column.tolist() for column in columns] for name, columns in page.plot.drawn.items()}
+    assert drawn["first gap"] == [[0.0], [0.0], [0.6]]
+    assert drawn["steps"] == [[1.0], [0.3], [0.6]]
+    # Less probable than not, and a term without a name: hatched, and marked by a sign as well.
+    assert drawn["provisional"] == [[2.0, 3.0], [0.25, 0.12], [0.3, 0.25]]
+    assert drawn["noise floor"] == [[4.0], [0.0], [0.1]]
+    names = names_drawn(page.plot)
+    assert [name.startswith("~") for name in names] == [False, False, True, True, False]
+    assert page.unseen_text.text() == "• clock offset: taps timed on the same clock show it"
+    page.show_report({"verdict": "no_gap", "steps": [], "gap_first_mm": 0.1, "gap_last_mm": 0.1, "noise_floor_mm": 0.1})
+    assert not page.unseen.isVisibleTo(page)

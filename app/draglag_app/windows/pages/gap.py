@@ -24,12 +24,12 @@ from draglag.gap.by_hand import BY_HAND
 from draglag.model_file import LatencyModel, save_model
 from draglag_app.in_subprocess import close_gap_of, run_in_subprocess, write_gap_of
 from draglag_app.windows.pages.parts.gap_picture import GapPicture
-from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks
+from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks, unseen
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.tasks import Progress, Task
-from draglag_app.windows.parts.widgets import Resting, Shallow, button, label, restyle
+from draglag_app.windows.parts.widgets import Panel, Resting, Scrolled, Shallow, button, label, restyle
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
 from draglag_app.windows.wording.gap_words import headline, law_words
 from draglag_app.windows.wording.library_words import in_words
@@ -47,8 +47,8 @@ def gap_workflow() -> Callable[..., Any] | None:
 
 # Remarks may be many: beyond some lines they scroll rather than take the pictures' room.
 _REMARKS_PX = 84
-# A verdict on three effects in the longest words has five lines.
-_VERDICT_PX = 84
+# A verdict on three effects in the longest words has four lines of large letters.
+_VERDICT_PX = 96
 State = tuple[frozenset[str], tuple[str, ...]]
 """Effects left out, and effects added by hand."""
 
@@ -70,8 +70,6 @@ class GapPage(QWidget):
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
         row = Flow()
-        row.addWidget(label(self.tr("Gap between simulation and measurement"), "pageTitle"))
-        row.add_rest()
         self.explain_button = button(self.tr("Explain the gap"), "primary", large=True)
         self.explain_button.clicked.connect(self.start)
         self.remove_button = button(self.tr("Remove effect"))
@@ -88,27 +86,28 @@ class GapPage(QWidget):
         self.save_button = button(self.tr("Save model…"))
         self.save_button.clicked.connect(self._save)
         self._resting = Resting(self.explain_button, self.remove_button, self.add_button, self.save_button)
-        row.addWidget(self.explain_button)
-        outer.addLayout(row)
-        by_hand = Flow()
-        for widget in (self.choice, self.add_button, self.remove_button):
-            by_hand.addWidget(widget)
-        by_hand.add_rest()
-        by_hand.addWidget(self.save_button)
-        outer.addLayout(by_hand)
-        self.verdict, self.law = label("", "verdict", wrap=True), label("", wrap=True)
+        for widget in (self.explain_button, self.choice, self.add_button, self.remove_button):
+            row.addWidget(widget)
+        row.add_rest()
+        row.addWidget(self.save_button)
+        self.verdict, self.law = label("", "headline", wrap=True), label("", wrap=True)
         # As high as their texts: the hint of a label that wraps knows no width, and would not fit small screens.
         self._verdict_box, self._law_box = Shallow(self.verdict, _VERDICT_PX), Shallow(self.law, _VERDICT_PX)
         outer.addWidget(self._verdict_box)
+        outer.addLayout(row)
         outer.addWidget(self._law_box)
         self.plot = StepPlot()
-        self.picture = GapPicture()
-        pictures = QHBoxLayout()
-        pictures.addWidget(self.plot, 2)
-        pictures.addWidget(self.picture, 3)
-        outer.addLayout(pictures, 5)
         self.table = StepTable()
-        outer.addWidget(self.table, 2)
+        found = QHBoxLayout()
+        found.addWidget(self.plot, 2)
+        found.addWidget(self.table, 3)
+        outer.addLayout(found, 4)
+        self.picture = GapPicture()
+        self.unseen = self._unseen()
+        below = QHBoxLayout()
+        below.addWidget(self.picture, 3)
+        below.addWidget(self.unseen, 2)
+        outer.addLayout(below, 5)
         self.table.itemSelectionChanged.connect(self._row_chosen)
         self.more = label("", "hint", wrap=True)
         self.more.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
@@ -118,6 +117,18 @@ class GapPage(QWidget):
         workspace.tasks.changed.connect(self._tasks_changed)
         workspace.session_changed.connect(self._session_changed)
         self._session_changed()
+
+    def _unseen(self) -> Panel:
+        """The effects that the session at hand could not have shown, with the run that would."""
+        panel = Panel(self.tr("What this session could not show"))
+        self.unseen_text = label("", wrap=True)
+        self.unseen_text.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
+        column = QVBoxLayout()
+        column.addWidget(self.unseen_text)
+        column.addStretch(1)
+        panel.body.addWidget(Scrolled(column))
+        panel.hide()
+        return panel
 
     def start(self) -> None:
         """Close the gap of the session at hand, in a process of its own: it takes a minute, and can be cancelled."""
@@ -283,6 +294,7 @@ class GapPage(QWidget):
         self.remove_button.setEnabled(False)
         self.table.setRowCount(0)
         self.table.hide()
+        self.unseen.hide()
         self.plot.clear_all()
         ready = self._space.session is not None
         self._ready()
@@ -300,6 +312,9 @@ class GapPage(QWidget):
         self.table.setVisible(bool(report["steps"]))
         self._explain("")
         self.plot.show_report(report)
+        missed = unseen(report)
+        self.unseen_text.setText("\n".join(f"• {line}" for line in missed))
+        self.unseen.setVisible(bool(missed))
         self.picture.show_overlay(report.get("overlay"), str(report.get("overlay_why") or ""))
         self._ready()
 

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QTextBlockFormat, QTextCursor, QTextDocument
-from PySide6.QtWidgets import QHBoxLayout, QTextBrowser, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QListWidget, QListWidgetItem, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag_app.windows.actions import key_list, other_keys
+from draglag_app.windows.parts.theme import wide
+from draglag_app.windows.parts.widgets import restyle
 from draglag_app.windows.wording.i18n import language_of
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import resource
 
+_CONTENTS_PX, _MANUAL_PX, _KEYS_PX = 210, 300, 320
+_ABOVE_PX = 8  # room above the section that was asked for
+
 
 class HelpPage(QWidget):
-    """The manual on the left, the keys on the right."""
+    """Contents and search on the left, the manual, the keys on the right."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -21,29 +26,96 @@ class HelpPage(QWidget):
         row = QHBoxLayout(self)
         row.setContentsMargins(16, 16, 16, 16)
         row.setSpacing(12)
+        left = QVBoxLayout()
+        self.search = QLineEdit()
+        self.search.setPlaceholderText(self.tr("Search"))
+        self.search.setAccessibleName(self.tr("Search"))
+        self.search.setClearButtonEnabled(True)
+        self.search.textEdited.connect(lambda text: self.look_for(text, again=False))
+        self.search.returnPressed.connect(lambda: self.look_for(self.search.text(), again=True))
+        self.contents = QListWidget()
+        self.contents.setAccessibleName(self.tr("Contents"))
+        self.contents.setWordWrap(True)
+        self.contents.currentItemChanged.connect(lambda item, before: self._section_chosen(item))
+        left.addWidget(self.search)
+        left.addWidget(self.contents, 1)
         self.manual = QTextBrowser()
         self.manual.setOpenExternalLinks(True)
         self.manual.document().setDocumentMargin(18)
+        self.manual.setMinimumWidth(wide(_MANUAL_PX))
         self.keys = QTextBrowser()
         self.manual.setAccessibleName(self.tr("Help"))
         self.keys.setAccessibleName(self.tr("Keys"))
-        self.keys.setFixedWidth(340)
         self.keys.document().setDocumentMargin(14)
+        for beside in (self.search, self.contents):
+            beside.setFixedWidth(wide(_CONTENTS_PX))
+        self.keys.setFixedWidth(_KEYS_PX)
+        row.addLayout(left)
         row.addWidget(self.manual, 1)
         row.addWidget(self.keys)
         self.setFocusProxy(self.manual)
         self.restyle_plots()
 
     def restyle_plots(self) -> None:
-        """Set the text anew, in the present theme."""
+        """Set the text again, in the present theme."""
         self.manual.setMarkdown(manual_text(language_of(self._space.settings.language)))
         _give_air(self.manual.document())
+        self.contents.blockSignals(True)
+        self.contents.clear()
+        self.contents.addItems([title for title, _ in sections(self.manual.document())])
+        self.contents.blockSignals(False)
+        self.show_keys()
+
+    def _section_chosen(self, item: QListWidgetItem | None) -> None:
+        if item is not None:
+            self.show_section(item.text())
+
+    def show_keys(self) -> None:
+        """List the keys as they are."""
         rows = "".join(
             f"<tr><td style='padding:5px 14px 5px 0'><b>{keys}</b></td><td style='padding:5px 0'>{what}</td></tr>"
-            for keys, what in (*key_list(), *other_keys())
+            for keys, what in (*key_list(self._space.settings.keys), *other_keys())
         )
         title = self.tr("Keys")
         self.keys.setHtml(f"<h3>{title}</h3><table cellspacing='0'>{rows}</table>")
+
+    def show_section(self, title: str) -> None:
+        """Bring the section of that title to the top; a title that is none changes nothing."""
+        for known, position in sections(self.manual.document()):
+            if known == title:
+                cursor = QTextCursor(self.manual.document())
+                cursor.movePosition(QTextCursor.MoveOperation.End)
+                self.manual.setTextCursor(cursor)  # from the end back: the section comes to the top
+                cursor.setPosition(position)
+                self.manual.setTextCursor(cursor)
+                top = self.manual.cursorRect(cursor).top()
+                bar = self.manual.verticalScrollBar()
+                bar.setValue(bar.value() + top - _ABOVE_PX)
+
+    def look_for(self, text: str, again: bool) -> bool:
+        """Go to the next place of that text, from the top where there is none below; whether there is one at all."""
+        cursor = self.manual.textCursor()
+        if not again:
+            cursor.setPosition(cursor.selectionStart())
+            self.manual.setTextCursor(cursor)
+        if not text:
+            return False
+        found = self.manual.find(text)
+        if not found:
+            self.manual.moveCursor(QTextCursor.MoveOperation.Start)
+            found = self.manual.find(text)
+        restyle(self.search, "fault", "false" if found else "true")
+        return found
+
+
+def sections(document: QTextDocument) -> list[tuple[str, int]]:
+    """(title, position) of every section of a manual."""
+    found, block = [], document.begin()
+    while block.isValid():
+        if block.blockFormat().headingLevel() == 2:
+            found.append((block.text(), block.position()))
+        block = block.next()
+    return found
 
 
 def _give_air(document: QTextDocument) -> None:

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag_app.windows.pages.parts.keys_panel import KeysPanel
 from draglag_app.windows.parts.ask_files import ask_folder
 from draglag_app.windows.parts.widgets import Form, Panel, button, label
 from draglag_app.windows.workspace import Workspace
@@ -63,6 +64,8 @@ class PreferencesPage(QWidget):
         form.row("", self.reopen)
         self.reopen.clicked.connect(lambda on: workspace.change_settings(reopen=on))
         outer.addWidget(work)
+        self.keys = KeysPanel(workspace)
+        outer.addWidget(self.keys)
         where = self.tr("Settings are kept in {path}").format(path=workspace.settings_file)
         outer.addWidget(label(where, "hint", wrap=True))
         outer.addStretch(1)

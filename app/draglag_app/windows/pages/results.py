@@ -9,6 +9,7 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QInputDialog,
+    QLineEdit,
     QSplitter,
     QTabWidget,
     QVBoxLayout,
@@ -27,9 +28,11 @@ from draglag_app.windows.parts.widgets import LARGE_TEXT, button, label
 from draglag_app.windows.plots.curve_plot import CurvePlot
 from draglag_app.windows.plots.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
 from draglag_app.windows.wording import words
+from draglag_app.windows.wording.equation import equation_html
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 
+_FILTER_PX = 260
 _RATES = (None, 60.0, 100.0, 120.0, 200.0)
 
 
@@ -46,9 +49,13 @@ class ResultsPage(QWidget):
         outer.setSpacing(8)
         self.summary = label("", "medium", wrap=True)
         outer.addWidget(self.summary)
+        self.equation = label("", wrap=True)
+        self.equation.setTextFormat(Qt.TextFormat.RichText)
+        self.equation.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         outer.addLayout(self._choices())
+        outer.addWidget(self.equation)
         self.curve = CurvePlot()
-        self.table = RunTable()
+        self.table = RunTable(browsed=True)
         self.table.run_selected.connect(self.choose)
         self.tabs = QTabWidget()
         self.alignment = AlignmentPlot()
@@ -65,13 +72,45 @@ class ResultsPage(QWidget):
         ):
             self.tabs.addTab(page, title)
         self.tabs.currentChanged.connect(lambda index: self._show_run())
+        outer.addLayout(self._runs_row())
         outer.addWidget(self._parts(), 1)
         self.flags = label("", "hint", wrap=True)
         self.flags.hide()
         outer.addWidget(self.flags)
         workspace.session_changed.connect(self._session_changed)
         workspace.analysis_changed.connect(self._analysis_changed)
+        workspace.comments_changed.connect(lambda: self.table.show_comments(workspace.comments))
         self._session_changed()
+
+    def _runs_row(self) -> Flow:
+        """What is done with the runs of the table below."""
+        row = Flow()
+        self.filter = QLineEdit()
+        self.filter.setAccessibleName(self.tr("Filter runs"))
+        self.filter.setPlaceholderText(self.tr("Filter runs: words in any column"))
+        self.filter.setClearButtonEnabled(True)
+        self.filter.setMinimumWidth(wide(_FILTER_PX))
+        self.filter.textChanged.connect(self.table.keep_those_with)
+        row.addWidget(self.filter)
+        self.comment = button(self.tr("Comment…"))
+        self.comment.clicked.connect(self._ask_comment)
+        row.add_rest()
+        row.add_together(self.comment, self.exclude_button, self.keep)
+        return row
+
+    def _ask_comment(self) -> None:
+        """Words on the chosen run; none takes them away. Can be undone."""
+        run = self._chosen
+        if not run:
+            return
+        dialog = QInputDialog(self)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.setWindowModality(Qt.WindowModality.WindowModal)
+        dialog.setWindowTitle(self.tr("Comment"))
+        dialog.setLabelText(self.tr("Comment on {run}").format(run=run))
+        dialog.setTextValue(self._space.comments.get(run, ""))
+        dialog.textValueSelected.connect(lambda text: self._space.comment(run, text.strip()))
+        dialog.open()
 
     def _parts(self) -> QSplitter:
         """Curve above table, the chosen run beside both; with large text the table has the whole width."""
@@ -123,12 +162,10 @@ class ResultsPage(QWidget):
         self.show_alternatives = QCheckBox(self.tr("Show alternative fits"))
         self.show_alternatives.clicked.connect(self._fit_alternatives)
         row.addWidget(self.show_alternatives)
-        row.add_rest()
         self.exclude_button = button(self.tr("Exclude…"))
         self.exclude_button.clicked.connect(self._toggle_chosen)
         self.keep = button(self.tr("Keep results"), tip=self.tr("Store them in the session's file"))
         self.keep.clicked.connect(self._space.keep_analysis)
-        row.add_together(self.exclude_button, self.keep)
         return row
 
     # --- the session ----------------------------------------------------------------------------------------
@@ -152,6 +189,7 @@ class ResultsPage(QWidget):
             return
         self._alternatives = []
         self.table.show_estimates(analysis.runs, analysis.options.exclude)
+        self.table.show_comments(self._space.comments)
         self._draw_curve()
         self.taps.show_taps(analysis.taps)
         self.width_plot.show_runs(analysis.runs, self._space.session)
@@ -166,7 +204,11 @@ class ResultsPage(QWidget):
 
     def _say(self) -> None:
         session, analysis = self._space.session, self._space.analysis
+        curve = analysis.curve if analysis is not None else None
+        self.equation.setText("" if curve is None else equation_html(curve))
+        self.equation.setVisible(curve is not None)
         for widget in (
+            self.comment,
             self.exclude_button,
             self.keep,
             self.estimator,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor
+from PySide6.QtGui import QBrush, QColor
 from PySide6.QtWidgets import QWidget
 
 from draglag_app.windows.parts.theme import theme
@@ -120,16 +120,30 @@ class Plot(PlotFrame):
             self._keep(name, item)
         self._numbers[name] = (np.asarray(x), np.asarray(low), np.asarray(high))
 
-    def bars(self, name: str, centre: Column, height: Column, width: float, colour: str) -> None:
-        """A histogram."""
+    def bars(
+        self,
+        name: str,
+        centre: Column,
+        height: Column,
+        width: float,
+        colour: str,
+        base: Column | float = 0.0,
+        hatched: bool = False,
+        words: Sequence[str] = (),
+    ) -> None:
+        """Bars from ``base`` upwards: a histogram, or steps of a waterfall. ``hatched`` ones are provisional."""
         self.remove(name)
+        x, up = np.asarray(centre, float), np.asarray(height, float)
+        low = np.broadcast_to(np.asarray(base, float), up.shape)
         shade = QColor(colour)
         shade.setAlpha(150)
-        item = pg.BarGraphItem(x=centre, height=height, width=width, brush=pg.mkBrush(shade), pen=pg.mkPen(colour))
+        brush = QBrush(shade, Qt.BrushStyle.BDiagPattern if hatched else Qt.BrushStyle.SolidPattern)
+        style = Qt.PenStyle.DashLine if hatched else Qt.PenStyle.SolidLine
+        item = pg.BarGraphItem(x=x, y0=low, height=up, width=width, brush=brush, pen=pg.mkPen(colour, style=style))
         self.addItem(item)
         self._keep(name, item)
-        self._numbers[name] = (np.asarray(centre), np.asarray(height))
-        self._hover[name] = Series(np.asarray(centre), np.asarray(height))
+        self._numbers[name] = (x, up) if np.isscalar(base) else (x, low, low + up)
+        self._hover[name] = Series(x, low + up, words=words)
 
     def upright(self, name: str, at: float, colour: str, text: str = "") -> None:
         """A vertical mark."""

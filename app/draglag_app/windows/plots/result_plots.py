@@ -25,7 +25,7 @@ _SCAN_HALF_S = 0.05
 
 
 class AlignmentPlot(Plot):
-    """Touch positions at the edges, as they came and shifted by the latency (the paper's Fig. 4)."""
+    """Touch positions at the edges, uncorrected and shifted by the latency (the paper's Fig. 4)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(tr("Edges on the screen"), tr("x (mm)"), tr("y (mm)"), "alignment", parent)
@@ -42,7 +42,7 @@ class AlignmentPlot(Plot):
             self.title_lines([escape(tr("No alignment for {run}").format(run=name))])
             return
         marks = (
-            ("✕", theme().muted, tr("as they came")),
+            ("✕", theme().muted, tr("uncorrected")),
             ("▼", theme().blue, tr("top, shifted")),
             ("■", theme().orange, tr("bottom, shifted")),
         )
@@ -51,7 +51,7 @@ class AlignmentPlot(Plot):
 
     def _draw(self, found: Alignment) -> None:
         colours = theme()
-        self.dots(tr("as they came"), found.x_raw_mm, found.y_raw_mm, colours.muted, "x", 8)
+        self.dots(tr("uncorrected"), found.x_raw_mm, found.y_raw_mm, colours.muted, "x", 8)
         for side, symbol, colour, name in (
             (-1, "t", colours.blue, tr("top, shifted")),
             (1, "s", colours.orange, tr("bottom, shifted")),

@@ -22,6 +22,8 @@ from draglag.packages import advice
 from draglag.reading.files import plain_bytes
 from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
 
+# Of one file, in the session's notes: one or two a stream are usual.
+_MOST_WARNINGS = 20
 _REMEDY = "Name the stream with --map stream=NAME (touch) and --map laser.stream=NAME, and its channels with x=LABEL …"
 
 
@@ -75,8 +77,8 @@ def _heard(library: str, said: list[str]) -> Iterator[None]:
     """What the library warns of, a sentence each in ``said``, and not on the screen, where tracebacks come with it."""
     logger, handler = logging.getLogger(library), logging.Handler(logging.WARNING)
     before = logger.propagate
-    # Stream by stream, and so of bounded number: the chunks themselves are sound.
-    handler.emit = lambda record: said.append(f"{library}: {record.getMessage()}")  # type: ignore[method-assign]
+    warnings: list[str] = []
+    handler.emit = lambda record: warnings.append(f"{library}: {record.getMessage()}")  # type: ignore[method-assign]
     logger.addHandler(handler)
     logger.propagate = False
     try:
@@ -84,6 +86,7 @@ def _heard(library: str, said: list[str]) -> Iterator[None]:
     finally:
         logger.removeHandler(handler)
         logger.propagate = before
+        said += warnings[:_MOST_WARNINGS]
 
 
 def _find(streams: list[dict[str, Any]], name: str | None, labels: list[str]) -> dict[str, Any] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
@@ -17,7 +18,14 @@ from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words
-from draglag_app.windows.wording.gap_words import also_words, check_words, compared_words, names_words, tolerated_words
+from draglag_app.windows.wording.gap_words import (
+    also_words,
+    check_words,
+    compared_words,
+    followed,
+    names_words,
+    tolerated_words,
+)
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.wording.words import flag_name
 
@@ -66,43 +74,95 @@ class StepTable(QTableWidget):
 _LETTERS, _LETTERS_IN_ALL = 14, 48
 # Above, between and below the names and the axis' title.
 _AROUND_PX = 14
+_WIDE = 0.62  # of a bar, in places
+# An effect less probable than that is in the model because somebody put it there.
+_PROBABLE = 0.5
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One bar of the waterfall, mm: from the gap after a step up to the gap before it."""
+
+    name: str
+    kind: str  # "first", "step", "provisional" or "floor"
+    low_mm: float
+    high_mm: float
+
+
+def waterfall(report: dict[str, Any]) -> list[Bar]:
+    """From the first gap to the noise floor, one bar a step, all on runs held out of the fit.
+
+    Provisional are a smooth term without a name, and effects that are less probable than not.
+    """
+    bars = [Bar(say("none yet"), "first", 0.0, report["gap_first_mm"])]
+    for step in report["steps"]:
+        name, sure = effect_name(step["effect"]), step["probability"] >= _PROBABLE
+        ends = sorted((step["gap_before_mm"], step["gap_after_mm"]))
+        bars.append(Bar(name if sure else f"~ {name}", "step" if sure else "provisional", *ends))
+    unnamed = report.get("provisional")
+    if unnamed is not None:
+        name = "~ " + say("without a name: {what}").format(what=followed(unnamed["covariate"]))
+        bars.append(Bar(name, "provisional", *sorted((unnamed["gap_before_mm"], unnamed["gap_after_mm"]))))
+    return [*bars, Bar(say("noise floor"), "floor", 0.0, float(report["noise_floor_mm"] or 0.0))]
 
 
 class StepPlot(Plot):
-    """The gap on runs held out of the fit, step by step, against the noise floor."""
+    """The gap on runs held out of the fit as a waterfall, step by step down to the noise floor."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         title = say("Residual on runs held out of the fit")
         super().__init__(title, tr("effects in the model"), tr("gap (mm RMS)"), "gap", parent)
-        self.add_legend(columns=3)
 
     def show_report(self, report: dict[str, Any]) -> None:
         self.clear_all()
         if report["gap_first_mm"] is None:
             return
+        bars = waterfall(report)
+        colours = {
+            "first": theme().orange, "step": theme().blue, "provisional": theme().purple, "floor": theme().green,
+        }  # fmt: skip
+        names = {"first": say("first gap"), "step": say("steps"), "provisional": say("provisional"),
+                 "floor": say("noise floor")}  # fmt: skip
+        for kind, colour in colours.items():
+            chosen = [k for k, bar in enumerate(bars) if bar.kind == kind]
+            if chosen:
+                low = np.array([bars[k].low_mm for k in chosen])
+                high = np.array([bars[k].high_mm for k in chosen])
+                tips = [f"{bars[k].name}\n{bars[k].low_mm:.3f} … {bars[k].high_mm:.3f} mm" for k in chosen]
+                self.bars(
+                    names[kind], np.array(chosen, float), high - low, _WIDE, colour, low, kind == "provisional", tips
+                )
         gaps = [report["gap_first_mm"], *(step["gap_after_mm"] for step in report["steps"])]
-        x, y = np.arange(len(gaps), dtype=float), np.array(gaps, float)
-        names = [say("none yet"), *(effect_name(step["effect"]) for step in report["steps"])]
-        tips = [f"{name}\n{gap:.3f} mm" for name, gap in zip(names, gaps, strict=True)]
-        self.line(say("gap"), x, y, theme().blue, 2)
-        self.dots(say("steps"), x, y, theme().orange, "s", 10, words=tips)
-        floor = np.full(2, float(report["noise_floor_mm"] or 0.0))
-        self.line(say("noise floor"), np.array([-0.2, len(gaps) - 0.8]), floor, theme().green, 2, dash=True)
+        # Where one bar ends the next begins: the line through the gaps shows that, and holds their numbers.
+        self.line(say("gap"), np.arange(len(gaps), dtype=float), np.array(gaps, float), theme().muted, 1, dash=True)
+        self._name_below(bars)
+        self.setXRange(-0.5, len(bars) - 0.5, padding=0)
+        self.setYRange(0, 1.1 * max(bar.high_mm for bar in bars))
+
+    def _name_below(self, bars: list[Bar]) -> None:
+        """Names of the bars, and what is left after each, in as many lines as they need."""
+        letters = max(_LETTERS, _LETTERS_IN_ALL // len(bars))
         # A name that is wider than its place would be left out.
-        below = [fill(name, max(_LETTERS, _LETTERS_IN_ALL // len(names))) for name in names]
+        below = [fill(bar.name, letters) + f"\n{_left(bar):.2f} mm" for bar in bars]
         axis = self.getAxis("bottom")
         axis.setTicks([list(enumerate(below))])
         # Of itself the axis makes room for one line and its title.
         lines = max(text.count("\n") for text in below) + 1
-        axis.setHeight((lines + 1) * self.fontMetrics().height() + _AROUND_PX if lines > 1 else None)
-        self.setXRange(-0.5, len(gaps) - 0.5, padding=0)
-        # With room for the legend above the highest of them.
-        self.setYRange(0, 1.4 * max(*gaps, *floor))
+        axis.setHeight((lines + 1) * self.fontMetrics().height() + _AROUND_PX)
+
+
+def _left(bar: Bar) -> float:
+    """The gap after a step; the height of the first bar and of the noise floor."""
+    return bar.high_mm if bar.kind in ("first", "floor") else bar.low_mm
+
+
+def unseen(report: dict[str, Any]) -> list[str]:
+    """What the session could not show, an effect and the run that would show it a line."""
+    return [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
 
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
-    """Other explanations, what would separate them, how effects by taps or by hand are judged, what is tolerated and
-    what the session cannot show."""
+    """Other explanations, what would separate them, how effects by taps or by hand are judged, what is tolerated."""
     steps = report["steps"]
     lines = [also_words(report)]
     for step in steps:
@@ -116,9 +176,6 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
     if gone:
         lines.append(say("Not judged by: {runs}").format(runs=", ".join(gone)))
     lines += [check_words(report), tolerated_words(report)]
-    unseen = [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
-    if unseen:
-        lines.append(say("This session cannot show: {effects}").format(effects="; ".join(unseen)))
     if without:
         lines.append(say("Excluded: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
     return [line for line in lines if line]

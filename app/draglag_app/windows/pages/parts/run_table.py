@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 
 from PySide6.QtCore import QCoreApplication, Qt, Signal
 from PySide6.QtGui import QBrush, QColor
@@ -22,14 +24,35 @@ def tr(text: str) -> str:
     return QCoreApplication.translate("RunTable", text)
 
 
+COMMENT = 6
+"""The column of comments in a table that is browsed."""
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")
+
+
+class Cell(QTableWidgetItem):
+    """Sorted by the number its text begins with, else by its text; a dash comes last."""
+
+    def __init__(self, text: str, key: str) -> None:
+        super().__init__(text)
+        found = _NUMBER.match(key)
+        self.key = (0, float(found.group()), key) if found else (2 if key in ("", words.DASH) else 1, 0.0, key)
+
+    def __lt__(self, other: object) -> bool:
+        return isinstance(other, Cell) and self.key < other.key
+
+
 class RunTable(QTableWidget):
     """One row a run: id, target, speed, latency, edges, verdict."""
 
     run_selected = Signal(str)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None, browsed: bool = False) -> None:
+        """``browsed``: for looking through, with comments, sorted by a click on a heading."""
         titles = [tr("run"), tr("target"), tr("speed (mm/s)"), tr("latency"), tr("edges"), tr("verdict")]
+        if browsed:
+            titles.append(tr("comment"))
         super().__init__(parent)
+        self._browsed, self._words = browsed, ""
         set_up_table(self, titles, stretch=len(titles) - 1)
         self.setAlternatingRowColors(True)
         self.setAccessibleName(tr("Runs"))
@@ -38,6 +61,10 @@ class RunTable(QTableWidget):
             if item is not None:
                 item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.itemSelectionChanged.connect(self._selected)
+        if browsed:
+            self.horizontalHeader().setSortIndicatorShown(True)
+            self.horizontalHeader().setSortIndicator(0, Qt.SortOrder.AscendingOrder)
+            self.setSortingEnabled(True)
 
     def tell_first(self) -> None:
         """Latency and verdict beside the run, where not all columns find room: the others are scrolled to."""
@@ -46,11 +73,45 @@ class RunTable(QTableWidget):
         for place, column in enumerate((0, 3, 5, 2, 1, 4)):
             header.moveSection(header.visualIndex(column), place)
 
+    def keep_those_with(self, text: str) -> None:
+        """Show the runs that have these words in any column."""
+        self._words = text.casefold()
+        for row in range(self.rowCount()):
+            cells = [self.item(row, column) for column in range(self.columnCount())]
+            said = " ".join(cell.text() for cell in cells if cell is not None).casefold()
+            self.setRowHidden(row, not all(word in said for word in self._words.split()))
+
+    def show_comments(self, comments: Mapping[str, str]) -> None:
+        """The operator's words on runs, in the last column of a table that is browsed."""
+        with self._order_kept():
+            for row in range(self.rowCount()):
+                text = comments.get(self._id(row), "")
+                item = Cell(text, text)
+                item.setToolTip(plain(text))
+                self.setItem(row, COMMENT, item)
+
+    @contextmanager
+    def _order_kept(self) -> Iterator[None]:
+        """Rows stay where they are while cells change; then they are sorted and filtered again."""
+        sorting = self.isSortingEnabled()
+        self.setSortingEnabled(False)
+        try:
+            yield
+        finally:
+            self.setSortingEnabled(sorting)
+            if self._browsed:
+                self.keep_those_with(self._words)
+
     def clear_runs(self) -> None:
         self.setRowCount(0)
 
     def add_run(self, run: Run, outcome: str = "complete") -> None:
         """A run just recorded; its estimate follows. Told again of a run, the table keeps its row."""
+        with self._order_kept():
+            self._add_run(run, outcome)
+        self.scrollToBottom()
+
+    def _add_run(self, run: Run, outcome: str) -> None:
         known = [row for row in range(self.rowCount()) if self._id(row) == run.id]
         if known and outcome == "complete":
             return  # the estimate is there or on its way
@@ -69,7 +130,6 @@ class RunTable(QTableWidget):
              str(len(run.laser.t_s)), text),
             level,
         )  # fmt: skip
-        self.scrollToBottom()
 
     def show_estimates(
         self,
@@ -78,6 +138,12 @@ class RunTable(QTableWidget):
         preliminary: Collection[str] = (),
     ) -> None:
         """Fill in latency and verdict of the runs in the table; ``preliminary`` ones are not judged yet."""
+        with self._order_kept():
+            self._show_estimates(estimates, excluded or {}, preliminary)
+
+    def _show_estimates(
+        self, estimates: Iterable[RunEstimate], excluded: Mapping[str, str], preliminary: Collection[str]
+    ) -> None:
         rows = {self._id(row): row for row in range(self.rowCount())}
         for estimate in estimates:
             row = rows.get(estimate.id)
@@ -86,7 +152,7 @@ class RunTable(QTableWidget):
             level, text = words.verdict(estimate)
             if estimate.id in preliminary and estimate.latency_s is not None:
                 level, text = "", tr("preliminary")
-            if excluded and estimate.id in excluded:
+            if estimate.id in excluded:
                 level, text = "", tr("excluded: {why}").format(why=excluded[estimate.id])
             speed = estimate.speed_mm_s if estimate.speed_mm_s is not None else estimate.nominal_speed_mm_s
             edges = f"{estimate.n_edges}" + (f" (+{estimate.n_rejected})" if estimate.n_rejected else "")
@@ -108,7 +174,7 @@ class RunTable(QTableWidget):
         colours = {"ok": theme().ok, "warning": theme().warning, "bad": theme().bad}
         for column, text in enumerate(texts):
             last = column == len(texts) - 1
-            item = QTableWidgetItem(_MARK[level] + text if last else text)
+            item = Cell(_MARK[level] + text if last else text, text)
             if last and level:
                 item.setForeground(QBrush(QColor(colours[level])))
             if column in (2, 3, 4):

@@ -1,0 +1,34 @@
+"""Standard output on a terminal: what a file's names and notes hold is printed, and never obeyed."""
+
+from __future__ import annotations
+
+import sys
+from io import TextIOWrapper
+
+from draglag.errors import one_line
+
+
+class _Printable(TextIOWrapper):
+    """Text without control characters other than tabs and line ends."""
+
+    def write(self, text: str, /) -> int:
+        lines = (part if part in "\n\t" else one_line(part) for part in _parts(text))
+        super().write("".join(lines))
+        return len(text)
+
+
+def _parts(text: str) -> list[str]:
+    """The text, split at its tabs and line ends, which are parts of their own."""
+    parts: list[str] = []
+    for line in text.split("\n"):
+        parts += [piece for cell in line.split("\t") for piece in (cell, "\t")][:-1]
+        parts.append("\n")
+    return parts[:-1]
+
+
+def guard_output() -> None:
+    """Let standard output hand only printable text to a terminal; a file or pipe gets what was written."""
+    out = sys.stdout
+    if isinstance(out, TextIOWrapper) and not isinstance(out, _Printable) and out.isatty():
+        encoding, errors, by_line = out.encoding, out.errors, out.line_buffering
+        sys.stdout = _Printable(out.detach(), encoding, errors, line_buffering=by_line)

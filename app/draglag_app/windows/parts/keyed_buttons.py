@@ -1,0 +1,22 @@
+"""Buttons that carry the keys of their action: "Start  F5" says other keys once the operator has chosen others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from PySide6.QtWidgets import QPushButton, QWidget
+
+_APART = "  "  # between what a button does and its keys
+
+
+def show_keys(window: QWidget, usual: Mapping[str, str], present: Mapping[str, str]) -> None:
+    """Write the present keys on every button that shows the usual ones. Both: action → keys."""
+    by_keys = {keys: action for action, keys in usual.items() if keys}
+    for button in window.findChildren(QPushButton):
+        what, apart, keys = button.text().rpartition(_APART)
+        action = button.property("keyed") or (by_keys.get(keys) if apart else None)
+        if action is None:
+            continue
+        button.setProperty("keyed", action)
+        text = what if apart else button.text()
+        button.setText(_APART.join(part for part in (text, present.get(action, "")) if part))

@@ -1,0 +1,80 @@
+"""The pages in a window of any size: what does not fit is scrolled to."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QObject, QSize, Qt
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QFrame, QScrollArea, QSizePolicy, QStackedWidget, QWidget
+
+# A window smaller than that shows too little of any page to work with.
+_LEAST = QSize(320, 160)
+
+
+class PageStack(QStackedWidget):
+    """As large as the page in sight needs, not as the largest of all."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.currentChanged.connect(lambda index: self.updateGeometry())
+
+    def minimumSizeHint(self) -> QSize:
+        page = self.currentWidget()
+        if page is None:
+            return super().minimumSizeHint()
+        return page.minimumSizeHint().expandedTo(page.minimumSize())
+
+    def sizeHint(self) -> QSize:
+        return self.minimumSizeHint()
+
+
+class PageScroll(QScrollArea):
+    """Scrolls the page in sight where the window is smaller than it, and follows the keyboard's focus."""
+
+    def __init__(self, stack: PageStack) -> None:
+        super().__init__()
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setWidgetResizable(True)
+        self.setWidget(stack)
+        stack.currentChanged.connect(lambda index: self.verticalScrollBar().setValue(0))
+
+    def minimumSizeHint(self) -> QSize:
+        return _LEAST
+
+    def sizeHint(self) -> QSize:
+        inside = self.widget()
+        return _LEAST if inside is None else inside.sizeHint()
+
+
+class ColumnScroll(QScrollArea):
+    """A column as wide as it is, in as little height as there is."""
+
+    def __init__(self, column: QWidget) -> None:
+        super().__init__()
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Expanding)
+        self.setWidgetResizable(True)
+        self.setWidget(column)
+        column.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() in (QEvent.Type.Resize, QEvent.Type.LayoutRequest):
+            self.updateGeometry()
+        return super().eventFilter(watched, event)
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(self.sizeHint().width(), _LEAST.height())
+
+    def sizeHint(self) -> QSize:
+        inside, bar = self.widget(), self.verticalScrollBar()
+        if inside is None:
+            return _LEAST
+        hint = inside.minimumSizeHint()
+        beside = bar.sizeHint().width() if hint.height() > self.height() else 0
+        return QSize(inside.minimumWidth() + beside, hint.height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.updateGeometry()  # room for the bar, or none
