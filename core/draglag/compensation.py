@@ -94,7 +94,7 @@ def compensate(
     law: Law,
     speed_range_mm_s: tuple[float, float] = (0.0, np.inf),
 ) -> Compensated:
-    """Where the stylus really was behind recorded touch events.
+    """Where the stylus was, given recorded touch events.
 
     Args:
         t_s, x_mm, y_mm: (n,) events; rows with NaN stay NaN, rows out of order are used in the order of time.
