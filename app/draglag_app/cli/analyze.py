@@ -148,7 +148,10 @@ def analyze(
     if not is_one(sessions):
         only_one({"--exclude": exclude, "--save-model": save_model, "--model": model_path, "--report": report})
         options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, {}, include)
-        _many(sessions, options, save, runs_out, jobs, scheduler, out, summary_path, as_json)
+        _many(
+            sessions, options, save,
+            runs_out=runs_out, jobs=jobs, scheduler=scheduler, out=out, summary=summary_path, as_json=as_json,
+        )  # fmt: skip
         return
     only_many({"--runs": runs_out, "--out": out, "--summary": summary_path, "--scheduler": scheduler})
     session = sessions[0]
