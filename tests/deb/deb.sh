@@ -48,7 +48,9 @@ check_parts() { # what the package is made from, by the system's own checkers
     quietly "$APT install desktop-file-utils appstream libxml2-utils"
     quietly desktop-file-validate packaging/deb/draglag.desktop
     quietly xmllint --noout packaging/deb/draglag.xml packaging/deb/draglag.metainfo.xml
-    quietly "appstreamcli validate --no-net --override=$(cat packaging/deb/metainfo-overrides) packaging/deb/draglag.metainfo.xml"
+    answer root appstreamcli validate --no-net packaging/deb/draglag.metainfo.xml '|| true' >"$root/.said"
+    grep -q Validation "$root/.said" || wrong "appstreamcli did not check the metainfo"
+    if grep -E '^[EW]:' "$root/.said" | grep -vFf packaging/deb/metainfo-known; then wrong "the metainfo is not valid"; fi
 }
 
 check_owners() { # nobody but root may write what is in the package, and nothing in it has rights of its own

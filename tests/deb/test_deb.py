@@ -82,10 +82,12 @@ def test_the_metainfo_is_of_this_version_and_names_the_other_parts(
 
 @pytest.mark.skipif(shutil.which("appstreamcli") is None, reason="appstreamcli is not installed")
 def test_the_metainfo_is_valid() -> None:
-    overrides = (PARTS / "metainfo-overrides").read_text("utf-8").strip()
-    command = ["appstreamcli", "validate", "--no-net", f"--override={overrides}", PARTS / "draglag.metainfo.xml"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    known = (PARTS / "metainfo-known").read_text("utf-8").split()  # there is no public address yet
+    command = ["appstreamcli", "validate", "--no-net", PARTS / "draglag.metainfo.xml"]
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    assert "Validation" in said
+    issues = [line for line in said.splitlines() if line.startswith(("E:", "W:"))]
+    assert not [line for line in issues if not any(tag in line for tag in known)]
 
 
 def has_type(mime_type: ElementTree.Element, content: bytes) -> bool:
