@@ -37,7 +37,8 @@ def test_everything_the_keyboard_reaches_has_a_name_and_a_role(opened: OperatorW
         opened.go(name)
         qapp.processEvents()
         for path, node in tree(QAccessible.queryAccessibleInterface(opened)):
-            viewport = isinstance(node.object().parent(), Plot)  # the plot has its focus and its name
+            made = node.object()
+            viewport = made is not None and isinstance(made.parent(), Plot)  # the plot has its focus and its name
             if viewport or not node.state().focusable or node.state().disabled:
                 continue
             seen += 1
