@@ -89,9 +89,7 @@ def close_gap_of(
     from draglag.gap import close_gap
     from draglag.gap.by_hand import add_by_hand
     from draglag.gap.replaying.extended import extended_model
-    from draglag.gap.replaying.replay import replays
     from draglag.gap.wording import drift_in_analysis
-    from draglag.report.replayed import overlay_numbers
     from draglag.simulation.effects import EFFECTS
 
     candidates = None if not without else [effect for effect in EFFECTS if effect not in without]
@@ -111,11 +109,7 @@ def close_gap_of(
         if effect not in there:
             progress(0.5, effect)
             report = add_by_hand(session, report, effect)
-    overlay, why = None, ""
-    try:
-        overlay = overlay_numbers(replays(session, report, part(0.55, 0.98)), report)
-    except (DraglagError, ValueError) as problem:
-        why = str(problem)
+    overlay, why = _overlay(session, report, part(0.55, 0.98))
     checksum = hashlib.sha256(path.read_bytes()).hexdigest() if path is not None and path.is_file() else ""
     model = extended_model(session, report, datetime.now(UTC).isoformat(timespec="seconds"), checksum)
     return {
@@ -142,3 +136,14 @@ def write_gap_of(session: Any, report: Any, path: Any, progress: Progress) -> No
     from draglag.report.gap import write_gap_report
 
     write_gap_report(session, report, path, progress, None)
+
+
+def _overlay(session: Any, report: Any, progress: Progress) -> tuple[Any, str]:
+    """Numbers of the session simulated again, for the page's picture; or None and why."""
+    from draglag.gap.replaying.replay import replays
+    from draglag.report.replayed import overlay_numbers
+
+    try:
+        return overlay_numbers(replays(session, report, progress), report), ""
+    except (DraglagError, ValueError) as problem:
+        return None, str(problem)

@@ -18,6 +18,21 @@ STEEP_S = 0.03  # v · L′(v) from which simulated Screens 1 and 2 are better u
 PAUSE_S = 2.0  # what lies further apart is not one movement
 
 
+def _fill_from_trace(moved_to: list[FloatArray], t_s: FloatArray, xy_mm: FloatArray, own_s: FloatArray) -> None:
+    """Fill positions that no path gave, in place, from the trace at the time it shows them; NaN outside of contact.
+
+    Args:
+        moved_to: x and y, (n,) mm each, NaN where there is no path. own_s: (n,) rising stylus times of the events.
+    """
+    forwards = np.append(np.diff(own_s) > 0, True)
+    losses_s = contact_losses(t_s)
+    shown_s = np.interp(t_s, own_s[forwards], t_s[forwards], left=np.nan, right=np.nan)
+    placed = np.isfinite(shown_s) & in_contact(t_s, np.where(np.isfinite(shown_s), shown_s, -np.inf), losses_s)
+    for values, shown in zip(moved_to, xy_mm.T, strict=True):
+        values[:] = np.where(np.isfinite(values), values, np.interp(shown_s, t_s, shown))
+        values[~placed] = np.nan
+
+
 def _is_steep(law: Law, speed_mm_s: FloatArray) -> bool:
     """Whether an error of speed moves these events far: v · L′(v), by which a relative error of v becomes one of time.
 
@@ -79,7 +94,7 @@ def compensate(
     law: Law,
     speed_range_mm_s: tuple[float, float] = (0.0, np.inf),
 ) -> Compensated:
-    """Where the stylus really was behind recorded touch events.
+    """Where the stylus was, given recorded touch events.
 
     Args:
         t_s, x_mm, y_mm: (n,) events; rows with NaN stay NaN, rows out of order are used in the order of time.
@@ -109,14 +124,7 @@ def compensate(
             for values, column in zip(moved_to, path.xy_mm.T, strict=True):
                 values[one] = np.interp(touch.t_s[one], path.t_s, column)
     own_s = np.maximum.accumulate(own_s)
-    forwards = np.append(np.diff(own_s) > 0, True)
-    losses_s = contact_losses(touch.t_s)
-    shown_s = np.interp(touch.t_s, own_s[forwards], touch.t_s[forwards], left=np.nan, right=np.nan)
-    placed = np.isfinite(shown_s) & in_contact(touch.t_s, np.where(np.isfinite(shown_s), shown_s, -np.inf), losses_s)
-    for values, shown in zip(moved_to, xy_mm.T, strict=True):
-        # Stretches too short for a path: where the trace shows what it showed then.
-        values[:] = np.where(np.isfinite(values), values, np.interp(shown_s, touch.t_s, shown))
-        values[~placed] = np.nan
+    _fill_from_trace(moved_to, touch.t_s, xy_mm, own_s)
     good = np.isfinite(t_s) & np.isfinite(x_mm) & np.isfinite(y_mm)
     index = np.clip(np.searchsorted(touch.t_s, t_s), 0, touch.t_s.size - 1)
 

@@ -196,7 +196,7 @@ def corrected_touch(
 def _hand(
     touch: TouchTrace, law: Law, origin_s: float, size_mm: tuple[float, float]
 ) -> tuple[Kinematics, FloatArray, FloatArray]:
-    """The movement behind a trace as the simulation has it, its host times (g,), and each event's own time (n,)."""
+    """The movement under a trace as the simulation has it, its host times (g,), and each event's own time (n,)."""
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
     path = stylus_path(touch.t_s, xy_mm, law, max(0.05, 4.5 * sample_interval_s(touch.t_s)))
     n = int((path.t_s[-1] - path.t_s[0]) * GRID_HZ)

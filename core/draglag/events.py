@@ -1,4 +1,4 @@
-"""Touch events as they come: which to use, how far apart they are, where the stylus was lost."""
+"""Usable touch events, their sampling interval, and losses of contact."""
 
 from __future__ import annotations
 

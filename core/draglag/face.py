@@ -246,7 +246,7 @@ def compensate(
     y_mm: ArrayLike,
     law: Analysis | CurveFit | LatencyModel,
 ) -> Compensated:
-    """Where the stylus really was behind recorded touch events.
+    """Where the stylus was, given recorded touch events.
 
     Args:
         t_s, x_mm, y_mm: (n,) events. law: an analysis, a curve, or a model file; constant beyond its speeds.

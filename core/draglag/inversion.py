@@ -1,11 +1,11 @@
-"""Undoing a latency law: when, and so where, the stylus was behind a touch trace.
+"""Inversion of a latency law: when, and so where, the stylus was, given a touch trace.
 
 The lag ℓ of the shown trace obeys ℓ = L(v), and the stylus' speed v is the shown speed w times dτ/dt, so
 dℓ/dτ = 1 − w / v with L(v) = ℓ. Followed forwards in the trace's time τ this forgets its errors within v·|L′(v)| (at
 most 0.2 s); turned the other way, or iterated to a fixed point, they grow. Noise of w enters only as the distance
 that it adds up to, so it is hardly amplified.
 
-Where the stylus starts, L may fall faster than time passes: fresher news overtakes older, and the trace jumps. A
+Where the stylus starts, L may fall faster than time passes: later positions are shown first, and the trace jumps. A
 small jump is one step of the same equation. What a large one hides is not known but for its ends (``_landed``).
 """
 

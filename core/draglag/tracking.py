@@ -56,7 +56,7 @@ def tracking_response(law: Law, scale_mm: float = 24.4, sideways_mm_s: float = 4
     target = MultiSine(0.0, 0.0, scale_mm, MULTISINE_PERIOD_S, sideways_mm_s)
     _, y_mm = target.position_mm(t_s)
     vx, vy = target.velocity_mm_s(t_s)
-    # The trace is periodic: three periods, so that the middle one arrives whole. Fresher news overtakes older.
+    # The trace is periodic: three periods, so that the middle one is complete. Later positions may be shown first.
     arrival_s = np.concatenate([t_s + k * MULTISINE_PERIOD_S for k in (-1, 0, 1)])
     arrival_s = arrival_s + np.tile(law(np.hypot(vx, vy)), 3)
     arrival_s = np.minimum.accumulate(arrival_s[::-1])[::-1] + 1e-12 * np.arange(3 * n)

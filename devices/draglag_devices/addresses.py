@@ -40,7 +40,7 @@ DRIVERS = {"evdev": "draglag_devices.evdev_touch", "ethercat": "draglag_devices.
 
 @dataclass(frozen=True)
 class Address:
-    """A parsed address. ``target`` is what stands between the scheme and the options."""
+    """A parsed address. ``target`` is the text between the scheme and the options."""
 
     text: str
     scheme: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -145,10 +146,12 @@ def analyze(
     if window_ms and not window_ms[0] < window_ms[1]:
         raise click.UsageError("--window-ms runs from a smaller to a larger latency.")
     if not is_one(sessions):
-        asked_for_one = {"--exclude": exclude, "--save-model": save_model, "--model": model_path, "--report": report}
-        only_one(asked_for_one)
+        only_one({"--exclude": exclude, "--save-model": save_model, "--model": model_path, "--report": report})
         options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, {}, include)
-        _many(sessions, options, save, runs_out, jobs, scheduler, out, summary_path, as_json)
+        _many(
+            sessions, options, save,
+            runs_out=runs_out, jobs=jobs, scheduler=scheduler, out=out, summary=summary_path, as_json=as_json,
+        )  # fmt: skip
         return
     only_many({"--runs": runs_out, "--out": out, "--summary": summary_path, "--scheduler": scheduler})
     session = sessions[0]
@@ -168,9 +171,8 @@ def analyze(
     if as_json:
         print_json(result)
     else:
-        if correction is not None:
-            click.echo(f"{model_path}: {correction.words() or 'the model names no effect'}\n")
-        click.echo("\n\n".join(summary(analysis, result)))
+        about = "" if correction is None else f"{model_path}: {correction.words() or 'the model names no effect'}\n\n"
+        click.echo(about + "\n\n".join(summary(analysis, result)))
     _refuse_without_latency(session, analysis)
 
 
@@ -292,26 +294,28 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
         blocks.append(_runs(result["runs"]))
     if analysis.curve is not None:
         blocks.append(_curve(result["curve"]))
-    taps = [
-        f"{name:<8}{number(tap['median_ms'], 2)} ms (quartiles {number(tap['iqr_ms'][0], 2)} to "
-        f"{number(tap['iqr_ms'][1], 2)}), {tap['n']} taps"
-        for name, tap in result["taps"].items()
-    ]
-    if taps:
-        blocks.append("Taps, median\n" + "\n".join(f"  {line}" for line in taps))
-    checks = _verification(result["verification"])
-    if checks:
-        blocks.append("Checks\n" + "\n".join(f"  {line}" for line in checks))
+    blocks += _listed("Taps, median", _taps(result["taps"]))
+    blocks += _listed("Checks", _verification(result["verification"]))
     if result["validation"]:
         blocks.append(_validation(result["validation"]))
-    if analysis.excluded:
-        lines = [f"  {run}: {why}" for run, why in analysis.excluded.items()]
-        blocks.append("Not in the curve (--include RUN takes a run in)\n" + "\n".join(lines))
-    if analysis.warnings:
-        blocks.append("Warnings\n" + "\n".join(f"  {warning}" for warning in analysis.warnings))
-    if analysis.problems:
-        blocks.append("Not done\n" + "\n".join(f"  {problem}" for problem in analysis.problems))
-    return blocks
+    excluded = [f"{run}: {why}" for run, why in analysis.excluded.items()]
+    blocks += _listed("Not in the curve (--include RUN takes a run in)", excluded)
+    blocks += _listed("Warnings", analysis.warnings)
+    return blocks + _listed("Not done", analysis.problems)
+
+
+def _listed(title: str, lines: Iterable[str]) -> list[str]:
+    """A block of indented lines under a title; none without lines."""
+    text = "".join(f"\n  {line}" for line in lines)
+    return [title + text] if text else []
+
+
+def _taps(taps: dict[str, Any]) -> list[str]:
+    return [
+        f"{name:<8}{number(tap['median_ms'], 2)} ms (quartiles {number(tap['iqr_ms'][0], 2)} to "
+        f"{number(tap['iqr_ms'][1], 2)}), {tap['n']} taps"
+        for name, tap in taps.items()
+    ]
 
 
 def _runs(runs: list[dict[str, Any]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.provenance import is_simulated
-from draglag.recording import FloatArray
+from draglag.recording import FloatArray, Run
 from draglag_app.cli.common import (
     json_option,
     load_session,
@@ -67,17 +68,10 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
     def law(speed_mm_s: FloatArray) -> FloatArray:
         return model.latency_s(speed_mm_s, extrapolate=not hold_ends)
 
-    done: list[Validation] = []
-    problems: list[str] = []
-    with progress("Validating") as on_progress:
-        for k, run in enumerate(runs):
-            if on_progress:
-                on_progress(k / len(runs), run.id)
-            try:
-                ready = prepare(run, data.stylus.diameter_mm)
-                done.append(validate_run(ready, law, model.speed_range_mm_s, smoothed))
-            except EstimateError as error:
-                problems.append(str(error))
+    def validated(run: Run) -> Validation:
+        return validate_run(prepare(run, data.stylus.diameter_mm), law, model.speed_range_mm_s, smoothed)
+
+    done, problems = _each(runs, validated)
     if not done:
         raise EstimateError(f"{session}: no run could be validated", problems[0] if problems else "It holds no runs")
     if as_json:
@@ -106,6 +100,21 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
     click.echo(_means(done))
     for problem in problems:
         click.echo(f"not done: {problem}", err=True)
+
+
+def _each(runs: list[Run], validated: Callable[[Run], Validation]) -> tuple[list[Validation], list[str]]:
+    """The validations of runs, and why others have none."""
+    done: list[Validation] = []
+    problems: list[str] = []
+    with progress("Validating") as on_progress:
+        for k, run in enumerate(runs):
+            if on_progress:
+                on_progress(k / len(runs), run.id)
+            try:
+                done.append(validated(run))
+            except EstimateError as error:
+                problems.append(str(error))
+    return done, problems
 
 
 def _with_histogram(item: Validation) -> dict[str, Any]:

@@ -54,15 +54,14 @@ def run_session(
         raise DataError(f"{out}: exists already and is not overwritten", "Choose another name")
     give_panel(rig.sources, options.screen)
     infos = open_all(rig.sources)
-    writer = None
     try:
         for info in infos.values():
             listener(events.DeviceOpened(info.role, info.address, info.description))
         writer = SessionWriter(out, _header(protocol, rig, options, infos))
-    finally:
-        if writer is None:
-            for source in rig.sources:
-                source.close()
+    except BaseException:
+        for source in rig.sources:
+            source.close()
+        raise
     recorder = Recorder(rig.sources, writer, listener)
     control = control or Control()
     conductor = Conductor(protocol, rig, display, options, listener, control, recorder)
@@ -78,17 +77,22 @@ def run_session(
         display.hide()
         if not finished:
             writer.abandon()
+    path = _finish(recorder, writer, control, listener)
+    listener(events.SessionFinished(path, conductor.problem))
+    return path
+
+
+def _finish(recorder: Recorder, writer: SessionWriter, control: Control, listener: events.Listener) -> Path:
+    """Make the session file from the journal; its path. Raises DataError: the journal is what there is."""
     failure = recorder.saver.failure
     try:
         if failure is not None and not control.has_place:
             raise elsewhere(failure, writer.partial)
-        path = close(writer, control, listener)
+        return close(writer, control, listener)
     except DataError as error:
         writer.abandon()
         listener(events.SessionFinished(writer.partial, str(error)))
         raise
-    listener(events.SessionFinished(path, conductor.problem))
-    return path
 
 
 def _check_roles(protocol: Protocol, roles: set[str]) -> None:

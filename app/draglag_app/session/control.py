@@ -15,7 +15,7 @@ class Place:
 
 
 class Control:
-    """Requests that the session looks at several times a second. Thread-safe.
+    """Requests that the session polls several times a second. Thread-safe.
 
     Args:
         auto: begin each run by itself after the rest; False waits for ``proceed()`` before every run.

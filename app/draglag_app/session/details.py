@@ -1,4 +1,4 @@
-"""Details of a session in addition to its data: participant, session, operator, free fields; the file name from them."""
+"""Details of a session: participant, session, operator, free fields; the file name made from them."""
 
 from __future__ import annotations
 

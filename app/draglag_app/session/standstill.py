@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-# Between two looks. A reader waits 0.1 s at most for its device.
+# Between two samples. A reader waits 0.1 s at most for its device.
 _PERIOD_S = 0.05
 # A thread that wakes so late did not merely wait its turn: on two cores with a load of 12 the longest wait in a minute
 # was 1.0 s (half of all waits: 3 ms).
@@ -46,7 +46,7 @@ def _clocks() -> tuple[float, float]:
 
 
 class Pulse:
-    """Looks at the monotonic clocks twenty times a second, in a thread of its own. Thread-safe.
+    """Samples the monotonic clocks twenty times a second, in a thread of its own. Thread-safe.
 
     Steps of CLOCK_REALTIME (a time server, the operator) change neither clock.
     """

@@ -126,7 +126,7 @@ class Watch:
         try:
             free, size = shutil.disk_usage(folder).free, self._saver.partial.stat().st_size
         except OSError:
-            return  # the writer meets the same trouble and says so
+            return  # the writer meets the same error and reports it
         self._emit(events.DiskStatus(free, size))
         if free < _DISK_LOW and not self._disk_warned:
             self._disk_warned = True

@@ -119,7 +119,7 @@ def write_parts(path: Path, names: Sequence[str], parts: Iterable[Mapping[str, C
 
     Args:
         parts: each with columns of one length; a column that a part lacks is empty there.
-        unknown: what stands for NaN.
+        unknown: the text that means NaN.
     """
     with ExitStack() as stack:
         file: IO[bytes] | gzip.GzipFile = stack.enter_context(path.open("wb"))

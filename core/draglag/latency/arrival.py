@@ -51,7 +51,7 @@ class Arrival:
 
 
 def lateness_s(t_s: FloatArray) -> FloatArray:
-    """By how much each of the rising stamps (n,) lies behind an even rhythm, of mean 0 over each stretch without gaps;
+    """Lateness of each of the rising stamps (n,) on an even rhythm, s, mean 0 over each stretch without gaps;
     0 where there is no rhythm to read."""
     late_s = np.zeros(t_s.size)
     if t_s.size < FEWEST:

@@ -73,12 +73,7 @@ def common_flags(
     total = edges.t_s.size + edges.n_rejected
     if edges.n_rejected > max(2, 0.1 * total):
         flags.append("spurious_edges")
-    if estimate.latency_s is not None:
-        end = 0.004
-        if not window_s[0] + end < estimate.latency_s < window_s[1] - end:
-            flags.append("at_window_end")
-        if estimate.latency_se_s is None or not estimate.latency_se_s < 0.01:
-            flags.append("unidentifiable")
+    flags += _flags_of_latency(estimate, window_s)
     off_mm2 = estimate.j_per_edge_mm2
     if off_mm2 is not None and off_mm2 > (0.5 * ready.stylus_diameter_mm) ** 2:
         flags.append("excess_scatter")  # so far from its line that it could be the other one
@@ -100,6 +95,16 @@ def common_flags(
             flags=tuple(known),
         )
     return replace(estimate, travel_per_diameter=travel, flags=tuple(known))
+
+
+def _flags_of_latency(estimate: RunEstimate, window_s: tuple[float, float]) -> list[str]:
+    """Flags of a latency at the end of the searched window, or without a useful standard error."""
+    if estimate.latency_s is None:
+        return []
+    end_s = 0.004
+    inside = window_s[0] + end_s < estimate.latency_s < window_s[1] - end_s
+    identified = estimate.latency_se_s is not None and estimate.latency_se_s < 0.01
+    return ([] if inside else ["at_window_end"]) + ([] if identified else ["unidentifiable"])
 
 
 def _travel(ready: Prepared) -> float | None:

@@ -95,7 +95,7 @@ def spectrum_of(events: Events) -> Spectrum:
     m = min(round(SEGMENT_S / events.dt_s), n)
     window, ramp = _window(m)
     starts = np.arange(0, n - m + 1, max(m // (4 if n < 3 * m else 2), 1))
-    # A filled gap looks like noise of every frequency: only stretches without one count, where there are any.
+    # A filled gap resembles noise of every frequency: only stretches without one count, where there are any.
     gap = events.slot[:-1][np.diff(events.slot) > LONGEST_FILL]
     holes = np.searchsorted(gap, starts + m) - np.searchsorted(gap, starts)
     starts = starts[holes == holes.min()]

@@ -195,19 +195,10 @@ def simulate_session_with_truth(
     def tap(name: str) -> None:
         nonlocal now
         if plan.taps and plan.taps.when in (name, "both"):
-            interval = plan.taps.interval_s
-            taps.append(
-                simulate_taps(
-                    rig,
-                    plan.taps.count,
-                    start_s=now,
-                    rng=stream(f"{name} taps"),
-                    interval_s=interval,
-                    effects=effects,
-                    session_start_s=session_start_s,
-                )
-            )
-            now += plan.taps.count * interval + plan.rest_s
+            count, interval_s, rng = plan.taps.count, plan.taps.interval_s, stream(f"{name} taps")
+            common = {"interval_s": interval_s, "session_start_s": session_start_s}
+            taps.append(simulate_taps(rig, count, start_s=now, rng=rng, effects=effects, **common))
+            now += count * interval_s + plan.rest_s
 
     check_clocks("start")
     tap("start")
@@ -227,7 +218,13 @@ def simulate_session_with_truth(
         now += planned.duration_s + plan.rest_s * rests.uniform(0.8, 1.6)
     tap("end")
     check_clocks("end")
-    session = Session(
+    session = _session(rig, plan, runs, taps, clocks)
+    return replace(session, seed=seed), SimulationTruth(rig.law, tuple(effects), truths)
+
+
+def _session(rig: Rig, plan: Protocol, runs: list[Run], taps: list[Taps], clocks: list[ClockBounds]) -> Session:
+    """The session of what was simulated."""
+    return Session(
         name=f"{plan.name} on {rig.screen.name}, simulated",
         screen=rig.screen,
         stylus=rig.stylus,
@@ -236,10 +233,8 @@ def simulate_session_with_truth(
         beam=rig.beam,
         clocks=(concatenate(clocks),) if clocks else (),
         protocol_toml=plan.source,
-        seed=seed,
         devices={"touch": "sim:", "laser": "sim:"} | ({"walt": "sim:"} if taps else {}),
     )
-    return session, SimulationTruth(rig.law, tuple(effects), truths)
 
 
 def simulate_session(

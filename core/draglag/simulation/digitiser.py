@@ -49,7 +49,7 @@ def reporting(rig: Rig, k: Kinematics, effects: Sequence[Effect], stream: Stream
 def arrival(t_s: FloatArray, latency_s: FloatArray) -> FloatArray:
     """(n,) increasing stamps τ = t + L.
 
-    When the stylus speeds up, the latency may fall faster than time passes. Fresher news then overtakes: older
+    When the stylus speeds up, the latency may fall faster than time passes. Later positions are then shown first: older
     positions arrive with the first newer one, and never after it.
     """
     tau = np.minimum.accumulate((t_s + latency_s)[::-1])[::-1]

@@ -51,7 +51,7 @@ class RunFound:
 
 @dataclass
 class Survey:
-    """A journal looked through once.
+    """A journal scanned once.
 
     Attributes:
         session: attributes of the session, the fullest that could be read.
@@ -110,7 +110,7 @@ def lock_journal(fd: int, path: Path) -> bool:
 
 
 def survey(fd: int, where: str) -> Survey:
-    """Look through all records. Raises DataError where none says what the session is."""
+    """Scan all records. Raises DataError where none describes the session."""
     found = Survey()
     if os.fstat(fd).st_size == 0:
         raise DataError(f"{where}: is empty: the recording ended before it began", "Delete it")
@@ -172,7 +172,7 @@ def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[No
     count = 0
     for number, record, _ in records(fd):
         if number > found.last:
-            break  # recorded since it was looked through
+            break  # recorded since the scan
         count += 1
         yield from found.holes.get(number, ())
         yield from (node for node in record.nodes if _run_of(node.path) in (None, *found.runs))

@@ -1,4 +1,4 @@
-"""What a recording that was killed while it closed leaves behind: cleared at the next start, and nothing else is."""
+"""Files that a recording killed while closing leaves: deleted at the next start, and nothing else."""
 
 from __future__ import annotations
 

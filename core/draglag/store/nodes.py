@@ -1,4 +1,4 @@
-"""Lists of nodes made smaller: many small batches as few large ones, streams of like names kept apart."""
+"""Lists of nodes made smaller: many small batches as few large ones, streams of equal names kept separate."""
 
 from __future__ import annotations
 

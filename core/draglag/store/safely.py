@@ -1,4 +1,4 @@
-"""Opening a session file that may be damaged or hostile: look before reading, follow nothing, run nothing."""
+"""Opening a session file that may be damaged or hostile: check before reading, follow nothing, run nothing."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def check_schema(file: Any, path: Path) -> int:
 
 
 def check_tree(file: Any, path: Path) -> None:
-    """Look at every item without reading it. Raises DataError."""
+    """Check every item without reading it. Raises DataError."""
     for name, problem in tree_problems(file):
         raise DataError(f"{path}: /{name} {problem}", "Nothing was followed or read; use the file as recorded")
 

@@ -1,4 +1,4 @@
-"""Saving what a killed recording left behind: its journal, or a damaged session file."""
+"""Salvage of what a killed recording left: its journal, or a damaged session file."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ LOG = Table(
     (
         Column("time_s", "f", "s", "time on the host's clock"),
         Column("level", "S16", "1", "info, warning, error or note"),
-        Column("source", "S64", "1", "who says so"),
+        Column("source", "S64", "1", "source of the entry"),
         Column("part", "i", "1", "0 = a new entry, 1, 2 … = the text before goes on"),
         Column("text", f"S{TEXT_BYTES}", "1", "what happened"),
     ),

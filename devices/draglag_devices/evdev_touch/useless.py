@@ -1,4 +1,4 @@
-"""Events that never make a touch: what an input device sends that only looks like a touchscreen."""
+"""Events that never make a touch: from an input device that is no touchscreen."""
 
 from __future__ import annotations
 

@@ -52,8 +52,11 @@ def names_drawn(plot: StepPlot) -> list[str]:
     return [text for _, _, text in texts]
 
 
-def test_the_waterfall_falls_from_the_first_gap_to_the_noise_floor(open_window: Callable) -> None:
-    page = open_window().pages["gap"][1]
+def test_the_waterfall_falls_from_the_first_gap_to_the_noise_floor(open_window: Callable, qapp: QApplication) -> None:
+    window = open_window()
+    window.resize(1280, 800)
+    window.go("gap")
+    page = window.pages["gap"][1]
     step = {"where": "", "parameters": {}, "evidence": {}}
     steps = [
         {**step, "effect": "clock_drift", "gap_before_mm": 0.6, "gap_after_mm": 0.3, "probability": 0.9},
@@ -72,8 +75,10 @@ def test_the_waterfall_falls_from_the_first_gap_to_the_noise_floor(open_window: 
     # Less probable than not, and a term without a name: hatched, and marked by a sign as well.
     assert drawn["provisional"] == [[2.0, 3.0], [0.25, 0.12], [0.3, 0.25]]
     assert drawn["noise floor"] == [[4.0], [0.0], [0.1]]
+    for _ in range(5):
+        qapp.processEvents()
     names = names_drawn(page.plot)
     assert [name.startswith("~") for name in names] == [False, False, True, True, False]
-    assert page.unseen_text.text() == "• clock offset: taps timed on the same clock show it"
+    assert page.unseen_text.toPlainText() == "• clock offset: taps timed on the same clock show it"
     page.show_report({"verdict": "no_gap", "steps": [], "gap_first_mm": 0.1, "gap_last_mm": 0.1, "noise_floor_mm": 0.1})
     assert not page.unseen.isVisibleTo(page)

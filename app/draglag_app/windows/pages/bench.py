@@ -125,6 +125,7 @@ class BenchPage(QWidget):
             edit = box.lineEdit()
             if edit is not None:
                 edit.setPlaceholderText(self.tr("not used"))
+                edit.setAccessibleName(names[role])
                 edit.editingFinished.connect(lambda role=role: self._address_chosen(role))
             self.words[role] = label("", "hint", wrap=True)
             grid.addWidget(self.lights[role], row, 0)

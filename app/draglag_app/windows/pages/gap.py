@@ -15,6 +15,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QComboBox,
     QHBoxLayout,
+    QTextBrowser,
     QVBoxLayout,
     QWidget,
 )
@@ -29,7 +30,7 @@ from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.tasks import Progress, Task
-from draglag_app.windows.parts.widgets import Panel, Resting, Scrolled, Shallow, button, label, restyle
+from draglag_app.windows.parts.widgets import Panel, Resting, Shallow, button, label, restyle
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
 from draglag_app.windows.wording.gap_words import headline, law_words
 from draglag_app.windows.wording.library_words import in_words
@@ -121,12 +122,9 @@ class GapPage(QWidget):
     def _unseen(self) -> Panel:
         """The effects that the session at hand could not have shown, with the run that would."""
         panel = Panel(self.tr("What this session could not show"))
-        self.unseen_text = label("", wrap=True)
-        self.unseen_text.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
-        column = QVBoxLayout()
-        column.addWidget(self.unseen_text)
-        column.addStretch(1)
-        panel.body.addWidget(Scrolled(column))
+        self.unseen_text = QTextBrowser()
+        self.unseen_text.setAccessibleName(self.tr("What this session could not show"))
+        panel.body.addWidget(self.unseen_text)
         panel.hide()
         return panel
 
@@ -313,7 +311,7 @@ class GapPage(QWidget):
         self._explain("")
         self.plot.show_report(report)
         missed = unseen(report)
-        self.unseen_text.setText("\n".join(f"• {line}" for line in missed))
+        self.unseen_text.setPlainText("\n".join(f"• {line}" for line in missed))
         self.unseen.setVisible(bool(missed))
         self.picture.show_overlay(report.get("overlay"), str(report.get("overlay_why") or ""))
         self._ready()

@@ -38,6 +38,8 @@ from draglag_app.windows.workspace import Edit, Workspace
 _BIG_PX = 260
 # A touch rate says nothing of now where the last touch is older.
 _OLD_S = 1.0
+# The largest letters, read across a room, and those of a line that is longer than some letters.
+_BIG_LETTERS_PX, _LONG_LETTERS_PX, _FEW = 40, 26, 18
 # Long enough to be seen from the corner of the eye, once.
 _FLASH_MS = 400
 # The heading and four rows of the table.
@@ -70,6 +72,7 @@ class RecordPage(QWidget):
         self._faults: list[str] = []
         self._touched_s: float | None = None
         self._resting, self._rest_until_s, self._number = False, 0.0, 0
+        self._few = True  # letters in the largest line
         self._ended: tuple[str, str] | None = None  # id and outcome of the run that ended last
         self._flash = QTimer(self)
         self._flash.setSingleShot(True)
@@ -259,7 +262,9 @@ class RecordPage(QWidget):
         for shown, text in ((self.big, big), (self.small, small)):
             if shown.text() != text:
                 shown.setText(text)
-        if level == self.big.property("level") and not anew:
+        same = level == self.big.property("level") and (len(big) <= _FEW) == self._few
+        self._few = len(big) <= _FEW
+        if same and not anew:
             return  # said ten times a second; its colour stays
         restyle(self.big, "level", level)
         colours = {
@@ -269,7 +274,8 @@ class RecordPage(QWidget):
             "warning": theme().warning,
             "": theme().text,
         }
-        self.big.setStyleSheet(f"color: {colours.get(level, theme().text)};")
+        size_px = wide(_BIG_LETTERS_PX if self._few else _LONG_LETTERS_PX)
+        self.big.setStyleSheet(f"color: {colours.get(level, theme().text)}; font-size: {size_px}px;")
 
     def _state_changed(self, event: events.StateChanged) -> None:
         self._phase = event.phase

@@ -58,6 +58,7 @@ class ResultsPage(QWidget):
         self.table = RunTable(browsed=True)
         self.table.run_selected.connect(self.choose)
         self.tabs = QTabWidget()
+        self.tabs.setAccessibleName(self.tr("The chosen run"))
         self.alignment = AlignmentPlot()
         self.cost = CostPlot()
         self.width_plot = WidthPlot()

@@ -6,6 +6,8 @@ from PySide6.QtCore import QEvent, QObject, QSize, Qt
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QScrollArea, QSizePolicy, QStackedWidget, QWidget
 
+from draglag_app.windows.parts.follow_focus import FollowFocus
+
 # A window smaller than that shows too little of any page to work with.
 _LEAST = QSize(320, 160)
 
@@ -36,6 +38,7 @@ class PageScroll(QScrollArea):
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.setWidgetResizable(True)
         self.setWidget(stack)
+        FollowFocus(self)
         stack.currentChanged.connect(lambda index: self.verticalScrollBar().setValue(0))
 
     def minimumSizeHint(self) -> QSize:

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag_app.windows.parts.follow_focus import FollowFocus
 from draglag_app.windows.parts.full_texts import WholeTexts
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme, wide
@@ -205,6 +206,7 @@ class Scrolled(QScrollArea):
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setMinimumHeight(120)
+        FollowFocus(self)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

@@ -84,7 +84,7 @@ class Effect(InFits):
     parameters: ClassVar[tuple[Parameter, ...]]
     confounded_with: ClassVar[tuple[Confounder, ...]] = ()
     title: ClassVar[str] = ""
-    """What people call it; empty: its id in words."""
+    """Name for people; empty: its id in words."""
     follows: ClassVar[str] = ""
     """Covariate that its gap follows: speed, session_time, x, direction, kind_of_edge, acceleration, taps, frame …"""
     where: ClassVar[str] = "everywhere"
@@ -111,7 +111,7 @@ class Effect(InFits):
     """Module of its detector: ``detect(streams, runs)`` returns the effect, or None, and the runs with it repaired.
     Imported late, for it builds on the gap."""
     detection_order: ClassVar[int] = 100
-    """Place among those that are looked for in the streams: each gets runs in which the ones before are repaired."""
+    """Order of detection in the streams: each detector gets runs in which the effects before it are repaired."""
     in_measured_streams: ClassVar[bool] = False
     """Whether a session simulated again has it already: what was lost, or random, is in the measured streams."""
     estimated_with: ClassVar[bool] = False

@@ -73,7 +73,7 @@ class SpeedAdaptiveFilter(Effect):
         for i, step_s in enumerate(np.maximum(np.diff(t_s), SHORTEST_S).tolist(), start=1):
             (was_x, was_y), (is_x, is_y) = shown[i - 1], shown[i]
             keep = _gain(DERIVATIVE_HZ, step_s)
-            # Velocity if the stylus had gone to the filter's last output, and what the news adds to it.
+            # Velocity at the filter's last output, and the innovation's part of it.
             rest = vx + keep * ((was_x - x) / step_s - vx), vy + keep * ((was_y - y) / step_s - vy)
             innovation = keep * (is_x - was_x) / step_s, keep * (is_y - was_y) / step_s
             times = _times_innovation(rest, innovation, (fmin_hz, beta_per_mm), step_s, times)
@@ -103,7 +103,7 @@ def _times_innovation(
 
 
 def _gain(cut_off_hz: float, step_s: float) -> float:
-    """Share of the news that a first-order low-pass lets through in one step."""
+    """Gain of a first-order low-pass for the innovation of one step."""
     turn = 2 * math.pi * cut_off_hz * step_s
     return turn / (1 + turn)
 

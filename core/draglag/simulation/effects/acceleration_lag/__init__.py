@@ -73,7 +73,7 @@ class AccelerationLag(Effect):
 
     @classmethod
     def view_with(cls, theta: Theta, view: View) -> View:
-        """The acceleration of the stylus, which a trace behind the effect hides."""
+        """The acceleration of the stylus, which the effect hides in the trace."""
         setting = Setting(*theta)
         if setting.lag_s3_mm <= 0:
             return view

@@ -51,7 +51,7 @@ class Deadband(Effect):
         ),
         Confounder(
             "loss_of_contact",
-            "both leave stretches without news",
+            "both leave stretches without new positions",
             "none: a lost contact comes at every speed, a deadband where the stylus is slow",
         ),
     )

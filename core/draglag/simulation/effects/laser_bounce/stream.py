@@ -23,7 +23,7 @@ def chatter(session: Session) -> StreamEffect | None:
     """Chatter: transitions closer together than any stylus allows, in groups around single edges."""
     runs = [_grouped(run, session.stylus.diameter_mm) for run in session.runs
             if run.laser.t_s.size >= 6 and run.touch.t_s.size >= 50]  # fmt: skip
-    extra, edges = sum(run.chattering for run in runs), sum(run.groups for run in runs)
+    extra, edges = _counts(runs)
     if edges == 0 or extra < max(5, 0.02 * edges) or not any(run.spans_s for run in runs):
         return None
     span_s = _longest_span_s([span for run in runs for span in run.spans_s])
@@ -32,7 +32,7 @@ def chatter(session: Session) -> StreamEffect | None:
     uncut = [run for run in runs if run.near_s >= span_s]
     near_least_s = span_s if uncut else max(run.near_s for run in runs)
     slow = [run for run in runs if run.near_s >= near_least_s]
-    used, of = sum(run.chattering for run in slow), sum(run.groups for run in slow)
+    used, of = _counts(slow)
     if not used:
         used, of = extra, edges
     seen = sum(span <= span_s for run in slow for span in run.spans_s)
@@ -59,6 +59,11 @@ class _Groups:
     chattering: int
     groups: int
     spans_s: tuple[float, ...]
+
+
+def _counts(runs: list[_Groups]) -> tuple[int, int]:
+    """Groups that chatter, and all groups, of runs together."""
+    return sum(run.chattering for run in runs), sum(run.groups for run in runs)
 
 
 def _grouped(run: Run, diameter_mm: float) -> _Groups:

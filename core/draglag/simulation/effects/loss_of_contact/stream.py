@@ -19,7 +19,7 @@ LARGE_MM2 = 1e6  # where nothing is known
 QUANTILE, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
 BY_CHANCE = 0.01  # stretches in a session that chance may make
 # Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
-TELLING, LEAST_USUAL = 4.0, 10.0
+INFORMATIVE, LEAST_USUAL = 4.0, 10.0
 UNEVEN = 0.5  # of a frame that an interval may differ from it by
 INDEPENDENT = 0.8  # of bends; neighbours share two events
 
@@ -49,26 +49,15 @@ def filled_losses(
         if t.size < LEAST_EVENTS:
             out.append(run)
             continue
-        # How far each event lies from the line between its neighbours at its own stamp: stamps are not quite even.
-        share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
-        off = [v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)]
-        bend = np.hypot(*off)
-        if uneven_ages:
-            # Positions of uneven age lie unevenly along the line, but on it.
-            chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
-            bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
-        moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
-        straight = (bend < 0.02 * np.median(bend) + 2e-4) & moving
+        off, straight = _straight(run.touch, uneven_ages)
         if resolution_mm:
             even = _even(t)
-            of_even = uniform_filter1d(np.array(off) ** 2 * even, AROUND, axis=1)
-            usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
-            usual_mm2 = np.minimum(usual_mm2, np.maximum(usual_bend[index], resolution_mm**2 / 8))
-            if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < TELLING * resolution_mm**2 / 8:
+            usual_mm2 = _usual_around(off, even, usual_bend[index], resolution_mm)
+            if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < INFORMATIVE * resolution_mm**2 / 8:
                 out.append(run)  # where a slow path stays on one step, anything is a line
                 continue
             if not uneven_ages:
-                straight = _likelier_lines(np.array(off), usual_mm2, even, resolution_mm, n_events)
+                straight = _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
         total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)
         for start, end in _stretches(straight, least):
@@ -96,6 +85,30 @@ def filled_losses(
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
+
+
+def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndarray]:
+    """Of inner events (n − 2): distance from the line between their neighbours, (2, n − 2) mm, and whether it is none.
+
+    The line is taken at the event's own stamp: stamps are not quite even.
+    """
+    t, x, y = touch.t_s, touch.x_mm, touch.y_mm
+    share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
+    off = np.array([v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)])
+    bend = np.hypot(*off)
+    if uneven_ages:
+        # Positions of uneven age lie unevenly along the line, but on it.
+        chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
+        bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
+    moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
+    return off, (bend < 0.02 * np.median(bend) + 2e-4) & moving
+
+
+def _usual_around(off_mm: FloatArray, even: FloatArray, at_speed_mm2: FloatArray, resolution_mm: float) -> FloatArray:
+    """Mean square bend (2, n) mm² around each inner event, at most what is usual at its speed."""
+    of_even = uniform_filter1d(off_mm**2 * even, AROUND, axis=1)
+    usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
+    return np.asarray(np.minimum(usual_mm2, np.maximum(at_speed_mm2, resolution_mm**2 / 8)))
 
 
 def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:

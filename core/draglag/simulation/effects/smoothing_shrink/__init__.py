@@ -90,7 +90,7 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
-        """One that looks both ways is the class's own."""
+        """A symmetric low-pass is the class itself."""
         setting = Setting.of(term.theta)
         if setting is None or setting.even:
             return None

@@ -1,4 +1,4 @@
-"""A low-pass that looks back only, as a fit found it."""
+"""A causal low-pass, as a fit found it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CausalWindow(FittedShape):
 
 
 def low_passed(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
-    """A path (n,) behind a first-order low-pass that looks back only, with its delay at rest given back."""
+    """A path (n,) after a causal first-order low-pass whose delay at rest is compensated."""
     if time_constant_s <= 0:
         return position_mm
     keep = float(np.exp(-step_s / time_constant_s))

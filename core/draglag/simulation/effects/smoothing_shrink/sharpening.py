@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Setting:
-    """lag_s: the time constant that the traces are freed of. even: of one that looks both ways, not back only."""
+    """lag_s: time constant undone in the traces. even: of a symmetric low-pass, not a causal one."""
 
     lag_s: float
     even: bool = False

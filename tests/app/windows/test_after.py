@@ -1,0 +1,124 @@
+"""After a measurement: sessions come back, the table of runs is looked through, results leave in other forms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QApplication
+
+from draglag.store import read_analyses
+from draglag_app.windows import exports
+from draglag_app.windows.parts.recent_menu import MOST, remembered
+from draglag_app.windows.settings import load_settings
+from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.equation import matched
+from draglag_app.windows.workspace import kept_comments
+
+
+def idle(window: OperatorWindow) -> Callable[[], bool]:
+    return lambda: not window.space.tasks.running
+
+
+def drop(window: OperatorWindow, path: Path) -> bool:
+    """Drag a file onto the window and let it go; whether the window took it."""
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(path))])
+    copy, left, none = Qt.DropAction.CopyAction, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+    enter = QDragEnterEvent(QPoint(10, 10), copy, data, left, none)
+    enter.ignore()
+    QApplication.sendEvent(window, enter)
+    if enter.isAccepted():
+        QApplication.sendEvent(window, QDropEvent(QPointF(10, 10), copy, data, left, none))
+    return enter.isAccepted()
+
+
+def test_a_dropped_session_opens_and_is_remembered(
+    open_window: Callable, session_file: Path, tmp_path: Path, until: Callable
+) -> None:
+    window = open_window()
+    (tmp_path / "notes.txt").write_text("no session")
+    assert not drop(window, tmp_path / "notes.txt")
+    assert drop(window, session_file)
+    until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+    assert window.page == "results"
+    window.recent.fill()
+    assert session_file.name in window.recent.actions()[0].text()
+    window.resize(1000, 700)
+    window.go("log")
+    window.close()
+    settings, problem = load_settings(window.space.settings_file)
+    assert not problem
+    assert settings.recent == (str(session_file),)
+    assert settings.page == "log"
+    again = open_window(**settings.model_dump())
+    again.restore()
+    assert again.page == "log"
+    assert (again.width(), again.height()) == (1000, 700)
+
+
+def test_recent_sessions_are_few_and_each_is_there_once() -> None:
+    known: list[str] = []
+    for k in range(20):
+        known = remembered(Path(f"/lab/{k % 12}.h5"), known)
+    assert len(known) == MOST
+    assert len(set(known)) == MOST
+    assert known[0] == "/lab/7.h5"
+
+
+def test_runs_are_sorted_filtered_and_commented(opened: OperatorWindow, until: Callable) -> None:
+    page, space = opened.pages["results"][1], opened.space
+    speeds = [run.speed_mm_s for run in space.analysis.runs if run.speed_mm_s is not None]
+    page.table.sortByColumn(2, Qt.SortOrder.DescendingOrder)
+    shown = [page.table.item(row, 2).text() for row in range(len(speeds))]
+    assert shown == [f"{speed:.0f}" for speed in sorted(speeds, reverse=True)]
+    run = page.table.item(0, 0).text()
+    page.table.selectRow(0)
+    space.comment(run, "stylus slipped")
+    page.filter.setText("SLIPPED")
+    rows = [row for row in range(page.table.rowCount()) if not page.table.isRowHidden(row)]
+    assert [page.table.item(row, 0).text() for row in rows] == [run]
+    page.filter.setText("")
+    assert not any(page.table.isRowHidden(row) for row in range(page.table.rowCount()))
+    space.keep_analysis()
+    until(idle(opened))
+    assert kept_comments(space.path) == {run: "stylus slipped"}
+    opened.ask("undo")
+    assert space.comments == {}
+    opened.open_file(space.path)
+    until(lambda: space.comments == {run: "stylus slipped"} and not space.tasks.running)
+
+
+def test_the_session_leaves_in_every_form(opened: OperatorWindow, until: Callable, tmp_path: Path, monkeypatch) -> None:
+    written = {
+        "csv": tmp_path / "csv",
+        "netcdf": tmp_path / "s.nc",
+        "mat": tmp_path / "s.mat",
+        "figures": tmp_path / "f",
+    }
+    for action, path in written.items():
+        for asks in ("ask_new_folder", "ask_save"):
+            monkeypatch.setattr(exports, asks, lambda *args, path=path: args[-1](path))
+        opened.ask(action)
+        until(idle(opened))
+        assert path.name in opened.notice_text.text(), action
+        assert path.exists(), action
+    made = {path.name for path in written["figures"].iterdir()}
+    assert {"latency-85mm.pdf", "latency-85mm.svg", "latency-180mm.pdf", "latency-180mm.svg"} <= made
+    # PDF: a box in points of 1/72 inch.
+    box = (written["figures"] / "latency-85mm.pdf").read_bytes().partition(b"/MediaBox [")[2].partition(b"]")[0].split()
+    assert abs(float(box[2]) / 72 * 25.4 - 85.0) < 0.5
+    assert not read_analyses(opened.space.path)  # nothing was written into the session
+
+
+def test_the_equation_has_its_coefficients_with_matched_digits(opened: OperatorWindow) -> None:
+    text = opened.pages["results"][1].equation.text()
+    assert text.startswith("L(v) = ")
+    assert "±" in text
+    assert matched(123.456, 1.23) == "123.5 ± 1.2"
+    assert matched(0.018143, 0.00085) == "0.01814 ± 0.00085"
+    assert matched(419.3, 37.0) == "419 ± 37"
+    assert matched(7.0, 0.0996) == "7.00 ± 0.10"
+    assert matched(29.77, 0.0) == "29.77"
