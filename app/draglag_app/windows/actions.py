@@ -43,7 +43,7 @@ ACTIONS = (
     ActionSpec("netcdf", "session", QT_TRANSLATE_NOOP("Actions", "Export netCDF…"), "Ctrl+Shift+N", "idle"),
     ActionSpec("mat", "session", QT_TRANSLATE_NOOP("Actions", "Export MATLAB…"), "Ctrl+Shift+M", "idle"),
     ActionSpec(
-        "figures", "session", QT_TRANSLATE_NOOP("Actions", "Export figures (PDF, SVG)…"), "Ctrl+Shift+F", "idle"
+        "figures", "session", QT_TRANSLATE_NOOP("Actions", "Export figures…"), "Ctrl+Shift+F", "idle"
     ),
     ActionSpec("report", "session", QT_TRANSLATE_NOOP("Actions", "Write report…"), "Ctrl+Shift+E", "idle"),
     ActionSpec("gap_report", "session", QT_TRANSLATE_NOOP("Actions", "Write gap report…"), "Ctrl+Shift+G", "idle"),
