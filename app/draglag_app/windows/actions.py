@@ -42,9 +42,7 @@ ACTIONS = (
     ActionSpec("csv", "session", QT_TRANSLATE_NOOP("Actions", "Export tables (CSV)…"), "Ctrl+Shift+C", "idle"),
     ActionSpec("netcdf", "session", QT_TRANSLATE_NOOP("Actions", "Export netCDF…"), "Ctrl+Shift+N", "idle"),
     ActionSpec("mat", "session", QT_TRANSLATE_NOOP("Actions", "Export MATLAB…"), "Ctrl+Shift+M", "idle"),
-    ActionSpec(
-        "figures", "session", QT_TRANSLATE_NOOP("Actions", "Export figures…"), "Ctrl+Shift+F", "idle"
-    ),
+    ActionSpec("figures", "session", QT_TRANSLATE_NOOP("Actions", "Export figures…"), "Ctrl+Shift+F", "idle"),
     ActionSpec("report", "session", QT_TRANSLATE_NOOP("Actions", "Write report…"), "Ctrl+Shift+E", "idle"),
     ActionSpec("gap_report", "session", QT_TRANSLATE_NOOP("Actions", "Write gap report…"), "Ctrl+Shift+G", "idle"),
     ActionSpec("quit", "session", QT_TRANSLATE_NOOP("Actions", "Quit"), "Ctrl+Q"),
