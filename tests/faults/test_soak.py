@@ -42,8 +42,8 @@ RUNS = min(100, max(2, round(SOAK_S / (RUN_S + 2.0))))
 GROWTH = 20e6
 # The recording is looked at by tenths; from this one on it has warmed up: caches are full, the first runs estimated.
 SETTLED = 2
-# Above what a session needs: one that has not ended by then hangs.
-PATIENCE_S = 120.0
+# A session that takes this much longer than its runs, and than each run's rest, end and estimate, hangs.
+PATIENCE_S, PATIENCE_A_RUN_S = 120.0, 30.0
 PROTOCOL = """
 name = "soak"
 rest_s = 0.2
@@ -123,6 +123,7 @@ def window(qapp: QApplication, tmp_path: Path) -> Iterator[OperatorWindow]:
     made.show()
     yield made
     made.shut_down()
+    wait(qapp, lambda: not made.space.recording.active, PATIENCE_S)  # or closing would ask whether to stop
     made.space.tasks.finish()
     made.close()
     made.deleteLater()
@@ -147,7 +148,7 @@ def test_nothing_is_lost_and_nothing_grows_with_windows_open(
     asked = order(tmp_path, "window")
     space.recording.start(asked)
     window.go("record")
-    wait(qapp, lambda: bool(ended), RUNS * (RUN_S + 3.0) + PATIENCE_S)
+    wait(qapp, lambda: bool(ended), RUNS * (RUN_S + PATIENCE_A_RUN_S) + PATIENCE_S)
     rows = meter.stop()
     assert ended == [(asked.out, "")]
     check(asked.out, rows[rows[:, 0] < finished_s[0]], capsys, pools=2)  # estimates, and work nobody waits for
