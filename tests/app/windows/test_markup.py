@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QGraphicsTextItem,
     QGraphicsView,
     QLabel,
+    QListWidget,
     QTextBrowser,
     QWidget,
 )
@@ -74,7 +75,7 @@ def views(window: OperatorWindow) -> Iterator[tuple[str, str]]:
 def _cells(place: str, view: QAbstractItemView) -> Iterator[tuple[str, str]]:
     model = view.model()
     for row in range(model.rowCount()):
-        for column in range(model.columnCount()):
+        for column in range(1 if isinstance(view, QListWidget) else model.columnCount()):
             tip = model.index(row, column).data(Core.ItemDataRole.ToolTipRole)
             if Qt.mightBeRichText(str(tip or "")):
                 yield f"tooltip in {place}", str(tip)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QCoreApplication
-from PySide6.QtGui import QTextBlockFormat, QTextCursor, QTextDocument
+from PySide6.QtGui import QFocusEvent, QTextBlockFormat, QTextCursor, QTextDocument
 from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QListWidget, QListWidgetItem, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag_app.windows.actions import key_list, other_keys
@@ -53,8 +53,11 @@ class HelpPage(QWidget):
         row.addLayout(left)
         row.addWidget(self.manual, 1)
         row.addWidget(self.keys)
-        self.setFocusProxy(self.manual)
         self.restyle_plots()
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        """The manual has the keyboard first. (With a focus proxy, Tab would skip what stands before the manual.)"""
+        self.manual.setFocus(event.reason())
 
     def restyle_plots(self) -> None:
         """Set the text again, in the present theme."""

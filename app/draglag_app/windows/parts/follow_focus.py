@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shiboken6
 from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QApplication, QScrollArea, QWidget
 
@@ -17,6 +18,8 @@ class FollowFocus(QObject):
             application.focusChanged.connect(self._follow)
 
     def _follow(self, before: QWidget | None, now: QWidget | None) -> None:
+        if not shiboken6.isValid(self._area):  # the focus also leaves a window that is being deleted
+            return
         inside = self._area.widget()
         if now is not None and inside is not None and inside.isAncestorOf(now):
             self._area.ensureWidgetVisible(now)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from html import escape
 
 from draglag.curve import CurveFit
 
@@ -45,6 +46,6 @@ def equation_html(curve: CurveFit) -> str:
     errors = curve.standard_errors
     parts = []
     for name, value in curve.parameters.items():
-        symbol, unit = SYMBOLS.get(name, (name, ""))
+        symbol, unit = SYMBOLS.get(name, (escape(name), ""))
         parts.append(f"{symbol} = {matched(value, errors[name])}&nbsp;{unit}".replace(" ± ", "&nbsp;±&nbsp;"))
     return " &nbsp; ".join(part for part in (EQUATIONS.get(curve.form, ""), ", ".join(parts)) if part)
