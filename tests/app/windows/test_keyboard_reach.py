@@ -63,7 +63,7 @@ class TestFromTheParticipantsWindow:
         QTest.keyClick(participant, Key.Key_F7)
         until(lambda: "once more afterwards" in window.record.small.text())
         QTest.keyClick(participant, Key.Key_F8)
-        until(lambda: table.rowCount() == 1 and window.record.big.text() == "Rest")
+        until(lambda: table.rowCount() == 1 and window.record.big.text() == "✕ aborted")
         assert "comes once more" in window.record.small.text()
         QTest.keyClick(participant, Key.Key_F6)
         until(lambda: window.record._phase is Phase.RECORDING)
@@ -86,7 +86,7 @@ def test_before_the_first_run_there_is_nothing_to_repeat(open_window: Callable, 
     until(lambda: record.big.text() == "Rest")  # after the clocks were compared
     assert not record.buttons["repeat"].isEnabled()
     window.ask("repeat")
-    assert record.small.text() == "F6 begins the first run now"
+    assert record.small.text().startswith("F6 begins the first run now · ")
     window.ask("proceed")
     until(lambda: record.table.rowCount() == 1 and record.big.text() == "Rest")
     assert "F7 repeats the last one" in record.small.text()

@@ -81,10 +81,10 @@ class TestResults:
         until(lambda: space.analysis.curve.n_points == before - 1)
         results = opened.pages["results"][1]
         assert any("the stylus slipped" in text for text in column(opened, "results", 5))
-        assert "left out" in results.curve.drawn
+        assert "excluded" in results.curve.drawn
         opened.ask("undo")
         until(lambda: space.analysis.curve.n_points == before and not space.tasks.running)
-        assert "left out" not in results.curve.drawn
+        assert "excluded" not in results.curve.drawn
 
     def test_every_run_can_be_looked_into(self, opened: OperatorWindow, until: Callable) -> None:
         results, session = opened.pages["results"][1], opened.space.session

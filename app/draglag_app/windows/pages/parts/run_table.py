@@ -26,19 +26,26 @@ def tr(text: str) -> str:
 
 COMMENT = 6
 """The column of comments in a table that is browsed."""
+_NOTHING = 2  # rank of a cell without a value, after numbers and texts
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 
 class Cell(QTableWidgetItem):
-    """Sorted by the number its text begins with, else by its text; a dash comes last."""
+    """Sorted by the number its text begins with, else by its text."""
 
     def __init__(self, text: str, key: str) -> None:
         super().__init__(text)
         found = _NUMBER.match(key)
-        self.key = (0, float(found.group()), key) if found else (2 if key in ("", words.DASH) else 1, 0.0, key)
+        self.key = (0, float(found.group()), key) if found else (_NOTHING if key in ("", words.DASH) else 1, 0.0, key)
 
     def __lt__(self, other: object) -> bool:
-        return isinstance(other, Cell) and self.key < other.key
+        if not isinstance(other, Cell):
+            return False
+        if (self.key[0] == _NOTHING) != (other.key[0] == _NOTHING):  # what is missing comes last in either order
+            table = self.tableWidget()
+            down = table is not None and table.horizontalHeader().sortIndicatorOrder() == Qt.SortOrder.DescendingOrder
+            return (self.key[0] == _NOTHING) == down
+        return self.key < other.key
 
 
 class RunTable(QTableWidget):
