@@ -25,11 +25,12 @@ trial() { # trial ROOT WHO: built in one root, used in another
     [ -z "${DRAGLAG_DEB_KEEP:-}" ] || cp "$root$checkout/dist/$package" "$DRAGLAG_DEB_KEEP"
     check_owners
 
-    mv "$root$checkout/dist/$package" "$used/var/tmp/"
+    built=$root$checkout/dist/$package
     root=$used checkout=/home/newcomer
     chroot "$root" useradd --create-home --uid 1000 newcomer
     mounts
     find_traces >"$root/.before"
+    mv "$built" "$root/var/tmp/"
     quietly apt-get update
     quietly "$APT install /var/tmp/$package"
     rm "$root/var/tmp/$package"

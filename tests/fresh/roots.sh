@@ -9,6 +9,7 @@ wrong() { say "Wrong: $*"; exit 1; }
 # --- In the case's own namespace, where every mount ends with it ------------------------------------------------------
 
 mounts() { # mounts: /proc and the like, and what pip's settings name
+    mount --bind "$root" "$root" # so that / is a mounted file system in it, too
     mount -t proc proc "$root/proc"
     mount -t tmpfs tmpfs "$root/dev/shm"
     while read -r path; do
