@@ -6,11 +6,11 @@ import os
 import re
 import subprocess
 import sys
-from contextlib import chdir
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
 _FENCE = re.compile(r"^```(?P<language>\w+)[^\n]*\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -58,8 +58,7 @@ def run_page(blocks: list[Snippet], folder: Path) -> list[str]:
     module = ModuleType("page_of_the_documentation")
     names = module.__dict__
     missing = []
-    # Dataclasses look for the module that they are written in.
-    with chdir(folder), patch.dict(sys.modules, {module.__name__: module}):
+    with chdir(folder), _known(module):
         for block in blocks:
             if block.language == "bash":
                 _bash(block)
@@ -71,6 +70,19 @@ def run_page(blocks: list[Snippet], folder: Path) -> list[str]:
                 except ModuleNotFoundError as error:
                     missing.append(str(error.name))
     return missing
+
+
+@contextmanager
+def _known(module: ModuleType) -> Iterator[None]:
+    """Among the imported modules, where dataclasses look for the one they are written in.
+
+    Only this one is taken out again: matplotlib does not bear that modules which a page imported are imported twice.
+    """
+    sys.modules[module.__name__] = module
+    try:
+        yield
+    finally:
+        del sys.modules[module.__name__]
 
 
 def _bash(block: Snippet) -> None:
