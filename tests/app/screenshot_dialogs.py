@@ -12,6 +12,7 @@ from draglag.errors import DataError
 from draglag.protocols import load_protocol
 from draglag_app.session import events
 from draglag_app.windows import files
+from draglag_app.windows.leaving import sure_to_stop
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_app.windows.wording.i18n import translate
@@ -57,7 +58,7 @@ def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> No
     partial.write_bytes(b"")
     _asked(lambda: files.offer_salvage(window), out / f"ask-salvage-{theme}.png", shoot)
     partial.unlink()
-    _asked(window._sure_to_stop, out / f"ask-close-{theme}.png", shoot)
+    _asked(lambda: sure_to_stop(window), out / f"ask-close-{theme}.png", shoot)
 
 
 def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:
@@ -78,7 +79,7 @@ def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> Non
     )  # fmt: skip
     bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "file", str(full)))
     shoot(window, out / f"trouble-disk-{theme}.png")
-    window.tell("", "")
+    window.notify("", "")
 
 
 def under_way(

@@ -227,7 +227,7 @@ def main() -> int:
         window.show()
         window.start()
         wait(application, lambda: window.space.analysis is not None and not window.space.tasks.running)
-        window.tell("", "")
+        window.notify("", "")
         window.bench.look()
         window.ask("calibrate")
         wait(application, lambda: not window.space.calibrating.active)

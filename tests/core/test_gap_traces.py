@@ -216,8 +216,8 @@ def test_the_speed_that_a_law_is_asked_at_is_followed_behind_what_the_trace_show
     true = np.interp(edges_s, t, asked)
     at_s = edges_s + law(true)
     seen = np.interp(at_s, *data.quick)
-    (told,) = delayed_speeds([data], law, (0.0, delay_s))
-    followed = np.interp(at_s, *told)
+    (speeds,) = delayed_speeds([data], law, (0.0, delay_s))
+    followed = np.interp(at_s, *speeds)
     assert np.std(seen - true) > 1.5
     assert np.std(followed - true) < 0.25
     assert np.abs(np.mean(followed - true)) < 0.1
@@ -233,20 +233,20 @@ def test_a_chirps_speed_is_followed_where_the_laws_slope_changes_with_it(asked: 
     def law(speed_mm_s: FloatArray) -> FloatArray:
         return 0.19 * np.exp(-0.022 * np.asarray(speed_mm_s)) + 0.05 * np.exp(-0.004 * np.asarray(speed_mm_s)) + 0.03
 
-    told_of = np.interp(t - before_s(asked, law(speed)), t, speed)
+    delayed_mm_s = np.interp(t - before_s(asked, law(speed)), t, speed)
     host_s = np.arange(1.0, 39.0, 0.008)
     noise_mm = np.random.default_rng(4).normal(0, 0.1, host_s.size)
-    shown_mm = np.interp(host_s, t + law(told_of), place_mm) + noise_mm
+    shown_mm = np.interp(host_s, t + law(delayed_mm_s), place_mm) + noise_mm
     touch = TouchTrace(host_s, shown_mm, np.zeros(host_s.size))
     run = Run("a", "chirp", 0.0, 40.0, touch, LaserTrace(np.zeros(0), np.zeros(0, np.int64)))
     none = np.zeros(0)
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
     data = RunData(run, host_s, xy_mm, none, none.astype(bool), 0.1, np.full(1, 0.13), 0.1, None, none)
     edges_s = np.arange(3.0, 36.0, 0.037)
-    true = np.interp(edges_s, t, told_of)
+    true = np.interp(edges_s, t, delayed_mm_s)
     at_s = edges_s + law(true)
-    (told,) = delayed_speeds([data], law, asked)
-    off_mm_s = np.interp(at_s, *told) - true
+    (speeds,) = delayed_speeds([data], law, asked)
+    off_mm_s = np.interp(at_s, *speeds) - true
     assert np.std(np.interp(at_s, *data.quick) - true) > 2.5
     assert np.std(off_mm_s) < 1.0  # of which noise through a window of 0.26 s is 0.35
     assert np.abs(np.mean(off_mm_s)) < 0.3

@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import savgol_filter
 from scipy.stats import binom
 
-from draglag.latency.path import _window
+from draglag.latency.spectrum import _window
 from draglag.recording import Taps
 from draglag.savgol import smoothed
 from draglag.taps import summarise_taps

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from draglag.latency.path import Path, corner_for_mean, corner_of, events_of, smooth_path, spectrum_of
+from draglag.latency.path import Path, smooth_path
+from draglag.latency.spectrum import corner_for_mean, corner_of, events_of, spectrum_of
 from draglag.latency.track import independent_places
 from draglag.latency.tremor import tremor_of
 from draglag.recording import FloatArray

@@ -43,7 +43,7 @@ def make_application(arguments: Sequence[str], settings: Settings | None = None)
     return application
 
 
-def install_excepthook(tell: Callable[[str], None]) -> None:
+def install_excepthook(report: Callable[[str], None]) -> None:
     """Faults nobody foresaw: the traceback into a log file, one sentence to the operator, the program goes on."""
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
@@ -51,11 +51,11 @@ def install_excepthook(tell: Callable[[str], None]) -> None:
             QCoreApplication.quit()
             return
         if isinstance(error, DraglagError):
-            tell(str(error))
+            report(str(error))
             return
         where = write_fault(kind, error, trace)
         said = translate("Application", "Something went wrong ({error}). Details are in {where}.")
-        tell(said.format(error=str(error) or kind.__name__, where=where))
+        report(said.format(error=str(error) or kind.__name__, where=where))
 
     sys.excepthook = hook
 

@@ -24,7 +24,7 @@ def export_as(window: OperatorWindow, kind: str) -> None:
     """Write the session at hand as "csv" (a folder), "netcdf" or "mat" (a file), and say what that leaves out."""
     session, source = window.space.session, window.space.path
     if session is None:
-        window.tell("info", tr("There is no session to export yet."))
+        window.notify("info", tr("There is no session to export yet."))
         return
     writers = {"csv": exchange.write_csv, "netcdf": exchange.write_netcdf, "mat": exchange.write_mat}
 
@@ -49,7 +49,7 @@ def export_figures(window: OperatorWindow) -> None:
     """Write the figures of the session at hand in the widths of journals, PDF and SVG."""
     session, analysis = window.space.session, window.space.analysis
     if session is None or analysis is None:
-        window.tell("info", tr("There are no results to report yet."))
+        window.notify("info", tr("There are no results to report yet."))
         return
 
     def begin(path: Path) -> None:

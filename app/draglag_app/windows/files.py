@@ -6,7 +6,7 @@ import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QCoreApplication
+from PySide6.QtCore import QCoreApplication, QMimeData
 from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
@@ -52,7 +52,7 @@ def read_folder(window: OperatorWindow, path: Path) -> None:
     """Put the session of an exchange folder at hand."""
     exchange = optional("draglag.exchange")
     if exchange is None:
-        window.tell("warning", tr("Importing is not built in this version."))
+        window.notify("warning", tr("Importing is not built in this version."))
         return
     read = exchange.read_exchange
 
@@ -61,7 +61,7 @@ def read_folder(window: OperatorWindow, path: Path) -> None:
         window.go("results")
 
     window.space.tasks.start(
-        tr("Importing"), lambda progress: read(path), take, lambda text: window.tell("error", text)
+        tr("Importing"), lambda progress: read(path), take, lambda text: window.notify("error", text)
     )
 
 
@@ -69,10 +69,10 @@ def export_session(window: OperatorWindow) -> None:
     """Write the session at hand in a neutral form."""
     session, exchange = window.space.session, optional("draglag.exchange")
     if session is None:
-        window.tell("info", tr("There is no session to export yet."))
+        window.notify("info", tr("There is no session to export yet."))
         return
     if exchange is None:
-        window.tell("warning", tr("Exporting is not built in this version."))
+        window.notify("warning", tr("Exporting is not built in this version."))
         return
     title, source = tr("Export into which (new or empty) folder?"), window.space.path
 
@@ -91,10 +91,10 @@ def write_report(window: OperatorWindow) -> None:
     """Write the HTML report of the session at hand."""
     session, analysis, report = window.space.session, window.space.analysis, optional("draglag.report")
     if session is None or analysis is None:
-        window.tell("info", tr("There are no results to report yet."))
+        window.notify("info", tr("There are no results to report yet."))
         return
     if report is None or not hasattr(report, "write_report"):
-        window.tell("warning", tr("Reports are not built in this version."))
+        window.notify("warning", tr("Reports are not built in this version."))
         return
     write = report.write_report
 
@@ -115,7 +115,7 @@ def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str
     """Work in a worker, then say where the result is, and ``more``."""
     saved = " ".join(part for part in (tr("Saved: {path}").format(path=where), more) if part)
     window.space.tasks.start(
-        what, work, lambda result: window.tell("info", saved), lambda text: window.tell("error", text)
+        what, work, lambda result: window.notify("info", saved), lambda text: window.notify("error", text)
     )
 
 
@@ -155,10 +155,19 @@ def _save_each(window: OperatorWindow, left: list[Path], folder: Path | None) ->
     def done(result: tuple[list[str], list[Path], str]) -> None:
         saved, failed, why = result
         if not failed:
-            window.tell("info", " · ".join(saved))
+            window.notify("info", " · ".join(saved))
             return
-        window.tell("error", " · ".join([*saved, in_words(why)]))
+        window.notify("error", " · ".join([*saved, in_words(why)]))
         title = tr("Another folder to save them in")
         ask_folder(window, title, window.space.settings.folder, lambda path: _save_each(window, failed, path))
 
-    window.space.tasks.start(tr("Salvaging"), work, done, lambda text: window.tell("error", text))
+    window.space.tasks.start(tr("Salvaging"), work, done, lambda text: window.notify("error", text))
+
+
+def dropped(data: QMimeData) -> Path | None:
+    """The one session file or folder that is dragged; None for anything else."""
+    paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
+    if len(paths) != 1:
+        return None
+    path = paths[0]
+    return path if path.is_dir() or path.suffix == ".h5" or path.name == "session.json" else None

@@ -34,9 +34,9 @@ def open_operator_window(session: Path | None = None) -> int:
     application = make_application(sys.argv[:1], settings)
     sweep(Path(settings.folder))
     window = OperatorWindow(settings, file)
-    install_excepthook(lambda text: window.tell("error", text))
+    install_excepthook(lambda text: window.notify("error", text))
     if problem:
-        window.tell("warning", problem)
+        window.notify("warning", problem)
     window.restore()
     show_whole(window)
     if session is not None:

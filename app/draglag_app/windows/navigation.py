@@ -17,7 +17,7 @@ _LAST_OF_A_GROUP = ("record", "compare")
 
 
 class Navigation(QFrame):
-    """One button a page; ``titles`` are name → title, ``actions`` those whose keys the tips tell (``go_<name>``)."""
+    """One button a page; ``titles`` are name → title, ``actions`` those whose keys the tips show (``go_<name>``)."""
 
     chosen = Signal(str)
 

@@ -32,7 +32,7 @@ class NoticeStrip(QFrame):
         self.cancel = button(self.tr("Cancel  Ctrl+."))
         self.cancel.clicked.connect(tasks.cancel_all)
         self.dismiss = button(self.tr("OK"))
-        self.dismiss.clicked.connect(lambda: self.tell("", ""))
+        self.dismiss.clicked.connect(lambda: self.notify("", ""))
         for widget in (self.progress, self.cancel, self.dismiss):
             row.addWidget(widget)
         self._slow = QTimer(self)
@@ -46,7 +46,7 @@ class NoticeStrip(QFrame):
         tasks.changed.connect(self._tasks_changed)
         tasks.progressed.connect(lambda fraction, text: self.progress.setValue(round(1000 * fraction)))
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         """One sentence: "info", "warning" or "error"; an empty one clears it."""
         self.text.setText(in_words(text))
         restyle(self, "level", level)
@@ -56,7 +56,7 @@ class NoticeStrip(QFrame):
     def forget_done(self) -> None:
         """What only told that something was done; warnings and errors stay until they are dismissed."""
         if self.property("level") == "info":
-            self.tell("", "")
+            self.notify("", "")
 
     def _tasks_changed(self) -> None:
         if self._tasks.running:

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QMimeData, Qt
+from PySide6.QtCore import QByteArray, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QApplication,
     QHBoxLayout,
     QMainWindow,
-    QMessageBox,
     QPushButton,
     QVBoxLayout,
     QWidget,
 )
 
-from draglag.errors import DraglagError
-from draglag.provenance import Source, source_of
 from draglag_app.session import events
 from draglag_app.windows import exports, files
 from draglag_app.windows.actions import ACTIONS, Actions, keys_of
 from draglag_app.windows.another_place import ask_another_place, withdraw
+from draglag_app.windows.beginning import begin
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
+from draglag_app.windows.leaving import sure_to_stop
 from draglag_app.windows.navigation import Navigation
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.pages import make_pages
@@ -40,13 +38,13 @@ from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
 from draglag_app.windows.parts.keyed_buttons import show_keys
 from draglag_app.windows.parts.page_stack import ColumnScroll, PageScroll, PageStack
-from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.recent_menu import RecentMenu
 from draglag_app.windows.parts.theme import apply_theme, theme, wide
 from draglag_app.windows.session_dialog import SessionDialog
 from draglag_app.windows.settings import Settings
-from draglag_app.windows.start import make_order, obstacles
+from draglag_app.windows.start import obstacles
 from draglag_app.windows.steps import STEPS, StepGuide, steps_of
+from draglag_app.windows.titles import figure_source, window_title
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 
@@ -93,8 +91,8 @@ class OperatorWindow(QMainWindow):
         recording.ended.connect(self._ended)
         bridge.notice_raised.connect(self._notice)
         bridge.place_wanted.connect(lambda event: ask_another_place(self, self.space.recording.control, event))
-        bridge.device_fault.connect(lambda fault: self.tell("error", fault_words(fault.problem, fault.remedy)))
-        self.space.noticed.connect(self.tell)
+        bridge.device_fault.connect(lambda fault: self.notify("error", fault_words(fault.problem, fault.remedy)))
+        self.space.noticed.connect(self.notify)
         record.noted.connect(self.keyboard.give_back)
         self.header.lights_changed.connect(self._show_readiness)
         self.space.settings_changed.connect(self._use_keys)
@@ -174,12 +172,12 @@ class OperatorWindow(QMainWindow):
     def _undo(self) -> None:
         what = self.space.undo.undoText()
         self.space.undo.undo()
-        self.tell("info", self.tr("Undone: {what}").format(what=what))
+        self.notify("info", self.tr("Undone: {what}").format(what=what))
 
     def _redo(self) -> None:
         what = self.space.undo.redoText()
         self.space.undo.redo()
-        self.tell("info", self.tr("Done again: {what}").format(what=what))
+        self.notify("info", self.tr("Done again: {what}").format(what=what))
 
     def ask(self, action: str) -> None:
         """Do the action of that id, as its key would."""
@@ -196,25 +194,25 @@ class OperatorWindow(QMainWindow):
         self._show_steps()
         page.setFocus()
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         """One sentence in the strip below: "info", "warning" or "error"; an empty one clears it."""
-        self.notice.tell(level, text)
+        self.notice.notify(level, text)
 
     def open_file(self, path: Path) -> None:
         """Put a session file at hand, or read an exchange folder; not while a session is being recorded."""
         if self.space.recording.active:
-            self.tell("info", self.tr("A session is being recorded: open others when it is done."))
+            self.notify("info", self.tr("A session is being recorded: open others when it is done."))
         elif path.is_dir() or path.name == "session.json":
             files.read_folder(self, path if path.is_dir() else path.parent)
         else:
             self.space.open(path, lambda: self.go("results"))
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        if _dropped(event.mimeData()) is not None:
+        if files.dropped(event.mimeData()) is not None:
             event.acceptProposedAction()
 
     def dropEvent(self, event: QDropEvent) -> None:
-        path = _dropped(event.mimeData())
+        path = files.dropped(event.mimeData())
         if path is not None:
             event.acceptProposedAction()
             self.open_file(path)
@@ -248,29 +246,7 @@ class OperatorWindow(QMainWindow):
 
         ``asked``: the details of the session have been asked for, where the settings want that.
         """
-        if self.space.settings.ask_details and not asked:
-            dialog = SessionDialog(self.space, self)
-            dialog.accepted.connect(lambda: self.start(asked=True))
-            dialog.open()
-            return
-        self.space.calibrating.cancel()
-        self.go("record")
-        self.tell("", "")
-        found = obstacles(self.space)
-        problems = [*(obstacle.sentence for obstacle in found), *self.header.faults()]
-        if problems and not self.space.recording.active:
-            if any(obstacle.hopeless for obstacle in found):
-                self.tell("error", " ".join(problems))
-                return
-            question = " ".join(problems) + "\n\n" + self.tr("Start anyway?")
-            if QMessageBox.question(self, "draglag", plain(question), defaultButton=QMessageBox.StandardButton.No) != (
-                QMessageBox.StandardButton.Yes
-            ):
-                return
-        try:
-            self.space.recording.start(make_order(self.space))
-        except DraglagError as error:
-            self.tell("error", str(error))
+        begin(self, asked)
 
     def help_here(self) -> None:
         """The manual's section on the page in sight."""
@@ -349,23 +325,10 @@ class OperatorWindow(QMainWindow):
 
     def figure_source(self) -> str:
         """What figures of this window are drawn from."""
-        space = self.space
-        if space.recording.active and space.recording.order is not None:
-            out = space.recording.order.out
-            return Source(out.name, datetime.now(UTC).isoformat(timespec="seconds"), space.simulated).line()
-        return (
-            Source(self.tr("no session"), "", False).line()
-            if space.session is None
-            else source_of(space.session).line()
-        )
+        return figure_source(self.space)
 
     def _show_title(self) -> None:
-        space = self.space
-        name = "" if space.session is None else space.session.name
-        if space.recording.active and space.recording.order is not None:
-            name = space.recording.order.out.name
-        mark = self.tr("SIMULATED") if space.simulated else ""
-        self.setWindowTitle(" – ".join(part for part in ("draglag", name, mark) if part))
+        self.setWindowTitle(window_title(self.space))
 
     def _ended(self, path: Path | None, problem: str) -> None:
         withdraw(self)
@@ -373,11 +336,11 @@ class OperatorWindow(QMainWindow):
         self._recording_changed(False)
         if path is not None and not problem:
             self.go("results")
-            self.tell("info", self.tr("Saved: {path}").format(path=path))
+            self.notify("info", self.tr("Saved: {path}").format(path=path))
 
     def _notice(self, event: events.NoticeRaised) -> None:
         if event.level in ("warning", "error") or event.state:
-            self.tell(event.level, f"{source_name(event.source)}: {in_words(event.text)}")
+            self.notify(event.level, f"{source_name(event.source)}: {in_words(event.text)}")
 
     def _checked(self, results: list[Checked]) -> None:
         for result in results:
@@ -416,24 +379,12 @@ class OperatorWindow(QMainWindow):
         self.setWindowState(self.windowState() ^ Qt.WindowState.WindowFullScreen)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        if self.space.recording.active and not self._sure_to_stop():
+        if self.space.recording.active and not sure_to_stop(self):
             event.ignore()
             return
         self._remember()
         self.shut_down()
         event.accept()
-
-    def _sure_to_stop(self) -> bool:
-        box = QMessageBox(self)
-        box.setWindowTitle("draglag")
-        box.setText(self.tr("A session is being recorded."))
-        stop = box.addButton(self.tr("Stop and save"), QMessageBox.ButtonRole.DestructiveRole)
-        stay = box.addButton(self.tr("Continue recording"), QMessageBox.ButtonRole.RejectRole)
-        box.setDefaultButton(stay)
-        box.setEscapeButton(stay)
-        box.setWindowModality(Qt.WindowModality.WindowModal)  # the participant's Esc still aborts the run
-        box.exec()
-        return box.clickedButton() is stop
 
     def end(self) -> None:
         """Stop and save without a question, and leave: nobody may be there to answer."""
@@ -446,12 +397,3 @@ class OperatorWindow(QMainWindow):
         self.space.recording.stop_and_wait()
         self.space.tasks.finish()
         self.space.quiet_tasks.finish()
-
-
-def _dropped(data: QMimeData) -> Path | None:
-    """The one session file or folder that is dragged; None for anything else."""
-    paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
-    if len(paths) != 1:
-        return None
-    path = paths[0]
-    return path if path.is_dir() or path.suffix == ".h5" or path.name == "session.json" else None

@@ -1,4 +1,4 @@
-"""What the pages share: settings, protocol, the session at hand and its estimates. Signals tell of every change."""
+"""What the pages share: settings, protocol, the session at hand and its estimates. Signals announce every change."""
 
 from __future__ import annotations
 

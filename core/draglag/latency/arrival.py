@@ -17,7 +17,8 @@ import numpy as np
 
 from draglag.events import BATCHED, median
 from draglag.latency.estimate import Prepared
-from draglag.latency.path import LONGEST_FILL, Path, events_of
+from draglag.latency.path import Path
+from draglag.latency.spectrum import LONGEST_FILL, events_of
 from draglag.latency.track import Smoothed, smoothed_of
 from draglag.recording import FloatArray, IntArray, TouchTrace
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from draglag.latency.path import INDEPENDENT_S, Events, Path, looked_up, tapered
+from draglag.latency.path import INDEPENDENT_S, Path, looked_up, tapered
+from draglag.latency.spectrum import Events
 from draglag.recording import FloatArray
 
 BAND_HZ = (7.0, 14.0)

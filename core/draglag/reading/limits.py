@@ -51,4 +51,4 @@ CONTACTS = 128
 """Contacts of one touchscreen at a time: the largest touch tables follow 100. Frames are compared pair by pair."""
 
 CONTACT = 2**53
-"""Largest number of a contact in a table: above it doubles no longer tell two whole numbers apart."""
+"""Largest number of a contact in a table: above it doubles no longer distinguish two whole numbers."""

@@ -18,7 +18,7 @@ from draglag_app.windows.window import OperatorWindow
 Role = QAccessible.Role
 # Parts of a widget that has a name itself, or frames without words.
 _PARTS = {Role.Cell, Role.ColumnHeader, Role.RowHeader, Role.ScrollBar, Role.ListItem, Role.PageTab, Role.Grip}
-# Qt has no role for these; they are told by their names.
+# Qt has no role for these; their names identify them.
 _DRAWN = (Plot, QTabWidget)
 
 
@@ -32,7 +32,7 @@ def tree(node: QAccessibleInterface, path: str = "") -> Iterator[tuple[str, QAcc
 
 
 def test_everything_the_keyboard_reaches_has_a_name_and_a_role(opened: OperatorWindow, qapp: QApplication) -> None:
-    nameless, seen = [], 0
+    unnamed, seen = [], 0
     for name in opened.pages:
         opened.go(name)
         qapp.processEvents()
@@ -43,11 +43,11 @@ def test_everything_the_keyboard_reaches_has_a_name_and_a_role(opened: OperatorW
                 continue
             seen += 1
             if node.role() is Role.NoRole or (node.role() is Role.Client and not isinstance(node.object(), _DRAWN)):
-                nameless.append((name, path, "no role"))
+                unnamed.append((name, path, "no role"))
             elif not node.text(QAccessible.Text.Name).strip():
-                nameless.append((name, path, node.role().name))
+                unnamed.append((name, path, node.role().name))
     assert seen > 100
-    assert nameless == []
+    assert unnamed == []
     for role, light in opened.header.lights.items():  # what they show by colour and shape is said in words too
         assert light.state in QAccessible.queryAccessibleInterface(light).text(QAccessible.Text.Name), role
 
@@ -69,7 +69,7 @@ def test_the_keyboard_goes_round_every_page_from_top_to_bottom(opened: OperatorW
         inside = [widget for widget in visited if page.isAncestorOf(widget)]
         assert inside, name
         tops = [widget.mapTo(page, QPoint(0, 0)).y() for widget in inside]
-        # Columns stand beside each other: the order may jump back up once or twice, never zigzag.
+        # Columns stand next to each other: the order may jump back up once or twice, never zigzag.
         jumps = sum(later < earlier - 60 for earlier, later in pairwise(tops))
         assert jumps <= 4, (name, tops)
 

@@ -215,7 +215,7 @@ def test_what_is_shown_is_translated(file: Path) -> None:
     """No sentence goes to a widget as it stands in the source."""
     shows = {
         "setText", "setToolTip", "setPlaceholderText", "setWindowTitle", "setAccessibleName", "setTitle", "addAction",
-        "button", "label", "Panel", "Fact", "tell", "show_text", "setSuffix", "setPrefix",
+        "button", "label", "Panel", "Fact", "notify", "show_text", "setSuffix", "setPrefix",
     }  # fmt: skip
     bare = []
     for name, call in calls(file):

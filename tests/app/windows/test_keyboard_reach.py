@@ -152,7 +152,7 @@ class TestUndo:
         assert window.notice_text.text() == "Undone: copy runs"
         window.go("results")
         assert window.notice_text.text() == ""  # what was only told is not told on every page
-        window.tell("warning", "look here")
+        window.notify("warning", "look here")
         window.go("log")
         assert window.notice_text.text() == "look here"
 

@@ -22,7 +22,7 @@ def large(qapp: QApplication, open_window: Callable, request: pytest.FixtureRequ
 
 
 def test_every_page_fits_a_small_screen_with_large_text(large: OperatorWindow, qapp: QApplication) -> None:
-    large.tell("error", "What happened, and what to do about it. " * 2)
+    large.notify("error", "What happened, and what to do about it. " * 2)
     for recording in (True, False):
         large.record.set_recording(recording)
         for name in large.pages:

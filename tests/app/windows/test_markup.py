@@ -116,7 +116,7 @@ def test_no_page_obeys_markup(
     compare = window.pages["compare"][1]
     compare.add_files([hostile])
     until(lambda: not window.space.tasks.running)
-    window.tell("error", HOSTILE)
+    window.notify("error", HOSTILE)
     window.header.set_light("touch", "fault", HOSTILE)
     shown = 0
     for name in window.pages:

@@ -589,7 +589,7 @@ def test_every_page_fits_a_small_screen_also_with_a_notice(
 ) -> None:
     try:
         window = open_window(language=language)
-        window.tell("error", "What happened, and what to do about it. " * 4)
+        window.notify("error", "What happened, and what to do about it. " * 4)
         for name in window.pages:
             window.go(name)
             QApplication.processEvents()

@@ -47,8 +47,8 @@ class HelpPage(QWidget):
         self.manual.setAccessibleName(self.tr("Help"))
         self.keys.setAccessibleName(self.tr("Keys"))
         self.keys.document().setDocumentMargin(14)
-        for beside in (self.search, self.contents):
-            beside.setFixedWidth(wide(_CONTENTS_PX))
+        for part in (self.search, self.contents):
+            part.setFixedWidth(wide(_CONTENTS_PX))
         self.keys.setFixedWidth(_KEYS_PX)
         row.addLayout(left)
         row.addWidget(self.manual, 1)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import time
-from datetime import datetime
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QTimer, Signal
+from PySide6.QtCore import QCoreApplication, Signal
 from PySide6.QtWidgets import (
     QApplication,
-    QGridLayout,
     QHBoxLayout,
-    QLineEdit,
-    QProgressBar,
     QVBoxLayout,
     QWidget,
 )
@@ -23,25 +19,18 @@ from draglag_app.session.machine import Phase
 from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.bridge import Prompted
 from draglag_app.windows.pages.parts.between_runs import rest_words, session_left, verdict_words
+from draglag_app.windows.pages.parts.live_facts import LiveFacts
 from draglag_app.windows.pages.parts.run_table import RunTable
+from draglag_app.windows.pages.parts.state_band import StateBand, plain_row
 from draglag_app.windows.parts.full_texts import ElidedLabel
-from draglag_app.windows.parts.heading import Heading
 from draglag_app.windows.parts.theme import theme, wide
-from draglag_app.windows.parts.widgets import LARGE_TEXT, Fact, Panel, button, label, restyle
+from draglag_app.windows.parts.widgets import LARGE_TEXT, button, label
 from draglag_app.windows.recording.live_view import LiveView
 from draglag_app.windows.start import Obstacle
 from draglag_app.windows.wording import words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
 
-# Room for what is told in the largest letters; buttons give way to it.
-_BIG_PX = 260
-# A touch rate says nothing of now where the last touch is older.
-_OLD_S = 1.0
-# The largest letters, read across a room, and those of a line that is longer than some letters.
-_BIG_LETTERS_PX, _LONG_LETTERS_PX, _FEW = 40, 26, 18
-# Long enough to be seen from the corner of the eye, once.
-_FLASH_MS = 400
 # The heading and four rows of the table.
 _LOWER_PX = 214
 
@@ -70,18 +59,20 @@ class RecordPage(QWidget):
         self._outcome: tuple[str, str] | None = None
         self._missing: list[Obstacle] = []
         self._faults: list[str] = []
-        self._touched_s: float | None = None
         self._resting, self._rest_until_s, self._number = False, 0.0, 0
-        self._few = True  # letters in the largest line
         self._ended: tuple[str, str] | None = None  # id and outcome of the run that ended last
-        self._flash = QTimer(self)
-        self._flash.setSingleShot(True)
-        self._flash.setInterval(_FLASH_MS)
-        self._flash.timeout.connect(lambda: restyle(self.band, "flash", "false"))
+        self.band = StateBand()
+        self.band.pressed.connect(self._ask)
+        self.big, self.small, self.buttons = self.band.big, self.band.small, self.band.buttons
+        self.progress, self.heading = self.band.progress, self.band.heading
+        self.now = LiveFacts(self._write_note)
+        self.now.setFixedHeight(_LOWER_PX)
+        self.now.noted.connect(self.noted)
+        self.facts, self.note = self.now.facts, self.now.note
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
         outer.setSpacing(10)
-        outer.addWidget(self._state_band())
+        outer.addWidget(self.band)
         outer.addWidget(self._about())
         self.clock_warning = label("", "warning", wrap=True)
         self.clock_warning.hide()
@@ -91,47 +82,18 @@ class RecordPage(QWidget):
         lower = QHBoxLayout()
         self.table = RunTable()
         if wide(100) > LARGE_TEXT:
-            self.table.tell_first()
+            self.table.show_first_columns()
         lower.addWidget(self.table, 3)
-        lower.addWidget(self._facts(), 2)
+        lower.addWidget(self.now, 2)
         outer.addLayout(lower)
         self.table.setFixedHeight(_LOWER_PX)
         self.live.drawing.connect(self._keep_time)
         self._listen()
         self.set_recording(False)
 
-    def _state_band(self) -> QWidget:
-        band = self.band = Panel()
-        side, row = _row()
-        row.addStretch(1)
-        self.big = ElidedLabel("big")
-        self.small = ElidedLabel("medium")
-        self.buttons = {}
-        for action, text, role in (
-            ("mend", "", "primary"),
-            ("start", self.tr("Start  F5"), "primary"),
-            ("proceed", self.tr("Begin now  F6"), "primary"),
-            ("repeat", self.tr("Repeat run  F7"), ""),
-            ("abort", self.tr("Abort run  F8"), "danger"),
-            ("stop", self.tr("Stop and save  F9"), "danger"),
-        ):
-            made = button(text, role, large=True)
-            made.clicked.connect(lambda checked=False, action=action: self._ask(action))
-            self.buttons[action] = made
-            row.addWidget(made)
-        self.progress = QProgressBar()
-        self.progress.setTextVisible(False)
-        self.progress.setRange(0, 1000)
-        under, below = _row()
-        below.addWidget(self.small, 3)
-        below.addWidget(self.progress, 1)
-        self.heading = Heading(self.big, side, under, wide(_BIG_PX))
-        band.body.addWidget(self.heading)
-        return band
-
     def _about(self) -> QWidget:
         """What the next session is about, and the button that changes it."""
-        self.about_row, row = _row()
+        self.about_row, row = plain_row()
         self.about = ElidedLabel("hint")
         details = button(self.tr("Session details…  Ctrl+D"))
         details.clicked.connect(lambda: self.asks.emit("details"))
@@ -145,30 +107,6 @@ class RecordPage(QWidget):
 
     def _mends_on(self) -> str:
         return self._missing[0].page if self._missing else "bench"
-
-    def _facts(self) -> QWidget:
-        panel = Panel()
-        panel.setFixedHeight(_LOWER_PX)
-        grid = QGridLayout()
-        grid.setVerticalSpacing(6)
-        self.facts = {}
-        for k, (name, title) in enumerate(
-            (
-                ("touch_rate", self.tr("touch events")),
-                ("touch_age", self.tr("last touch")),
-                ("edges", self.tr("edges, this run")),
-                ("lost", self.tr("lost")),
-                ("file", self.tr("file")),
-                ("taps", self.tr("taps")),
-            )
-        ):
-            fact = self.facts[name] = Fact(title)
-            grid.addWidget(fact, k // 3, k % 3)
-        panel.body.addLayout(grid)
-        self.note = QLineEdit()
-        self.note.returnPressed.connect(self._write_note)
-        panel.body.addWidget(self.note)
-        return panel
 
     def _listen(self) -> None:
         bridge = self._space.bridge
@@ -189,27 +127,18 @@ class RecordPage(QWidget):
     def set_recording(self, recording: bool) -> None:
         """Show the buttons that make sense; called when a session begins and ends."""
         self.about_row.setVisible(not recording)
-        idle = ("start", "mend")
-        seen = {made: (action in idle) != recording for action, made in self.buttons.items()}
-        for made in sorted(seen, key=lambda made: seen[made]):  # those that go first: all at once widen the window
-            made.setVisible(seen[made])
-        self.note.setEnabled(recording)
-        self.note.setPlaceholderText(self.tr("Note with the present time: F4, write, Enter"))
-        for name in ("touch_rate", "touch_age", "edges") if not recording else self.facts:  # numbers of now, or none
-            self.facts[name].show_text(words.DASH)
-        self.progress.setVisible(recording)
+        self.band.set_recording(recording)
+        self.now.set_recording(recording)
         if recording:
             self._outcome = None
-            self._touched_s, self._ended, self._resting, self._number = None, None, False, 0
+            self._ended, self._resting, self._number = None, False, 0
             self.table.clear_runs()
-            self._losses: dict[str, int] = {}
             self._enable(resting=False, running=False)
-            self._say(self.tr("Opening the instruments"), "")
+            self.band.say(self.tr("Opening the instruments"), "")
             self.live.begin_session()
         else:
             self.live.end_session()
             self._phase, self._resting = None, False
-            self.progress.setValue(0)
             self._show_idle()
 
     def show_outcome(self, path: Path | None, problem: str) -> None:
@@ -219,7 +148,7 @@ class RecordPage(QWidget):
             self._outcome = (title, in_words(problem))
 
     def forget_outcome(self) -> None:
-        """Another rig or protocol was chosen: what happened with the one before says nothing of it."""
+        """Another rig or protocol was chosen: the outcome of the one before is not its own."""
         self._outcome = None
 
     def show_readiness(self, missing: list[Obstacle], faults: list[str]) -> None:
@@ -231,20 +160,19 @@ class RecordPage(QWidget):
     def _show_idle(self) -> None:
         start = self._what_starts()
         mends = bool(self._missing or self._faults)
-        self.buttons["mend"].setVisible(mends)
-        self.buttons["mend"].setText(MEND[self._mends_on()]())
+        self.band.show_mend(MEND[self._mends_on()]() if mends else "")
         details = self._space.settings.details()
         about = " · ".join(f"{words.detail_name(name)}: {text}" for name, text in details.items())
         self.about.setText(about or self.tr("No participant, session or operator is named"))
         if self._outcome is not None:
-            self._say(self._outcome[0], f"{self._outcome[1]} {start}", "bad")
+            self.band.say(self._outcome[0], f"{self._outcome[1]} {start}", "bad")
         elif any(obstacle.hopeless for obstacle in self._missing):
             short = ", ".join(obstacle.short for obstacle in self._missing)
-            self._say(self.tr("▲ Not ready: {what}").format(what=short), self._sentences(), "bad")
+            self.band.say(self.tr("▲ Not ready: {what}").format(what=short), self._sentences(), "bad")
         elif mends:
-            self._say(self.tr("▲ Not ready"), self._sentences(), "bad")
+            self.band.say(self.tr("▲ Not ready"), self._sentences(), "bad")
         else:
-            self._say(self.tr("Ready"), start)
+            self.band.say(self.tr("Ready"), start)
 
     def _sentences(self) -> str:
         return " ".join([*(obstacle.sentence for obstacle in self._missing), *self._faults])
@@ -257,25 +185,6 @@ class RecordPage(QWidget):
             after_s = first_target_after_s(protocol, COUNTDOWN_S)
             start += self.tr(" · the first target moves after {time}").format(time=words.duration(after_s))
         return start
-
-    def _say(self, big: str, small: str, level: str = "", anew: bool = False) -> None:
-        for shown, text in ((self.big, big), (self.small, small)):
-            if shown.text() != text:
-                shown.setText(text)
-        same = level == self.big.property("level") and (len(big) <= _FEW) == self._few
-        self._few = len(big) <= _FEW
-        if same and not anew:
-            return  # said ten times a second; its colour stays
-        restyle(self.big, "level", level)
-        colours = {
-            "live": theme().bad,
-            "bad": theme().bad,
-            "good": theme().ok,
-            "warning": theme().warning,
-            "": theme().text,
-        }
-        size_px = wide(_BIG_LETTERS_PX if self._few else _LONG_LETTERS_PX)
-        self.big.setStyleSheet(f"color: {colours.get(level, theme().text)}; font-size: {size_px}px;")
 
     def _state_changed(self, event: events.StateChanged) -> None:
         self._phase = event.phase
@@ -296,24 +205,19 @@ class RecordPage(QWidget):
         self._show_state()
 
     def _enable(self, resting: bool, running: bool) -> None:
-        self.buttons["proceed"].setEnabled(resting)
-        self.buttons["abort"].setEnabled(running)
-        # What makes no sense now gives its room to the largest letters.
-        for made, seen in ((self.buttons["proceed"], not running), (self.buttons["abort"], running)):
-            made.setVisible(seen)
-        self.buttons["repeat"].setEnabled(running or self.table.rowCount() > 0)
+        self.band.enable(resting, running, self.table.rowCount() > 0)
 
     def _prompted(self, event: Prompted) -> None:
         """Between runs the operator reads what the participant reads."""
         if self._phase not in (None, Phase.FINISHED):
             return
         if event.kind == "tap":
-            self._say(self.tr("Taps"), in_words(event.text))
+            self.band.say(self.tr("Taps"), in_words(event.text))
         elif event.text == "Rest":
             self._resting = True
             self._show_rest()
         elif event.text:
-            self._say(self.tr("Wait"), in_words(event.text))
+            self.band.say(self.tr("Wait"), in_words(event.text))
         self._resting = event.text == "Rest"
         self._enable(resting=self._resting, running=event.kind == "tap")
 
@@ -329,10 +233,10 @@ class RecordPage(QWidget):
         session_s = self._space.recording.left_s(self._number)
         level, verdict, more = self._verdict()
         rest = rest_words(left_s, session_s, first, again)
-        self._say(verdict or self.tr("Rest"), " · ".join(part for part in (more, rest) if part), level)
+        self.band.say(verdict or self.tr("Rest"), " · ".join(part for part in (more, rest) if part), level)
 
     def _verdict(self) -> tuple[str, str, str]:
-        """(level, words, more) on the run that ended last; empty where there is nothing to say of it yet."""
+        """(level, words, more) on the run that ended last; empty where there is no estimate yet."""
         live = self._space.live
         if self._ended is None:
             return "", "", ""
@@ -363,16 +267,15 @@ class RecordPage(QWidget):
         session = session_left(max(0.0, left_s) + self._space.recording.left_s(self._number))
         if self._phase is Phase.COUNTDOWN:
             starts = self.tr("Starts in {n}").format(n=max(1, round(left_s + 0.5)))
-            self._say(starts, f"{self._what}{again} · {session}")
-            self.progress.setValue(0)
+            self.band.say(starts, f"{self._what}{again} · {session}")
+            self.band.show_share(0.0)
         elif self._phase is Phase.RECORDING:
             left = self.tr("{time} left").format(time=words.duration(left_s))
-            self._say(self.tr("● Recording"), f"{self._what} · {left}{again} · {session}", "live")
-            # In steps that can be seen: every one is painted at once.
-            self.progress.setValue(5 * round(200 * (1 - max(0.0, left_s) / max(self._span_s, 1e-3))))
+            self.band.say(self.tr("● Recording"), f"{self._what} · {left}{again} · {session}", "live")
+            self.band.show_share(1 - max(0.0, left_s) / max(self._span_s, 1e-3))
         elif self._phase is Phase.CLOSING:
-            self._say(self.tr("Saving"), self._what + again)
-            self.progress.setValue(1000)
+            self.band.say(self.tr("Saving"), self._what + again)
+            self.band.show_share(1.0)
 
     def _run_finished(self, event: events.RunFinished) -> None:
         self.live.draw_all()
@@ -386,27 +289,16 @@ class RecordPage(QWidget):
         if settings.sound:
             QApplication.beep()
         if settings.flash and not settings.reduced_motion:
-            restyle(self.band, "flash", "true")
-            self._flash.start()
+            self.band.flash()
 
     # --- data -----------------------------------------------------------------------------------------------
 
     def _samples_arrived(self, event: events.SamplesArrived) -> None:
         self.live.add(event)
-        self._losses[event.role] = event.lost
-        if event.role == "touch":
-            self._touched_s = time.monotonic() - max(0.0, event.age_s)
-            if event.rate_hz:  # not of a single event
-                self.facts["touch_rate"].show_text(words.per_second(event.rate_hz))
-            self.facts["touch_age"].show_text(words.duration_ms(event.age_s))
-        self.facts["lost"].show_text(str(sum(self._losses.values())))
-        self.facts["edges"].show_text(str(self.live.n_edges))
+        self.now.take(event, self.live.n_edges)
 
     def _keep_time(self) -> None:
-        age_s = 0.0 if self._touched_s is None else time.monotonic() - self._touched_s
-        if age_s > _OLD_S:  # nothing arrives that would say so
-            self.facts["touch_rate"].show_text(words.per_second(0.0))
-            self.facts["touch_age"].show_text(words.duration_ms(age_s))
+        self.now.keep_time()
         if self._phase in (Phase.COUNTDOWN, Phase.RECORDING):
             self._show_state()
         elif self._resting:
@@ -428,15 +320,11 @@ class RecordPage(QWidget):
         if self._resting:
             self._show_rest()
 
-    def _write_note(self) -> None:
+    def _write_note(self, text: str) -> bool:
         control = self._space.recording.control
-        text = self.note.text().strip()
-        if control is not None and text:
+        if control is not None:
             control.note(text)
-            self.note.clear()
-            now = datetime.now().strftime("%H:%M:%S")
-            self.note.setPlaceholderText(self.tr("Noted at {time}: {text}").format(time=now, text=text))
-        self.noted.emit()
+        return control is not None
 
     def say_repeat(self) -> None:
         """The operator asked for a run once more."""
@@ -449,13 +337,5 @@ class RecordPage(QWidget):
     def restyle_plots(self) -> None:
         """Draw in the present theme."""
         self.live.restyle()
-        self._say(self.big.text(), self.small.text(), str(self.big.property("level") or ""), anew=True)
+        self.band.restyle()
         self._live_changed()
-
-
-def _row() -> tuple[QWidget, QHBoxLayout]:
-    made = QWidget()
-    row = QHBoxLayout(made)
-    row.setContentsMargins(0, 0, 0, 0)
-    row.setSpacing(8)
-    return made, row

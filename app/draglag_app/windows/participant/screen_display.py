@@ -53,19 +53,19 @@ class ScreenDisplay(QObject):
 class WatchedDisplay:
     """Passes everything on to a display, and tells somebody what the participant is told."""
 
-    def __init__(self, display: Display, tell: Callable[[Prompted], None]) -> None:
+    def __init__(self, display: Display, report: Callable[[Prompted], None]) -> None:
         self._display = display
-        self._tell = tell
+        self._report = report
         self._text = ""
 
     def show(self, target: Target, start_s: float) -> None:
         self._display.show(target, start_s)
-        self._tell(Prompted(self._text, target.kind))
+        self._report(Prompted(self._text, target.kind))
 
     def prompt(self, text: str) -> None:
         self._text = text
         self._display.prompt(text)
-        self._tell(Prompted(text))
+        self._report(Prompted(text))
 
     def frames(self, until_s: float) -> DisplayTrace:
         return self._display.frames(until_s)

@@ -55,7 +55,7 @@ class ElidedLabel(QLabel):
 
 
 class WholeTexts(QStyledItemDelegate):
-    """Cells whose text is cut off tell it in a tooltip; those with a tooltip of their own keep it."""
+    """Cells whose text is cut off show it in a tooltip; those with a tooltip of their own keep it."""
 
     def helpEvent(
         self,
@@ -81,11 +81,11 @@ class WholeTexts(QStyledItemDelegate):
 def whole_text(box: QComboBox, tip: str = "") -> None:
     """What is chosen may be wider than the box: its tooltip tells the whole, and its list is as wide as it needs."""
 
-    def tell(text: str) -> None:
+    def show_tip(text: str) -> None:
         box.setToolTip(plain(": ".join(part for part in (tip, text) if part)))
 
-    box.currentTextChanged.connect(tell)
-    tell(box.currentText())
+    box.currentTextChanged.connect(show_tip)
+    show_tip(box.currentText())
     widen_list(box)
 
 

@@ -75,8 +75,8 @@ class ColumnScroll(QScrollArea):
         if inside is None:
             return _LEAST
         hint = inside.minimumSizeHint()
-        beside = bar.sizeHint().width() if hint.height() > self.height() else 0
-        return QSize(inside.minimumWidth() + beside, hint.height())
+        bar_px = bar.sizeHint().width() if hint.height() > self.height() else 0
+        return QSize(inside.minimumWidth() + bar_px, hint.height())
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

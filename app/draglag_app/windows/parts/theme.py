@@ -15,7 +15,7 @@ from draglag_resources import resource
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours by meaning. Those of data are Okabe and Ito's, which people with colour blindness can tell apart."""
+    """Colours by meaning. Those of data are Okabe and Ito's, which people with colour blindness can distinguish."""
 
     name: str
     window: str

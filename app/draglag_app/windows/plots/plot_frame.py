@@ -234,9 +234,9 @@ class PlotFrame(pg.PlotWidget):
 
     def _tell(self, level: str, text: str) -> None:
         """Where the operator's window has a place for it: nothing stands in the way of a run."""
-        tell = getattr(self.window(), "tell", None)
-        if tell is not None:
-            tell(level, text)
+        notify = getattr(self.window(), "notify", None)
+        if notify is not None:
+            notify(level, text)
         elif level == "error":
             QMessageBox.warning(self, "draglag", plain(text))
 

@@ -43,7 +43,7 @@ class StepTable(QTableWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         titles = [say("effect"), say("probability"), say("where"), say("size"), say("gap before → after")]
-        set_up_table(self, titles, stretch=len(titles) - 1)  # beside the waterfall: what does not fit is scrolled to
+        set_up_table(self, titles, stretch=len(titles) - 1)  # next to the waterfall: what does not fit is scrolled to
         self.setAccessibleName(say("Effects"))
 
     def show_report(self, report: dict[str, Any]) -> None:

@@ -73,7 +73,7 @@ class RunTable(QTableWidget):
             self.horizontalHeader().setSortIndicator(0, Qt.SortOrder.AscendingOrder)
             self.setSortingEnabled(True)
 
-    def tell_first(self) -> None:
+    def show_first_columns(self) -> None:
         """Latency and verdict beside the run, where not all columns find room: the others are scrolled to."""
         header = self.horizontalHeader()
         header.setSectionResizeMode(header.count() - 1, QHeaderView.ResizeMode.ResizeToContents)

@@ -1,0 +1,54 @@
+"""Begin to measure: ask for the session's details and about what is missing, then start the recording."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QCoreApplication
+from PySide6.QtWidgets import QMessageBox
+
+from draglag.errors import DraglagError
+from draglag_app.windows.parts.plain import plain
+from draglag_app.windows.session_dialog import SessionDialog
+from draglag_app.windows.start import make_order, obstacles
+
+if TYPE_CHECKING:
+    from draglag_app.windows.window import OperatorWindow
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("beginning", text)
+
+
+def begin(window: OperatorWindow, asked: bool = False) -> None:
+    """Start the recording, unless something is missing and the operator does not want to start anyway.
+
+    ``asked``: the details of the session have been asked for, where the settings want that.
+    """
+    space = window.space
+    if space.settings.ask_details and not asked:
+        dialog = SessionDialog(space, window)
+        dialog.accepted.connect(lambda: begin(window, asked=True))
+        dialog.open()
+        return
+    space.calibrating.cancel()
+    window.go("record")
+    window.notify("", "")
+    found = obstacles(space)
+    problems = [*(obstacle.sentence for obstacle in found), *window.header.faults()]
+    if problems and not space.recording.active:
+        if any(obstacle.hopeless for obstacle in found):
+            window.notify("error", " ".join(problems))
+            return
+        if not _start_anyway(window, " ".join(problems)):
+            return
+    try:
+        space.recording.start(make_order(space))
+    except DraglagError as error:
+        window.notify("error", str(error))
+
+
+def _start_anyway(window: OperatorWindow, problems: str) -> bool:
+    question = plain(problems + "\n\n" + tr("Start anyway?"))
+    answer = QMessageBox.question(window, "draglag", question, defaultButton=QMessageBox.StandardButton.No)
+    return answer == QMessageBox.StandardButton.Yes
