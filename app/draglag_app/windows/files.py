@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,14 +24,6 @@ def tr(text: str) -> str:
     return QCoreApplication.translate("Files", text)
 
 
-def optional(module: str) -> Any | None:
-    """A module of the library that this version may lack."""
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError:
-        return None
-
-
 def open_session(window: OperatorWindow) -> None:
     """Ask for a session file and put it at hand."""
 
@@ -50,36 +41,30 @@ def import_folder(window: OperatorWindow) -> None:
 
 def read_folder(window: OperatorWindow, path: Path) -> None:
     """Put the session of an exchange folder at hand."""
-    exchange = optional("draglag.exchange")
-    if exchange is None:
-        window.notify("warning", tr("Importing is not built in this version."))
-        return
-    read = exchange.read_exchange
+    from draglag.exchange import read_exchange
 
     def take(session: Session) -> None:
         window.space.take(session, None)
         window.go("results")
 
     window.space.tasks.start(
-        tr("Importing"), lambda progress: read(path), take, lambda text: window.notify("error", text)
+        tr("Importing"), lambda progress: read_exchange(path), take, lambda text: window.notify("error", text)
     )
 
 
 def export_session(window: OperatorWindow) -> None:
     """Write the session at hand in a neutral form."""
-    session, exchange = window.space.session, optional("draglag.exchange")
+    session = window.space.session
     if session is None:
         window.notify("info", tr("There is no session to export yet."))
-        return
-    if exchange is None:
-        window.notify("warning", tr("Exporting is not built in this version."))
         return
     title, source = tr("Export into which (new or empty) folder?"), window.space.path
 
     def write(path: Path) -> Path:
+        from draglag.exchange import write_exchange
+
         results = () if source is None else read_analyses(source)
-        made: Path = exchange.write_exchange(session, path, results=results)
-        return made
+        return write_exchange(session, path, results=results)
 
     def begin(path: Path) -> None:
         do_work(window, tr("Exporting"), lambda progress: write(path), path)
@@ -89,17 +74,18 @@ def export_session(window: OperatorWindow) -> None:
 
 def write_report(window: OperatorWindow) -> None:
     """Write the HTML report of the session at hand."""
-    session, analysis, report = window.space.session, window.space.analysis, optional("draglag.report")
+    session, analysis = window.space.session, window.space.analysis
     if session is None or analysis is None:
         window.notify("info", tr("There are no results to report yet."))
         return
-    if report is None or not hasattr(report, "write_report"):
-        window.notify("warning", tr("Reports are not built in this version."))
-        return
-    write = report.write_report
+
+    def write(path: Path) -> Path:
+        from draglag.report import write_report
+
+        return write_report(session, analysis, path)
 
     def begin(path: Path) -> None:
-        do_work(window, tr("Writing the report"), lambda progress: write(session, analysis, path), path)
+        do_work(window, tr("Writing the report"), lambda progress: write(path), path)
 
     ask_new_folder(window, tr("Folder for the report"), proposed(window, "report"), begin)
 

@@ -33,12 +33,6 @@ Explanations = Sequence[tuple[tuple[str, ...], float]]
 """Sets of effects with their probabilities, the most probable first."""
 
 
-def size_in_words(step: Step) -> str:
-    """The first parameter of a step with its 95 % interval, as "24.9 ppm (23.7 to 26.2)"; empty without one."""
-    size, interval = _size(step)
-    return f"{size} ({interval})" if size else ""
-
-
 def cause_in_words(step: Step) -> str:
     """An effect, its twins, its size and its probability: "clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)"."""
     names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QWidget
 from draglag_app.windows.actions import say
 from draglag_app.windows.pages.bench import BenchPage
 from draglag_app.windows.pages.compare import ComparePage
-from draglag_app.windows.pages.gap import GapPage, gap_workflow
+from draglag_app.windows.pages.gap import GapPage
 from draglag_app.windows.pages.geometry import GeometryPage
 from draglag_app.windows.pages.help import HelpPage
 from draglag_app.windows.pages.log import LogPage
@@ -27,10 +27,7 @@ def make_pages(workspace: Workspace) -> dict[str, tuple[str, QWidget]]:
         "protocol": (QT_TRANSLATE_NOOP("Actions", "Protocol"), ProtocolPage(workspace)),
         "record": (QT_TRANSLATE_NOOP("Actions", "Record"), RecordPage(workspace)),
         "results": (QT_TRANSLATE_NOOP("Actions", "Results"), ResultsPage(workspace)),
-    }
-    if gap_workflow() is not None:
-        pages["gap"] = (QT_TRANSLATE_NOOP("Actions", "Gap"), GapPage(workspace))
-    pages |= {
+        "gap": (QT_TRANSLATE_NOOP("Actions", "Gap"), GapPage(workspace)),
         "compare": (QT_TRANSLATE_NOOP("Actions", "Compare"), ComparePage(workspace)),
         "log": (QT_TRANSLATE_NOOP("Actions", "Log"), LogPage(workspace)),
         "preferences": (QT_TRANSLATE_NOOP("Actions", "Preferences"), PreferencesPage(workspace)),

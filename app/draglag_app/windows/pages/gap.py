@@ -5,8 +5,6 @@ The page is there only in versions whose library can close the gap.
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,16 +33,6 @@ from draglag_app.windows.wording.effect_words import effect_meaning, effect_name
 from draglag_app.windows.wording.gap_words import headline, law_words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
-
-
-def gap_workflow() -> Callable[..., Any] | None:
-    """``close_gap`` of the library, or None in a version without it."""
-    try:
-        found = getattr(importlib.import_module("draglag.gap"), "close_gap", None)
-    except ImportError:
-        return None
-    return found if callable(found) else None
-
 
 # Remarks may be many: beyond some lines they scroll rather than take the pictures' room.
 _REMARKS_PX = 84

@@ -16,13 +16,11 @@ class FrameLog:
         self._lock = threading.Lock()
         self._frames: list[tuple[float, float, float]] = []
         self._missed = 0
-        self.missed_total = 0
 
     def add(self, t_s: float, x_mm: float, y_mm: float, missed: int) -> None:
         with self._lock:
             self._frames.append((t_s, x_mm, y_mm))
             self._missed += missed
-            self.missed_total += missed
 
     def clear(self) -> None:
         with self._lock:

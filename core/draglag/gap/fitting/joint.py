@@ -12,7 +12,7 @@ from draglag.errors import EstimateError
 from draglag.gap.fitting.descent import UNUSABLE, Search, descended
 from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
-from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
+from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, scatter
 from draglag.gap.fitting.search import cost_relative_to
 from draglag.gap.fitting.state import State, Term, linearise, term_signature, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
@@ -199,11 +199,6 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
     keep = edges[fit.use]
     value = likelihoods(parts, fit.residual_mm[keep], fit.design[keep], fit.prior)
     return max(value(w.components) for w in fit.whiteners)
-
-
-def log_likelihood_of(fit: Fit, parts: Scatter, components: Components) -> float:
-    """The fit's log-likelihood if its noise had these components."""
-    return profile(whitener(parts, components), fit.residual_mm, fit.design, fit.prior)[0]
 
 
 def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:

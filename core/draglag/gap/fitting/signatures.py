@@ -144,15 +144,3 @@ def jumps(v: View) -> list[tuple[str, str, Signature]]:
         out.append(("session_time", "jump", Signature(offset=later, theta=where)))
         out.append(("session_time", "latency jump", Signature(latency=later, theta=where)))
     return out
-
-
-def unnamed_columns(v: View, covariate: str, role: str, theta: tuple[float, ...]) -> FloatArray:
-    """Residual columns of what ``shape_free`` and ``jumps`` offer. Raises KeyError where neither does."""
-    if theta:
-        wanted = covariate, role, theta
-        found = (made.columns(v) for along, name, made in jumps(v) if (along, name, made.theta) == wanted)
-        columns = next(found, None)
-        if columns is None:
-            raise KeyError(f"no {role} in {covariate} at {theta}")
-        return columns
-    return shape_free(v)[covariate, role]

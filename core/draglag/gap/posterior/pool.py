@@ -82,10 +82,6 @@ class Pool:
         members = [found.search.linear.members[i] for i in found.explanation.members]
         return {member.name: member.theta for member in members}
 
-    def probability_of_anything(self) -> float:
-        """That anything beyond law, beam and noise is there, of whatever size."""
-        return sum(p for names, p in self.probabilities().items() if set(names) - {LAW_FORM})
-
     def fit_of(self, names: Names) -> Fit:
         return self.found[names].search.linear.fit
 
