@@ -11,6 +11,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QTabWidget, QWidget
 
 from draglag_app.windows.actions import ACTIONS, keys_of
+from draglag_app.windows.parts.page_stack import PageScroll
 from draglag_app.windows.plots.plot import Plot
 from draglag_app.windows.settings import load_settings
 from draglag_app.windows.window import OperatorWindow
@@ -89,6 +90,19 @@ def test_small_screens_reach_everything(opened: OperatorWindow, qapp: QApplicati
                     qapp.processEvents()
                     drawn = widget.viewport() if isinstance(widget, Plot) else widget
                     assert not drawn.visibleRegion().isEmpty(), (name, size, widget.accessibleName())
+
+
+def test_a_page_comes_into_sight_at_its_top_and_whole_where_it_fits(opened: OperatorWindow, qapp: QApplication) -> None:
+    (scrolled,) = opened.findChildren(PageScroll)
+    for size, whole in (((1280, 800), True), ((960, 540), False)):
+        opened.resize(*size)
+        for name in opened.pages:
+            opened.go(name)
+            qapp.processEvents()
+            bar = scrolled.verticalScrollBar()
+            assert bar.value() == 0, (name, size)
+            if whole and name != "preferences":  # a list of keys is longer than any screen
+                assert bar.maximum() == 0, (name, size)
 
 
 def test_keys_are_changed_listed_and_kept(open_window: Callable[..., OperatorWindow]) -> None:

@@ -21,5 +21,8 @@ class FollowFocus(QObject):
         if not shiboken6.isValid(self._area):  # the focus also leaves a window that is being deleted
             return
         inside = self._area.widget()
-        if now is not None and inside is not None and inside.isAncestorOf(now):
+        if now is None or inside is None or not inside.isAncestorOf(now):
+            return
+        # A page that has the focus as a whole stays at its top: no scrolling would show all of it.
+        if now.height() <= self._area.viewport().height():
             self._area.ensureWidgetVisible(now)

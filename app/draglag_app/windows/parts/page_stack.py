@@ -28,6 +28,14 @@ class PageStack(QStackedWidget):
     def sizeHint(self) -> QSize:
         return self.minimumSizeHint()
 
+    def heightForWidth(self, width: int) -> int:
+        """The least height of the page in sight; of itself Qt takes the height that the tallest of all prefers."""
+        page = self.currentWidget()
+        layout = None if page is None else page.layout()
+        if layout is None or not layout.hasHeightForWidth():
+            return self.minimumSizeHint().height()
+        return layout.minimumHeightForWidth(width)
+
 
 class PageScroll(QScrollArea):
     """Scrolls the page in sight where the window is smaller than it, and follows the keyboard's focus."""
