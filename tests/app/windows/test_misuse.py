@@ -14,7 +14,6 @@ from app.session_rigs import DiesAt, of_role, replaced
 from draglag.store import read_session
 from draglag_app.session.machine import Phase
 from draglag_app.windows import start
-from draglag_app.windows import window as window_module
 from draglag_app.windows.window import OperatorWindow
 
 
@@ -47,7 +46,7 @@ def test_a_sensor_unplugged_in_a_run_is_told_and_the_run_before_it_is_kept(
         rig = replaced(made.rig, DiesAt(of_role(made.rig, "laser"), 50.0))  # in the second run
         return type(made)(**{**made.__dict__, "rig": rig})
 
-    monkeypatch.setattr(window_module, "make_order", order)
+    monkeypatch.setattr("draglag_app.windows.beginning.make_order", order)
     window.ask("start")
     until(lambda: window.space.session is not None and idle(window))
     assert [run.outcome for run in window.space.session.runs] == ["complete", "device_lost"]
