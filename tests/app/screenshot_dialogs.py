@@ -15,7 +15,6 @@ from draglag_app.windows import files
 from draglag_app.windows.leaving import sure_to_stop
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
-from draglag_app.windows.wording.i18n import translate
 from draglag_app.windows.wording.library_words import in_words
 from draglag_devices.source import DeviceError
 
@@ -29,18 +28,28 @@ TOUCH = DeviceError(
 def _asked(ask: Callable[[], object], path: Path, shoot: Shoot) -> None:
     """Let the window ask, take a picture of the question, and say no."""
 
+    waiting, looking = QEventLoop(), QTimer()
+    left = [200]
+
     def answer() -> None:
         box = QApplication.activeModalWidget()
-        if not isinstance(box, QDialog):
-            raise SystemExit(f"nothing was asked for {path.name}")
-        shoot(box, path)
-        box.reject()
+        left[0] -= 1
+        if isinstance(box, QDialog):
+            looking.stop()
+            shoot(box, path)
+            box.reject()
+            waiting.quit()
+        elif not left[0]:
+            looking.stop()
+            waiting.quit()
 
-    waiting = QEventLoop()
-    QTimer.singleShot(200, answer)
-    QTimer.singleShot(250, waiting.quit)
+    looking.timeout.connect(answer)
+    looking.start(100)  # on a busy computer a dialog takes its time
     ask()
-    waiting.exec()  # a dialog that is only shown is answered here
+    if looking.isActive():
+        waiting.exec()  # a dialog that is only shown is answered here
+    if not path.exists():
+        raise SystemExit(f"nothing was asked for {path.name}")
 
 
 def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:
@@ -103,8 +112,8 @@ def under_way(
     shoot(window, out / f"calibrating-{theme}.png")
     window.space.calibrating.cancel()
     window.start()
-    rest = translate("RecordPage", "Rest")
-    wait(application, lambda: window.record.big.text() == rest and bool(window.space.live.known))
+    verdicts = ("good", "warning", "bad")
+    wait(application, lambda: window.record.big.property("level") in verdicts and not window.space.live.preliminary)
     window.ask("note")
     window.record.note.setText("stylus tip changed after this run")
     shoot(window, out / f"resting-{theme}.png")
