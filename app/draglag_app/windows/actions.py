@@ -150,11 +150,11 @@ class Actions(QObject):
             ("redo", stack.canRedoChanged, stack.canRedo(), stack.redoTextChanged, stack.redoText()),
         ):
             action = self.made[name]
-            told = partial(_name_after, action, action.text())
+            renamed = partial(_name_after, action, action.text())
             able.connect(action.setEnabled)
-            what.connect(told)
+            what.connect(renamed)
             action.setEnabled(able_now)
-            told(what_now)
+            renamed(what_now)
 
     def set_recording(self, recording: bool) -> None:
         """Enable what makes sense now."""

@@ -1,4 +1,4 @@
-"""The one bridge from session events, told by other threads, to Qt signals in the windows' thread."""
+"""The one bridge from session events, sent by other threads, to Qt signals in the windows' thread."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag_app.session import events
 
 @dataclass(frozen=True)
 class Prompted:
-    """What the participant is told or shown now; ``kind`` of the target, empty where there is none."""
+    """What the participant reads or sees now; ``kind`` of the target, empty where there is none."""
 
     text: str
     kind: str = ""

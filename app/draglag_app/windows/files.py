@@ -91,7 +91,7 @@ def write_report(window: OperatorWindow) -> None:
 
 
 def proposed(window: OperatorWindow, what: str) -> Path:
-    """Beside the session, named after it."""
+    """In the folder of the session, named after it."""
     path, space = window.space.path, window.space
     stem = path.stem if path is not None else "session"
     return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
@@ -125,7 +125,7 @@ def offer_salvage(window: OperatorWindow) -> None:
 
 
 def _save_each(window: OperatorWindow, left: list[Path], folder: Path | None) -> None:
-    """Save recordings beside themselves, or in a folder; those that cannot be saved are offered another one."""
+    """Save recordings in their own folder, or in a folder; those that cannot be saved are offered another one."""
 
     def work(progress: Progress) -> tuple[list[str], list[Path], str]:
         saved, failed, why = [], [], ""

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QButtonGroup, QFrame, QPushButton, QVBoxLayout
 from draglag_app.windows.parts.icons import icon
 from draglag_app.windows.parts.theme import theme, wide
 
-_WIDTH_PX, _ICON_PX, _BESIDE_PX = 164, 22, 20
+_WIDTH_PX, _ICON_PX, _MARGIN_PX = 164, 22, 20
 # After these comes a little room: to set up, to judge, to look things up.
 _LAST_OF_A_GROUP = ("record", "compare")
 
@@ -53,7 +53,7 @@ class Navigation(QFrame):
         if narrow == self._narrow:
             return
         self._narrow = narrow
-        width = _ICON_PX + 2 * _BESIDE_PX if narrow else wide(_WIDTH_PX)
+        width = _ICON_PX + 2 * _MARGIN_PX if narrow else wide(_WIDTH_PX)
         self.setFixedWidth(width)
         for name, tab in self.tabs.items():
             tab.setText("" if narrow else self._titles[name])

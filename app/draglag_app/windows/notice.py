@@ -54,7 +54,7 @@ class NoticeStrip(QFrame):
         self.setVisible(bool(text) or self.progress.isVisibleTo(self))
 
     def forget_done(self) -> None:
-        """What only told that something was done; warnings and errors stay until they are dismissed."""
+        """Take away a notice that something was done; warnings and errors stay until they are dismissed."""
         if self.property("level") == "info":
             self.notify("", "")
 

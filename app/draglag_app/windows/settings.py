@@ -159,7 +159,7 @@ def settings_path() -> Path:
 def load_settings(path: Path) -> tuple[Settings, str]:
     """Settings and a sentence for the operator, empty when all is well. Never raises: defaults take over.
 
-    What cannot be used is named; the file as it was is kept beside it, since the next change writes a new one.
+    What cannot be used is named; the file as it was is kept next to it, since the next change writes a new one.
     """
     if not os.path.exists(path):
         return Settings(), ""

@@ -74,7 +74,7 @@ def _misplaced(space: Workspace) -> list[str]:
         shown_on = numbered_screen(int(settings.rig.display.split()[-1]))
         panel = settings.touched_screen()
     except DraglagError:
-        return []  # told when the session begins
+        return []  # reported when the session begins
     made = settings.panel.calibration
     calibrated = (made is not None and made.serves(settings.rig.touch)) or "calibration=" in settings.rig.touch
     axes = "" if settings.rig.simulated else axes_problem(calibrated, shown_on)

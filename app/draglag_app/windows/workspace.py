@@ -135,7 +135,7 @@ class Workspace(QObject):
         self.analyse()
 
     def analyse(self) -> None:
-        """Estimate everything anew with the present options."""
+        """Estimate everything again with the present options."""
         session, options = self.session, self.options
         if session is None:
             return

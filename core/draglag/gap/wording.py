@@ -52,7 +52,7 @@ def _size(step: Step) -> tuple[str, str]:
 
 
 def headline(report: GapReport) -> str:
-    """The verdict, and the run that would separate those causes that edges cannot tell apart."""
+    """The verdict, and the run that would separate those causes that edges cannot distinguish."""
     return " ".join((verdict_in_words(report), *_to_separate(report)))
 
 

@@ -1,4 +1,4 @@
-"""Compare: sessions and screens beside each other, and how their curves differ."""
+"""Compare: sessions and screens next to each other, and how their curves differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Log: everything that was told, newest last, and what the session's file keeps of it."""
+"""Log: every notice, newest last, and what the session's file keeps of it."""
 
 from __future__ import annotations
 

@@ -113,12 +113,12 @@ class ProtocolPage(QWidget):
             row.addWidget(made)
             self.file_buttons[text] = made
         stack = self._space.undo
-        for made, able, told in (
+        for made, able, changed in (
             (self.file_buttons[self.tr("Undo")], stack.canUndo, stack.canUndoChanged),
             (self.file_buttons[self.tr("Redo")], stack.canRedo, stack.canRedoChanged),
         ):
             made.setEnabled(able())
-            told.connect(made.setEnabled)
+            changed.connect(made.setEnabled)
         row.addStretch(1)
         return row
 

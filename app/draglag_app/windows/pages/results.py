@@ -114,7 +114,7 @@ class ResultsPage(QWidget):
         dialog.open()
 
     def _parts(self) -> QSplitter:
-        """Curve above table, the chosen run beside both; with large text the table has the whole width."""
+        """Curve above table, the chosen run next to both; with large text the table has the whole width."""
         large = wide(100) > LARGE_TEXT
         within, across = Qt.Orientation.Vertical, Qt.Orientation.Horizontal
         inner = QSplitter(across if large else within)

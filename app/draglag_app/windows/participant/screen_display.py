@@ -51,7 +51,7 @@ class ScreenDisplay(QObject):
 
 
 class WatchedDisplay:
-    """Passes everything on to a display, and tells somebody what the participant is told."""
+    """Passes everything on to a display, and reports what the participant reads."""
 
     def __init__(self, display: Display, report: Callable[[Prompted], None]) -> None:
         self._display = display

@@ -23,8 +23,8 @@ from PySide6.QtWidgets import QWidget
 
 from draglag.recording import Screen
 from draglag.targets import Tap, Target
-from draglag_app.windows.participant.beside import WIDE_PX, stand_beside
 from draglag_app.windows.participant.frame_log import FrameLog
+from draglag_app.windows.participant.side_by_side import WIDE_PX, place_side_by_side
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
 BACKGROUND, TARGET, PRACTICE, INK = "#0e1116", "#56b4e9", "#e69f00", "#f2f5f8"
@@ -88,11 +88,11 @@ class ParticipantWindow(QWidget):
     # --- what to show ---------------------------------------------------------------------------------------
 
     def show_on(self, screen: QScreen | None, operator: QWidget | None = None) -> None:
-        """Fill that screen; None opens an ordinary window, beside the operator's where there is one."""
+        """Fill that screen; None opens an ordinary window, next to the operator's where there is one."""
         if screen is None:
             ratio = self._screen.height_mm / self._screen.width_mm
             if operator is not None and operator.isVisible():
-                stand_beside(self, operator, ratio)
+                place_side_by_side(self, operator, ratio)
                 return
             self.resize(WIDE_PX, round(WIDE_PX * ratio))
             self.show()

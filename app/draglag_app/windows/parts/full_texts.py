@@ -79,7 +79,7 @@ class WholeTexts(QStyledItemDelegate):
 
 
 def whole_text(box: QComboBox, tip: str = "") -> None:
-    """What is chosen may be wider than the box: its tooltip tells the whole, and its list is as wide as it needs."""
+    """What is chosen may be wider than the box: its tooltip shows the whole, and its list is as wide as it needs."""
 
     def show_tip(text: str) -> None:
         box.setToolTip(plain(": ".join(part for part in (tip, text) if part)))

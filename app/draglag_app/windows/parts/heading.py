@@ -1,4 +1,4 @@
-"""A heading with buttons, that keeps its height where its width is too little for one beside the other."""
+"""A heading with buttons, that keeps its height where its width is too little for one next to the other."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from PySide6.QtWidgets import QGridLayout, QWidget
 
 
 class Heading(QWidget):
-    """``title`` with ``buttons`` beside it and ``below`` under both.
+    """``title`` with ``buttons`` next to it and ``below`` under both.
 
-    Where that would leave the title less than ``title_px``, ``below`` goes beside the title and the buttons under both.
+    Where that would leave the title less than ``title_px``, ``below`` goes next to it and the buttons under both.
     """
 
     def __init__(self, title: QWidget, buttons: QWidget, below: QWidget, title_px: int) -> None:
@@ -45,7 +45,7 @@ class Heading(QWidget):
             self._arrange()
 
     def _arrange(self) -> None:
-        beside, under = (self._below, self._buttons) if self.buttons_below else (self._buttons, self._below)
-        self._grid.addWidget(beside, 0, 1)
+        right, under = (self._below, self._buttons) if self.buttons_below else (self._buttons, self._below)
+        self._grid.addWidget(right, 0, 1)
         self._grid.addWidget(under, 1, 0, 1, 2)
         self._grid.setColumnStretch(1, 1 if self.buttons_below else 0)

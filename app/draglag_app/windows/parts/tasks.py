@@ -1,4 +1,4 @@
-"""Long work beside the window: in a worker thread, with progress, and cancelled between steps."""
+"""Long work apart from the window: in a worker thread, with progress, and cancelled between steps."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Task:
 
 
 class Tasks(QObject):
-    """Starts tasks and knows which are under way. Everything it tells, it tells in the thread it lives in."""
+    """Starts tasks and knows which are under way. Its signals are emitted in the thread it lives in."""
 
     progressed = Signal(float, str)
     changed = Signal()
@@ -95,7 +95,7 @@ class Tasks(QObject):
             fault = str(error)
         except ModuleNotFoundError as missing:
             fault = str(missing_package(missing) or f"{task.label}: {missing}")
-        except Exception as error:  # whatever goes wrong is told, the window stays
+        except Exception as error:  # whatever goes wrong is reported, the window stays
             fault = f"{task.label}: {error or type(error).__name__}"
         self._ended.emit(task, result, fault)
 

@@ -37,7 +37,7 @@ class Theme:
 
     @property
     def series(self) -> tuple[str, ...]:
-        """Colours of curves beside each other, most telling first."""
+        """Colours of curves in one plot, most distinct first."""
         return self.blue, self.orange, self.green, self.purple, self.sky
 
 

@@ -42,7 +42,7 @@ class CurvePlot(Plot):
         alternatives: Iterable[CurveFit] = (),
         clicked: Callable[[str], None] | None = None,
     ) -> None:
-        """Draw anew. ``clicked`` hears the id of a run whose point was clicked."""
+        """Draw again. ``clicked`` hears the id of a run whose point was clicked."""
         self.clear_all()
         colours, out = theme(), set(excluded)
         good = [e for e in estimates if e.latency_s is not None and e.speed_mm_s is not None]

@@ -24,7 +24,7 @@ def tr(text: str) -> str:
     return QCoreApplication.translate("Plot", text)
 
 
-_BESIDE_PX = 16
+_MARGIN_PX = 16
 # The keyboard was with a menu or with another window in the meantime.
 _AWAY = (Qt.FocusReason.PopupFocusReason, Qt.FocusReason.ActiveWindowFocusReason, Qt.FocusReason.MenuBarFocusReason)
 
@@ -127,7 +127,7 @@ class PlotFrame(pg.PlotWidget):
         text = f"<table cellspacing='0'>{rows}</table>" if len(lines) > 1 else "".join(lines)
         plot.setTitle(text, color=theme().text, size=points(10))
         asked = plot.titleLabel.item.boundingRect().width()
-        room = self.width() - plot.getAxis("left").width() - _BESIDE_PX
+        room = self.width() - plot.getAxis("left").width() - _MARGIN_PX
         if asked > room:
             plot.setTitle(text, color=theme().text, size=points(max(4.0, 9.8 * room / asked)))
         if len(lines) > 1:

@@ -12,8 +12,8 @@ from draglag.calibration import target_places
 from draglag.errors import DataError, DraglagError
 from draglag.recording import Screen
 from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches
-from draglag_app.windows.participant.beside import operators_window
 from draglag_app.windows.participant.screen_display import numbered_screen
+from draglag_app.windows.participant.side_by_side import operators_window
 from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.settings import CalibrationSettings, Settings
 from draglag_app.windows.wording.library_words import in_words
@@ -146,7 +146,7 @@ class Calibrating(QObject):
                     self._arrived.emit(reader, batch)
         except DraglagError as error:
             self._failed.emit(reader, in_words(str(error)))
-        except Exception as error:  # a fault of a driver is told, the window stays
+        except Exception as error:  # a fault of a driver is reported, the window stays
             self._failed.emit(reader, f"{source.address}: {error or type(error).__name__}")
         finally:
             source.close()
@@ -219,7 +219,7 @@ class Calibrating(QObject):
             self.window.show_cross(*self._place_mm(), f"{words}\n{self.fault}")
 
     def _ask_hand(self) -> None:
-        """Simulated hands are told where the target is; people see it."""
+        """Simulated hands are given the place of the target; people see it."""
         if self._reader is not None:
             stage = self._reader.rig.stage
             stage.begin_touch(*self._place_mm(), stage.time_base.now() + _SEES_AFTER_S)

@@ -11,7 +11,7 @@ from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.recording.session_thread import Order
 
-# More points than this cannot be told apart on a screen, but cost time that the participant's target needs.
+# More points than this cannot be distinguished on a screen, but cost time that the participant's target needs.
 _MOST_DRAWN = 1500
 # Around what a plot shows, as a share of it; and how much faster than the target a stylus may be and still be seen.
 _MARGIN, _FASTER = 0.03, 1.35
@@ -55,7 +55,7 @@ class TracePlot(Plot):
             return
         screen = order.options.screen
         if self._shown_mm != (screen.width_mm, screen.height_mm):
-            # Looking for the range each time, and drawing axes anew for it, would cost the participant frames.
+            # Looking for the range each time, and drawing axes again for it, would cost the participant frames.
             self._shown_mm = (screen.width_mm, screen.height_mm)
             self.setRange(xRange=(0, screen.width_mm), yRange=(0, screen.height_mm), padding=_MARGIN)
 

@@ -24,7 +24,7 @@ _ROOM_S, _MOST_WAITS = 0.010, 3
 class LiveView(QSplitter):
     """Draws right after a frame of the participant's target: there is longest until the next one is due.
 
-    ``next_frame_s`` tells how long it is until then, s; 0 where nothing moves.
+    ``next_frame_s`` gives how long it is until then, s; 0 where nothing moves.
     """
 
     drawing = Signal()

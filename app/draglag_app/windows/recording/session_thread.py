@@ -16,8 +16,8 @@ from draglag.protocols import PlannedRun, Protocol, expand, planned_after_s
 from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge
-from draglag_app.windows.participant.beside import operators_window
 from draglag_app.windows.participant.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
+from draglag_app.windows.participant.side_by_side import operators_window
 from draglag_app.windows.participant.window import LOST_AFTER_S, ParticipantWindow
 from draglag_app.windows.wording.i18n import translate
 from draglag_app.windows.wording.library_words import CLOSED, ESC
@@ -85,7 +85,7 @@ class Recording(QObject):
                 run_session(
                     order.protocol, order.rig, display, order.out, order.options, self._bridge.listener, control
                 )
-            except Exception as error:  # told by the bridge; the window decides what to say
+            except Exception as error:  # reported by the bridge; the window decides what to say
                 self._bridge.failed(error)
 
         # A look for garbage among all that the windows are made of takes as long as several of the target's frames:
@@ -157,7 +157,7 @@ class Recording(QObject):
         self._close(None, str(error) or type(error).__name__)
 
     def _close(self, path: Path | None, problem: str) -> None:
-        if self._thread is None:  # a failure told twice
+        if self._thread is None:  # a failure reported twice
             return
         self._thread.join()
         self._thread = None

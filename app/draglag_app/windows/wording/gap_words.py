@@ -274,7 +274,7 @@ def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
 
 
 def names_words(step: dict[str, Any]) -> str:
-    """A step's effect and those that it cannot be told from: "clock drift or thermal drift"."""
+    """A step's effect and those that it cannot be distinguished from: "clock drift or thermal drift"."""
     names = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
     return reduce(lambda one, other: _say(_OR).format(one=one, other=other), names)
 

@@ -125,7 +125,7 @@ SENTENCES = (
 )
 
 
-# Where the next of several faults begins, told together.
+# Where the next of several faults begins, reported together.
 _NEXT = re.compile(r"(?<=\. )(?=(?:evdev|ethercat|serial|sim|replay|csv):\S*: )")
 _ADDRESS = r"(?:(?P<_source>.+?): )?"
 _REMEDY = r"(?:(?P<_joint>; |\. |\.)(?P<_remedy>.+)?)?"
@@ -166,12 +166,12 @@ def _device_words(sentence: str) -> str:
             continue
         places = found.groupdict()
         source, joint, remedy = places.pop("_source"), places.pop("_joint"), places.pop("_remedy")
-        told = f"{source}: " if source else ""
-        told += _filled("Device", template, places) + (joint or "")
+        text_out = f"{source}: " if source else ""
+        text_out += _filled("Device", template, places) + (joint or "")
         if remedy:
             end = "." if remedy.endswith(".") else ""
-            told += (_known(remedy.removesuffix("."), "Device", REMEDIES) or remedy.removesuffix(".")) + end
-        return told + sentence[len(sentence.rstrip()) :]
+            text_out += (_known(remedy.removesuffix("."), "Device", REMEDIES) or remedy.removesuffix(".")) + end
+        return text_out + sentence[len(sentence.rstrip()) :]
     return _known(sentence.removesuffix("."), "Device", REMEDIES) or sentence
 
 

@@ -20,7 +20,7 @@ COLUMNS = {
 }
 """Effects that residuals show."""
 
-BESIDE = 0.1  # of the panel's width
+MARGIN = 0.1  # of the panel's width
 JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
 MOMENTS = np.linspace(0.2, 0.8, 24)  # of the session: some runs have to lie before it and some after
 
@@ -30,7 +30,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
     span = max(float(np.ptp(t)), 1.0)
     speed = np.maximum(placed.speed_mm_s, 1.0)
     # Next to a hole in the trace a fit may lie anywhere: effects of the place are not evaluated far off the panel.
-    x_mm = np.clip(placed.xy_mm[:, 0], -BESIDE * width_mm, (1 + BESIDE) * width_mm)
+    x_mm = np.clip(placed.xy_mm[:, 0], -MARGIN * width_mm, (1 + MARGIN) * width_mm)
     # Where the model says the edge was: the measured y contains the residual itself.
     line = geometry.slope * x_mm + geometry.intercept_mm + 0.5 * geometry.diameter_mm * side_of(placed)
     return View(

@@ -52,7 +52,7 @@ def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Streams:
-    """A session's streams as they came. touches: of the runs with enough events; step_mm: of coordinates that are whole
+    """A session's streams, unrepaired. touches: of the runs with enough events; step_mm: of coordinates that are whole
     steps of the panel's or screen's, 0 where they are not."""
 
     session: Session

@@ -108,7 +108,7 @@ class GapPicture(QWidget):
         return out
 
     def draw(self) -> None:
-        """Draw the choice anew, in the present theme."""
+        """Draw the choice again, in the present theme."""
         self.plot.clear_all()
         if self._overlay is None:
             return

@@ -16,7 +16,7 @@ _USUAL_S = {"chirp": 80.0, "multisine": 45.0}
 
 
 class PlanEditor(Panel):
-    """``changed(plan)`` is emitted for what the library's model accepts; the rest is told in a line."""
+    """``changed(plan)`` is emitted for what the library's model accepts; the rest is reported in a line."""
 
     changed = Signal(object)
 

@@ -54,9 +54,9 @@ class ProtocolForm(Panel):
         self.check.setSuffix(" s")
         self.check.setSpecialValueText(self.tr("none"))
         form.row(self.tr("Name"), self.name)
-        form.row(self.tr("Order"), _beside(self.shuffle, self.seed))
+        form.row(self.tr("Order"), _in_a_row(self.shuffle, self.seed))
         form.row(self.tr("Rest between runs"), self.rest)
-        form.row(self.tr("Taps"), _beside(self.taps, self.when))
+        form.row(self.tr("Taps"), _in_a_row(self.taps, self.when))
         form.row(self.tr("Clock check"), self.check)
         self.body.addLayout(form)
         self.name.editingFinished.connect(self._edited)
@@ -106,7 +106,7 @@ class ProtocolForm(Panel):
         self._space.change_protocol(protocol, self.tr("edit the protocol"))
 
 
-def _beside(*widgets: QWidget) -> QHBoxLayout:
+def _in_a_row(*widgets: QWidget) -> QHBoxLayout:
     row = QHBoxLayout()
     row.setSpacing(8)
     for widget in widgets:

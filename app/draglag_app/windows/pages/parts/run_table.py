@@ -74,7 +74,7 @@ class RunTable(QTableWidget):
             self.setSortingEnabled(True)
 
     def show_first_columns(self) -> None:
-        """Latency and verdict beside the run, where not all columns find room: the others are scrolled to."""
+        """Latency and verdict next to the run, where not all columns find room: the others are scrolled to."""
         header = self.horizontalHeader()
         header.setSectionResizeMode(header.count() - 1, QHeaderView.ResizeMode.ResizeToContents)
         for place, column in enumerate((0, 3, 5, 2, 1, 4)):
@@ -113,7 +113,7 @@ class RunTable(QTableWidget):
         self.setRowCount(0)
 
     def add_run(self, run: Run, outcome: str = "complete") -> None:
-        """A run just recorded; its estimate follows. Told again of a run, the table keeps its row."""
+        """A run just recorded; its estimate follows. Added again, a run keeps its row."""
         with self._order_kept():
             self._add_run(run, outcome)
         self.scrollToBottom()

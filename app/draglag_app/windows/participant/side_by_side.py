@@ -1,21 +1,21 @@
-"""Where the participant's display opens in a window of its own: beside the operator's, which steps aside for it."""
+"""Where the participant's display opens in a window of its own: next to the operator's, which steps aside for it."""
 
 from __future__ import annotations
 
 from PySide6.QtCore import QObject, QPoint, QRect, QSize
 from PySide6.QtWidgets import QWidget
 
-# The participant's window is as wide as this where there is room; beside the operator's it may be narrower.
+# The participant's window is as wide as this where there is room; next to the operator's it may be narrower.
 WIDE_PX, _LEAST_PX = 960, 400
 _GAP_PX = 8
-# Over the operator's window, where there is no room beside it, the display is this share of the screen's width.
+# Over the operator's window, where there is no room next to it, the display is this share of the screen's width.
 _SHARE = 0.4
 
 
 def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]:
     """Where the participant's window goes, and where the operator's, both with their frames.
 
-    ``screen`` is what of the desktop can be used, ``ratio`` the display's height over its width. Beside the operator's
+    ``screen`` is what of the desktop can be used, ``ratio`` the display's height over its width. Next to the operator's
     window wherever that stands; else the operator's moves to the left edge, or to the top; where that is not enough
     either, the display is small and in the lower right corner, over tables: what is going on and the buttons stay in
     sight.
@@ -41,7 +41,7 @@ def _fit(room: QSize, ratio: float) -> QSize:
     return QSize(max(0, width), max(0, round(width * ratio)))
 
 
-def stand_beside(participant: QWidget, operator: QWidget, ratio: float) -> None:
+def place_side_by_side(participant: QWidget, operator: QWidget, ratio: float) -> None:
     """Open the participant's window where neither window hides what the other is for."""
     screen = operator.screen().availableGeometry()
     place, corner = places(screen, operator.frameGeometry(), ratio)

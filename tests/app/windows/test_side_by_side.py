@@ -8,7 +8,7 @@ import pytest
 from PySide6.QtCore import QPoint, QRect
 from PySide6.QtWidgets import QWidget
 
-from draglag_app.windows.participant.beside import places
+from draglag_app.windows.participant.side_by_side import places
 
 RATIO = 9 / 16
 
