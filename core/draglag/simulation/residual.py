@@ -62,11 +62,16 @@ class View:
 
 @dataclass(frozen=True)
 class Averaged:
-    """How a displacement of the events moves the edges: weights over all events, (n,) mm, computed on request."""
+    """How a displacement of the events moves the edges: weights over all events (n,), computed on request.
+
+    x_mm, y_mm: (n,) of a smooth path at the events. t_s, xy_mm: (n,), (n, 2) the events, runs one after another.
+    """
 
     weights: Callable[[], csr_matrix]
     x_mm: FloatArray
     y_mm: FloatArray
+    t_s: FloatArray
+    xy_mm: FloatArray
 
     @cached_property
     def rows(self) -> csr_matrix:
@@ -74,7 +79,7 @@ class Averaged:
         return self.weights()
 
     def __getitem__(self, use: np.ndarray) -> Averaged:
-        return Averaged(partial(_taken, self, use), self.x_mm, self.y_mm)
+        return Averaged(partial(_taken, self, use), self.x_mm, self.y_mm, self.t_s, self.xy_mm)
 
 
 def _taken(averaged: Averaged, use: np.ndarray) -> csr_matrix:

@@ -63,7 +63,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
 def averaged_of(placed: Placed) -> Averaged:
     """The weights by which each edge's position is averaged from the events of its run."""
     x_mm, y_mm = placed.traces.smooth_mm.T
-    return Averaged(partial(_position_rows, placed), x_mm, y_mm)
+    return Averaged(partial(_position_rows, placed), x_mm, y_mm, placed.traces.t_s, placed.traces.xy_mm)
 
 
 def _position_rows(placed: Placed) -> csr_matrix:

@@ -145,13 +145,14 @@ def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -
 
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
     """The likeliest of several refits, on the edges that all have; without those that lost many, and those in which the
-    effect is none that its class allows."""
+    effect is none that its class allows. None where it is as sound rigs have it."""
     enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
     options = [fit for fit in options if np.count_nonzero(fit.use) >= enough and _possible(effect, fit)]
     if not options:
         return None
     both = np.logical_and.reduce([fit.use for fit in options])
-    return max(options, key=lambda fit: log_likelihood_on(fit, both))
+    best = max(options, key=lambda fit: log_likelihood_on(fit, both))
+    return None if _sound(effect, best) else best
 
 
 def _possible(effect: str, fit: Fit) -> bool:
@@ -163,6 +164,13 @@ def _possible(effect: str, fit: Fit) -> bool:
             return False
     leading = EFFECTS[effect].parameters[0]
     return leading.name not in numbers or numbers[leading.name][0] != leading.lower
+
+
+def _sound(effect: str, fit: Fit) -> bool:
+    """Whether the effect is no larger than sound rigs have it."""
+    leading = EFFECTS[effect].parameters[0]
+    size, _ = parameters_of(effect, fit).get(leading.name, (np.inf, None))
+    return bool(abs(size) < leading.sound)
 
 
 def _gains(pool: Pool, allowed: Collection[str]) -> dict[str, float]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from draglag.gap import constants
 from draglag.gap.fitting.law_form import LAW_FORM
+from draglag.gap.fitting.parameters import whole_size_mm
 from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, unsound_share
 from draglag.gap.posterior.search import sizes_mm
@@ -69,8 +70,14 @@ def answer_of(pool: Pool) -> Answer:
 
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:
+    """Size of each member, mm RMS over the edges; of an effect that is undone in the traces, or part of the law, the
+    whole."""
     found = pool.found[names]
     out = sizes_mm(found.search, found.explanation)
+    fit = pool.fit_of(names)
+    for name in names:
+        if name in EFFECTS:
+            out[name] = max(out.get(name, 0.0), whole_size_mm(fit, name))
     return {IN_SPEED if name == LAW_FORM and IN_SPEED in names else name: size for name, size in out.items()}
 
 
@@ -87,17 +94,9 @@ def _of_interest(pool: Pool, names: Names) -> Names:
     for name in _without_form(names):
         size = sizes.get(name, constants.SIZE_OF_INTEREST_MM)
         whole = follows.get(name.removeprefix(UNNAMED).partition(":")[0], 0.0) if name.startswith(UNNAMED) else 0.0
-        in_data = name in EFFECTS and name in pool_effects(pool, names)
-        if in_data or (size >= constants.SIZE_OF_INTEREST_MM and size >= constants.DETAIL * whole):
+        if size >= constants.SIZE_OF_INTEREST_MM and size >= constants.DETAIL * whole:
             out.append(name)
     return tuple(out)
-
-
-def pool_effects(pool: Pool, names: Names) -> Names:
-    """Effects of a set whose whole size is not in columns: undone in the traces or part of the law."""
-    fit = pool.fit_of(names)
-    nonlinear = [term.effect for term in fit.terms if any(term.theta) and effect_class(term.effect).refitted_by]
-    return tuple(nonlinear)
 
 
 def _leading_covariate(pool: Pool, names: Names) -> str:

@@ -23,7 +23,7 @@ from draglag.gap.replaying.realised import effects_of_fit, rig_of
 from draglag.gap.results import GapReport
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.traces.edges import Placed, place
-from draglag.gap.traces.run_data import RunData, as_shown, gather
+from draglag.gap.traces.run_data import RunData, before_events, gather
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace
 from draglag.simulation.chain import simulate_run
@@ -184,7 +184,7 @@ def replay(
     rig = rig_of(session, fit, effects)
     origin_s = min(data.t_s[0] for data in fit.runs)
     simulated_runs = []
-    for k, data in enumerate(as_shown(fit.runs)):
+    for k, data in enumerate(before_events(fit.runs)):
         report_progress(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
         own = np.interp(data.edge_t_s, *_sorted(fit, k))
         motion, start_s = hand_motion(rig, data, own, effects, origin_s)

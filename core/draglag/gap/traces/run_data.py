@@ -101,7 +101,8 @@ def gather(session: Session) -> tuple[RunData, ...]:
             edges = edges.take(keep)
         if edges.t_s.size < FEWEST:
             continue
-        widths = _widths(run, ready.touch.t_s, ready.xy_mm, edges.t_s, estimate)
+        shown = UndoneTrace(ready.touch.t_s, ready.xy_mm, float("nan"))
+        widths = _widths(run, shown, edges.t_s, estimate)
         if widths is None:
             continue
         half_s, wide_s, noise_mm = widths
@@ -128,11 +129,14 @@ def _guess_s(estimate: RunEstimate | None) -> float:
 
 
 def _widths(
-    run: Run, t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, estimate: RunEstimate | None
+    run: Run, trace: UndoneTrace, edge_t_s: FloatArray, estimate: RunEstimate | None
 ) -> tuple[float, FloatArray, float] | None:
     """Half-widths of the fits of position, s, and of speed, (m,) s, and one event's noise, mm; None without noise."""
+    t_s, xy_mm = trace.t_s, trace.xy_mm
     guess_s, dt_s = _guess_s(estimate), sample_interval_s(t_s)
-    half_s, noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], edge_t_s + guess_s)
+    half_s, noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], edge_t_s + guess_s, trace.covariance_mm2)
+    if trace.covariance_mm2 is not None:
+        noise_mm = trace.noise_mm
     if not np.isfinite(noise_mm):
         return None
     if estimate is None:
@@ -146,6 +150,11 @@ def _widths(
 def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
     """The runs as the panel showed them."""
     return tuple(data.as_shown or data for data in runs)
+
+
+def before_events(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
+    """The runs as the panel showed them, but for effects on the events that are undone in them: a filter's."""
+    return undone(runs, [effect for effect in runs[0].undone if effect.of_events]) if runs else runs
 
 
 def undone(runs: tuple[RunData, ...], effects: Sequence[Undoing]) -> tuple[RunData, ...]:
@@ -167,7 +176,7 @@ def _undone(data: RunData, effects: tuple[Undoing, ...], first_s: float) -> RunD
     trace = UndoneTrace(data.t_s, data.xy_mm, data.noise_mm)
     for effect in effects:
         trace = effect.undo(trace, data, first_s)
-    widths = _widths(data.run, trace.t_s, trace.xy_mm, data.edge_t_s, data.estimate) if trace.t_s.size else None
+    widths = _widths(data.run, trace, data.edge_t_s, data.estimate) if trace.t_s.size else None
     if widths is None or not np.isfinite(trace.noise_mm):
         raise EstimateError(f"{data.run.id}: its trace cannot be freed of a ripple or a low-pass", "Leave the run out")
     half_s, wide_s, _ = widths

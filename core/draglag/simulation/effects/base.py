@@ -21,7 +21,10 @@ from draglag.simulation.residual import LineGains, Signature, View
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number an effect has. ``name`` carries the unit of code, ``unit`` is for people."""
+    """A number an effect has. ``name`` carries the unit of code, ``unit`` is for people.
+
+    sound: up to this size, either way, sound rigs have it: not the effect.
+    """
 
     name: str
     unit: str
@@ -29,6 +32,7 @@ class Parameter:
     upper: float
     typical: float
     whole: bool = False
+    sound: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -48,13 +48,16 @@ class FittedTerm:
 class UndoneTrace:
     """A run's events while effects are undone in them: t_s (n,), xy_mm (n, 2), noise_mm of one event.
 
-    spread: (n, events shown) by how much each event shown, noise and all, moves each of the n; None: itself alone.
+    spread: (n, sources of noise) by how much each, events shown in the first place, moves each of the n; None: one an
+    event. covariance_mm2: of an event's noise with itself and with the next one's, where undoing has correlated them;
+    noise_mm is then that of the mean of many.
     """
 
     t_s: FloatArray
     xy_mm: FloatArray
     noise_mm: float
     spread: csr_matrix | None = None
+    covariance_mm2: tuple[float, float] | None = None
 
 
 class Undoing(Protocol):
@@ -62,6 +65,8 @@ class Undoing(Protocol):
 
     place: ClassVar[int]
     """Among several: the smaller one is undone first."""
+    of_events: ClassVar[bool]
+    """Whether the effect acts on the events, not on the path: a simulation of the hand begins behind it."""
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         """The events of a run without the effect. shown: the run as the panel showed it; first_s: the first event of

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from draglag.gap.fitting.state import Term
 
 
+LATEST_OF_SOUND_S = 0.025
+"""A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late."""
+
+
 class Setting(NamedTuple):
     """which: the speed of a time before, 0, or of a share of each edge's latency before, 1. delay_s: at which the law
     is asked already, 0 with ``which`` 1: of the usual latency; None: to first order in the delay."""
@@ -45,7 +49,9 @@ class LaggingLaw(Effect):
     unsure_share: ClassVar[float] = ACCEL_UNKNOWN
     needs: ClassVar[str] = "changing speed"
     identifiable_with: ClassVar[str] = "a chirp or step whose speed changes quickly"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("delay_s", "s", -0.3, 0.3, 0.04, sound=LATEST_OF_SOUND_S),
+    )
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "acceleration_lag",

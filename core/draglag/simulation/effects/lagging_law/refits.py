@@ -14,11 +14,10 @@ from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.law_speed import SpeedDelay
 from draglag.recording import FloatArray, Session
-from draglag.simulation.effects.lagging_law import LaggingLaw, Setting
+from draglag.simulation.effects.lagging_law import LATEST_OF_SOUND_S, LaggingLaw, Setting
 from draglag.simulation.law import USUAL_LATENCY_S
 
-# A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late.
-USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, 0.015), (0.0, 0.025))
+USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, 0.6 * LATEST_OF_SOUND_S), (0.0, LATEST_OF_SOUND_S))
 MIN_DEVIANCE = 10.0  # deviance: 5 nats, what a promising effect gains alone
 LONGEST_S = 0.3
 DELAYS_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)

@@ -43,6 +43,7 @@ class Lattice:
     sizes_mm: FloatArray
 
     place: ClassVar[int] = 1
+    of_events: ClassVar[bool] = False
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         """A run's events without the ripple."""

@@ -22,6 +22,7 @@ class Lateness:
     times_s: tuple[float, ...]
 
     place: ClassVar[int] = 0
+    of_events: ClassVar[bool] = False
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         t_s, xy_mm = without_lateness(trace.t_s, trace.xy_mm, self.size_s, first_s + np.array(self.times_s))

@@ -40,6 +40,7 @@ class Sharpening:
     setting: Setting
 
     place: ClassVar[int] = 2
+    of_events: ClassVar[bool] = False
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         half_s = float(np.median(shown.speed_half_s))

@@ -1,0 +1,134 @@
+"""The digitiser or the host smooths less the faster the stylus moves: the 1 euro filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from draglag.recording import FloatArray
+from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents, each_contact
+from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.speed_adaptive_filter.filtering import (
+    Setting,
+    cut_off_hz,
+    filtered,
+    first_of_contact,
+    share_at_rest,
+)
+from draglag.simulation.residual import LineGains, Signature, View, column
+
+if TYPE_CHECKING:
+    from draglag.gap.fitting.joint import Fit
+    from draglag.gap.fitting.state import Term
+    from draglag.gap.traces.run_data import RunData
+
+BETA_PER_MM = 0.02
+SETTINGS = tuple(Setting(fmin, beta) for fmin in (0.7, 1.3) for beta in (0.01, 0.02, 0.045))
+"""To begin from: of the filters that screens have (fact sheet on real screens), a factor of two apart."""
+MOST_UNKNOWN = 5.0  # of a parameter's logarithm: a factor of 150 is nothing known
+
+
+@dataclass(frozen=True)
+class SpeedAdaptiveFilter(Effect):
+    """The digitiser or the host smooths less the faster the stylus moves: the 1 euro filter."""
+
+    id: ClassVar[str] = "speed_adaptive_filter"
+    title: ClassVar[str] = "speed-adaptive filter"
+    meaning: ClassVar[str] = (
+        "Positions pass a first-order low-pass whose cut-off rises with the speed, from this one at rest (1 euro "
+        "filter)."
+    )
+    follows: ClassVar[str] = "speed"
+    where: ClassVar[str] = "where the speed changes"
+    separated_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
+    undone_in: ClassVar[str] = "law of speed"
+    refitted_by: ClassVar[str] = "draglag.simulation.effects.speed_adaptive_filter.refits"
+    looks_like: ClassVar[tuple[str, ...]] = ("normal_acceleration", "direction_angle")
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("fmin_hz", "Hz", 0.1, 50.0, 1.0),
+        Parameter("beta_per_mm", "1/mm", 0.0, 1.0, BETA_PER_MM),
+    )
+    confounded_with: ClassVar[tuple[Confounder, ...]] = (
+        Confounder(
+            "curve form",
+            "at a constant speed its delay of 1 / (2 pi (fmin + beta v)) is a curve of latency over speed",
+            "runs whose speed changes quickly: chirp and steps",
+        ),
+        Confounder(
+            "smoothing_shrink",
+            "both cut corners; at one speed the cut-off is one",
+            "circles of the same radius at several speeds",
+        ),
+        Confounder(
+            "lagging_law",
+            "its cut-off follows a smoothed speed, which is an older one",
+            "runs whose speed changes quickly: chirp and steps",
+        ),
+    )
+    order: ClassVar[int] = -2
+
+    beta_per_mm: float = BETA_PER_MM
+
+    def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
+        setting = Setting(self.value, self.beta_per_mm)
+        return each_contact(events, lambda t_s, xy_mm: filtered(t_s, xy_mm, setting, _one_contact(t_s)))
+
+    @classmethod
+    def curve_extra_s(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray | float:
+        """Its delay at a constant speed along a straight line."""
+        fmin_hz, beta_per_mm = (parameters.get(spec.name, spec.typical) for spec in cls.parameters)
+        return 1 / (2 * np.pi * (fmin_hz + beta_per_mm * speed_mm_s))
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        """What the law cannot hold of it, to second order in its delay: that of a smoothed speed, and a shrunk path."""
+        each = []
+        for setting in SETTINGS:
+            delay_s = view.averaged.rows @ (1 / (2 * np.pi * _cut_off_hz(view, setting)))
+            each.append(
+                Signature(column(delay_s), column(0.5 * delay_s**2 * view.a_across), setting)
+            )
+        return each
+
+    @classmethod
+    def signature_at(cls, theta: Theta, view: View) -> Signature:
+        """What is left of it in a trace freed of it at the setting: by the logarithms of both parameters."""
+        setting, traces = Setting(*theta), view.averaged
+        first = first_of_contact(traces.t_s)
+        behind_mm = traces.y_mm - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]
+        rest = share_at_rest(traces.t_s, traces.xy_mm, setting, first)
+        return Signature(offset=traces.rows @ (behind_mm[:, None] * np.column_stack([rest, 1 - rest])), theta=setting)
+
+    @classmethod
+    def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
+        from draglag.simulation.effects.speed_adaptive_filter.freed import Unfiltered
+
+        return Unfiltered(Setting(*term.theta)), term
+
+    @classmethod
+    def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
+        """To first order: a change of all of the cut-off is all of the filter."""
+        return np.array(term.sizes) + 1.0
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        """Setting and what is left at it, whose sizes are logarithms."""
+        at = np.array(found.term.theta) * np.exp(found.term.sizes)
+        reach = np.exp(np.minimum(Z95 * found.se, MOST_UNKNOWN))
+        return {
+            spec.name: (float(value), (float(value / wide), float(value * wide)))
+            for spec, value, wide in zip(cls.parameters, at, reach, strict=True)
+        }
+
+
+def _one_contact(t_s: FloatArray) -> np.ndarray:
+    return np.arange(t_s.size) == 0
+
+
+def _cut_off_hz(view: View, setting: Setting) -> FloatArray:
+    """The cut-off at every event by the speed that the trace shows, (n,) Hz."""
+    traces = view.averaged
+    return cut_off_hz(traces.t_s, traces.xy_mm, setting, first_of_contact(traces.t_s))

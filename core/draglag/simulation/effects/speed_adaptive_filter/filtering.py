@@ -1,0 +1,96 @@
+"""The 1 euro filter and its inverse, of many events at once.
+
+Published as a recursion over the events: y_i = y_{i-1} + g_i (x_i − y_{i-1}), with a gain g_i by the cut-off
+fmin + β |v_i|, where v is the velocity of the raw positions behind a low-pass of 1 Hz (Casiez et al. 2012). Each
+recursion is a linear system of two diagonals.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from draglag.events import contact_losses
+from draglag.recording import FloatArray
+
+DERIVATIVE_HZ = 1.0  # cut-off of the low-pass on the velocity, as published
+SHORTEST_S = 1e-4  # between two events
+EXACT_MM = 1e-6  # of a position: where the inverse has come to its end
+MOST_ROUNDS = 60
+
+
+class Setting(NamedTuple):
+    """Cut-off at rest, Hz, and by how much it rises with the speed, Hz per mm/s."""
+
+    fmin_hz: float
+    beta_per_mm: float
+
+
+def first_of_contact(t_s: FloatArray) -> np.ndarray:
+    """Which events (n,) are the first of a contact, or of a run, by the holes in time before them."""
+    out = np.zeros(t_s.size, bool)
+    out[:1] = True
+    out[np.searchsorted(t_s, contact_losses(t_s)[:, 1])] = True
+    return out
+
+
+def filtered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
+    """Positions (n, 2) behind the filter, of raw ones (n, 2). begins: (n,) events with which a contact begins."""
+    gain = gains_of_raw(t_s, xy_mm, setting, begins)
+    return _recursion(1 - gain, gain[:, None] * xy_mm)
+
+
+def unfiltered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
+    """Raw positions (n, 2) of those behind the filter (n, 2), by fixed-point iteration over the filter's velocity.
+
+    Noise from before the filter comes back as it was; what is added behind it, as rounding, grows by 1 / gain.
+    """
+    before = np.vstack([xy_mm[:1], xy_mm[:-1]])
+    steps = np.where(begins[:, None], 0.0, xy_mm - before)
+    raw = xy_mm
+    for _ in range(MOST_ROUNDS):
+        again = xy_mm + steps / _turns(t_s, raw, setting, begins)[:, None]
+        change = float(np.max(np.abs(again - raw), initial=0.0))
+        raw = again
+        if not change > EXACT_MM:
+            break
+    return raw
+
+
+def gains_of_raw(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
+    """The filter's gain at every event, (n,), from raw positions."""
+    turn = _turns(t_s, raw_mm, setting, begins)
+    return np.where(begins, 1.0, turn / (1 + turn))
+
+
+def share_at_rest(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
+    """Which share of the cut-off the one at rest is, at every event, (n,)."""
+    return setting.fmin_hz / cut_off_hz(t_s, raw_mm, setting, begins)
+
+
+def cut_off_hz(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
+    """The filter's cut-off at every event, (n,) Hz."""
+    step_s = _steps_s(t_s)
+    turn = 2 * np.pi * DERIVATIVE_HZ * step_s
+    keep = np.where(begins, 1.0, turn / (1 + turn))
+    change = np.where(begins[:, None], 0.0, np.diff(raw_mm, axis=0, prepend=raw_mm[:1]) / step_s[:, None])
+    velocity = _recursion(1 - keep, keep[:, None] * change)
+    return np.asarray(setting.fmin_hz + setting.beta_per_mm * np.hypot(velocity[:, 0], velocity[:, 1]))
+
+
+def _turns(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
+    """2π times cut-off and time step: gain / (1 − gain), (n,)."""
+    return np.asarray(2 * np.pi * _steps_s(t_s) * cut_off_hz(t_s, raw_mm, setting, begins))
+
+
+def _steps_s(t_s: FloatArray) -> FloatArray:
+    return np.maximum(np.diff(t_s, prepend=t_s[:1]), SHORTEST_S)
+
+
+def _recursion(kept: FloatArray, added: FloatArray) -> FloatArray:
+    """u_i = kept_i u_{i-1} + added_i, (n, k)."""
+    bands = np.ones((2, kept.size))
+    bands[1, :-1] = -kept[1:]
+    return np.asarray(solve_banded((1, 0), bands, added, check_finite=False))
