@@ -154,12 +154,7 @@ def local_fit(
     )
 
 
-def best_half_width_s(
-    t_s: FloatArray,
-    values_mm: FloatArray,
-    near_s: FloatArray,
-    covariance_mm2: tuple[float, float] | None = None,
-) -> tuple[float, float]:
+def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray) -> tuple[float, float]:
     """The bandwidth whose leave-one-out prediction of events near ``near_s`` is best, and the noise it leaves.
 
     Matching the bandwidth to the motion is what a fixed Savitzky–Golay window cannot do. The events are slid along
@@ -167,8 +162,6 @@ def best_half_width_s(
 
     Args:
         t_s: (n,) increasing. values_mm: (n, k) position components that matter. near_s: (m,) times.
-        covariance_mm2: of an event's noise with itself and with the next event's, where it is not white: prediction
-        from correlated neighbours says nothing, and the bandwidth of the smallest risk is taken (Mallows' Cp).
 
     Returns:
         Half width (s) and the standard deviation of one event's component (mm); NaN when the trace is too short.
@@ -189,16 +182,11 @@ def best_half_width_s(
         if np.count_nonzero(keep) < 20:
             break
         residual = even[slot[keep]] - fitted[keep]
-        squared = np.sum((residual / (1 - own if covariance_mm2 is None else 1.0)) ** 2, axis=1)
+        squared = np.sum((residual / (1 - own)) ** 2, axis=1)
         risk = float(np.mean(np.minimum(squared, 25 * np.median(squared))))
-        if covariance_mm2 is not None:
-            with_own = own * covariance_mm2[0] + 2 * float(weights[reach - 1]) * covariance_mm2[1]
-            risk += 2 * values_mm.shape[1] * with_own
         if risk < best[1]:
             # E r² of a fitted event is σ² (1 − 2·own + Σ w²), and Σ w² = own for these weights to a few percent.
             noise = np.sqrt(risk * (1 - own) ** 2 / (values_mm.shape[1] * (1 - 2 * own + float(weights @ weights))))
-            if covariance_mm2 is not None:
-                noise = np.sqrt(covariance_mm2[0])
             best, rising = (samples * dt_s, risk, float(noise)), 0
         else:
             rising += 1

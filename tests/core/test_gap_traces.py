@@ -211,7 +211,7 @@ def test_the_speed_that_a_law_is_asked_at_is_followed_behind_what_the_trace_show
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
     none = np.zeros(0)
     wide_s = np.full(1, 0.05)
-    data = RunData(run, host_s, xy_mm, none, none.astype(bool), 0.05, wide_s, 0.1, estimate, none)  # type: ignore[arg-type]
+    data = RunData(run, host_s, xy_mm, none, none.astype(bool), 0.05, wide_s, 0.1, estimate, none, host_s)  # type: ignore[arg-type]
     edges_s = np.arange(2.0, 18.0, 0.037)
     true = np.interp(edges_s, t, asked)
     at_s = edges_s + law(true)
@@ -241,7 +241,7 @@ def test_a_chirps_speed_is_followed_where_the_laws_slope_changes_with_it(asked: 
     run = Run("a", "chirp", 0.0, 40.0, touch, LaserTrace(np.zeros(0), np.zeros(0, np.int64)))
     none = np.zeros(0)
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
-    data = RunData(run, host_s, xy_mm, none, none.astype(bool), 0.1, np.full(1, 0.13), 0.1, None, none)
+    data = RunData(run, host_s, xy_mm, none, none.astype(bool), 0.1, np.full(1, 0.13), 0.1, None, none, host_s)
     edges_s = np.arange(3.0, 36.0, 0.037)
     true = np.interp(edges_s, t, delayed_mm_s)
     at_s = edges_s + law(true)

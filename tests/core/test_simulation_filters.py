@@ -148,38 +148,3 @@ def test_fuzz_has_the_kernel_s_zones() -> None:
         for i in range(1, t.size):
             old = kernel(xy[i, axis], old, 0.4)
             assert shown[i, axis] == pytest.approx(old, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_a_trace_is_freed_of_a_filter(name: str) -> None:
-    t, xy = _drag()
-    effect = EFFECTS[name]
-    assert len(effect.settings) > 4
-    for theta in effect.settings:
-        shown = effect(*theta).events(_events(t, xy), np.random.default_rng(0))
-        before = effect.undo(t, np.column_stack([shown.x_mm, shown.y_mm]), theta)
-        off = np.hypot(*(before - xy).T)
-        if name == "deadband":  # where the position stands still, nobody knows
-            moved = np.append(True, (np.diff(shown.x_mm) != 0) & (np.diff(shown.y_mm) != 0))
-            assert off[moved] == pytest.approx(0, abs=1e-9)
-            assert np.sqrt(np.mean(off**2)) < 0.3 * theta[0] + 0.05
-        else:
-            assert off == pytest.approx(0, abs=1e-6)
-
-
-@pytest.mark.parametrize(("name", "grows"), [("prediction", 1.0), ("speed_adaptive_filter", 30.0)])
-def test_rounding_of_what_is_shown_grows_by_what_freed_says(name: str, grows: float) -> None:
-    t, xy = _drag()
-    effect = EFFECTS[name]
-    for theta in effect.settings:
-        shown = effect(*theta).events(_events(t, xy), np.random.default_rng(0))
-        rounded = 0.01 * np.rint(100 * np.column_stack([shown.x_mm, shown.y_mm]))
-        off = np.hypot(*(effect.undo(t, rounded, theta) - xy).T)
-        assert np.sqrt(np.mean(off**2)) < grows * 0.01 / np.sqrt(6)
-
-
-def test_nothing_is_freed_of_other_effects() -> None:
-    t, xy = _drag()
-    others = [effect for name, effect in EFFECTS.items() if name not in FILTERS]
-    assert all(effect.settings == () for effect in others)
-    assert all(effect.undo(t, xy, ()) is xy for effect in others)

@@ -51,7 +51,7 @@ def reported(
         step = step_of(session, judgement, answer, allowed, link.effect, link.before, link.after, last)
         gaps = gap_mm(link.before, edges), gap_mm(link.after, edges)
         steps.append(replace(step, gap_before_mm=gaps[0], gap_after_mm=gaps[1]))
-    unexplained = answer.unexplained_by or idle or _unnamed_in_streams(ready, strange, judgement.base, allowed)
+    unexplained = answer.unexplained_by or idle or _unnamed_in_streams(sessions, strange, judgement.base, allowed)
     last_mm = gap_mm(last, edges)
     if unexplained is None:
         more, last = with_taps(session, judgement, last, steps, allowed)
@@ -215,16 +215,19 @@ def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fi
 
 
 def _unnamed_in_streams(
-    session: Session, strange: tuple[StreamEffect, ...], base: Fit, allowed: frozenset[str]
+    sessions: tuple[Session, Session], strange: tuple[StreamEffect, ...], base: Fit, allowed: frozenset[str]
 ) -> str | None:
-    """The covariate of what streams or traces show and the library given has no name for."""
+    """The covariate of what streams or traces show and the library given has no name for.
+
+    Stalls are those of the session as measured that a repair leaves: one that removes repeated positions leaves pauses.
+    """
     if strange:
         return effect_class(strange[0].effect).follows
     shown = (e for e in EFFECTS if e not in allowed and shown_by_traces(base, e))
     found = next(shown, None)
     if found is not None:
         return effect_class(found).follows
-    return STALLS_FOLLOW if stalls(session) else None
+    return STALLS_FOLLOW if all(stalls(session) for session in sessions) else None
 
 
 def waited_s(session: Session, effects: Sequence[Effect]) -> float:

@@ -27,8 +27,8 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
     return {}
 
 
-def whole_size_mm(fit: Fit, effect: str) -> float:
-    """By how much an effect of a fit's terms moves the edges in all, mm RMS to first order; 0 where it is no term."""
+def whole_size_mm(fit: Fit, effect: str) -> float | None:
+    """By how much an effect of a fit's terms moves the edges in all, mm RMS to first order; None for no term."""
     column, at = column_of(effect), base_prior(fit.law).size
     for term in fit.terms:
         k = len(term.sizes)
@@ -36,7 +36,7 @@ def whole_size_mm(fit: Fit, effect: str) -> float:
             moved_mm = fit.design[:, at : at + k] @ effect_class(column).whole_sizes(term, fit)
             return float(np.sqrt(np.mean(moved_mm**2)))
         at += k
-    return 0.0
+    return None
 
 
 def _fitted(term: Term, fit: Fit, own: slice) -> FittedTerm:

@@ -43,7 +43,10 @@ def term_signature(term: Term, view: View) -> Signature:
 
 def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
     """Prior precision of a step of every term's sizes: the curve's own form must not trade places with Eq. 5."""
-    each = [FORM_SD_S**-2 if term.effect == LAW_FORM else FREE for term in terms]
+    each = [
+        FORM_SD_S**-2 if term.effect == LAW_FORM else max(effect_class(term.effect).prior_sd ** -2, FREE)
+        for term in terms
+    ]
     return np.repeat(each, [c.shape[1] for c in columns]).astype(float)
 
 

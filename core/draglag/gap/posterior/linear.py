@@ -23,6 +23,7 @@ from draglag.gap.posterior.covariance import Noise, noise_of
 from draglag.gap.posterior.levels import PARTS, Levels, log_prior
 from draglag.gap.posterior.members import Member, members_of, of_unit_rms, smooth_columns
 from draglag.recording import FloatArray, IntArray
+from draglag.simulation.effects import effect_class
 
 LEAST_PRECISION = 1e-9  # of parameters without a prior: 30 m and 30 ks
 ENOUGH = 0.5  # nats that one round over the levels still gains
@@ -98,7 +99,8 @@ def _own(fit: Fit) -> list[Member]:
         own = fit.design[:, at : at + len(term.sizes)]
         at += len(term.sizes)
         if term.effect != LAW_FORM:
-            out.append(Member(term.effect, term.theta, own, float(np.log(constants.P_EFFECT))))
+            prior = float(np.log(constants.P_EFFECT)) + effect_class(term.effect).log_prior_of(term.theta)
+            out.append(Member(term.effect, term.theta, own, prior))
     return out
 
 

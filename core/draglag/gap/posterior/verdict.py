@@ -45,6 +45,7 @@ def answer_of(pool: Pool) -> Answer:
         sets[key] = sets.get(key, 0.0) + p
         leading.setdefault(key, names)
     unsound = unsound_share(pool, pool.best)
+    scatters = unsound > sets.get(("unexplained",), 0.0)
     if unsound:
         sets = {key: p * (1 - unsound) for key, p in sets.items() if key != ("unexplained",)}
         sets["unexplained",] = 1 - sum(sets.values())
@@ -55,18 +56,23 @@ def answer_of(pool: Pool) -> Answer:
     verdict = "unexplained" if best == ("unexplained",) else "explained" if best else "no_gap"
     by = None
     if verdict == "unexplained":
-        by = _leading_covariate(pool, names)
+        by = SCATTER if scatters else _leading_covariate(pool, names)
     shown, total = [], 0.0
     for key, share in ranked:
         shown.append((key, min(share, constants.STATED_AT_MOST)))
         total += share
         if total > REPORTED:
             break
-    kept = _of_interest(pool, names)
-    # Where more follows what an effect follows, and has no name, the whole of it has none.
-    nameless = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
-    effects = tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in nameless)
+    effects = _that_stand(pool, names)
     return Answer(verdict, effects, by, min(p, constants.STATED_AT_MOST), tuple(shown), _tolerated(pool, names))
+
+
+def _that_stand(pool: Pool, names: Names) -> Names:
+    """The effects of interest of a set. Where more follows what an effect follows, and has no name, the whole of it has
+    none."""
+    kept = _of_interest(pool, names)
+    nameless = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
+    return tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in nameless)
 
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:
@@ -76,8 +82,9 @@ def _sizes(pool: Pool, names: Names) -> dict[str, float]:
     out = sizes_mm(found.search, found.explanation)
     fit = pool.fit_of(names)
     for name in names:
-        if name in EFFECTS:
-            out[name] = max(out.get(name, 0.0), whole_size_mm(fit, name))
+        whole_mm = whole_size_mm(fit, name) if name in EFFECTS else None
+        if whole_mm is not None:
+            out[name] = max(out.get(name, 0.0), whole_mm)
     return {IN_SPEED if name == LAW_FORM and IN_SPEED in names else name: size for name, size in out.items()}
 
 

@@ -183,12 +183,14 @@ def replay(
     effects = effects_of_fit(fit, named)
     rig = rig_of(session, fit, effects)
     origin_s = min(data.t_s[0] for data in fit.runs)
+    as_measured = {run.id: run for run in session.runs}
     simulated_runs = []
     for k, data in enumerate(before_events(fit.runs)):
         report_progress(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
         own = np.interp(data.edge_t_s, *_sorted(fit, k))
         motion, start_s = hand_motion(rig, data, own, effects, origin_s)
-        simulated_runs.append(_simulated(rig, data, motion, start_s, effects, origin_s, k))
+        reported_s = _reported_s(as_measured.get(data.run.id, data.run), data, effects)
+        simulated_runs.append(_simulated(rig, data, reported_s, motion, start_s, effects, origin_s, k))
     name = f"{session.name}, simulated with the measured hand"
     again = replace(session, name=name, runs=tuple(simulated_runs), beam=rig.beam, taps=None)
     if not any(run.laser.t_s.size for run in again.runs):
@@ -260,11 +262,26 @@ def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
     return fit.placed.t_s[own][order], fit.placed.latency_s[own][order]
 
 
+def _reported_s(run: Run, data: RunData, effects: Sequence[Effect]) -> FloatArray:
+    """When the panel reported: as stamped, where a repair has only removed events that it did report; else as repaired,
+    as behind a loop that repeats what it holds."""
+    only_removed = np.isin(data.reported_s, run.touch.t_s).all()
+    loop = any(effect.estimated_with for effect in effects)
+    return run.touch.t_s if only_removed and not loop else data.reported_s
+
+
 def _simulated(
-    rig: Rig, data: RunData, motion: Motion, start_s: float, effects: Sequence[Effect], origin_s: float, seed: int
+    rig: Rig,
+    data: RunData,
+    reported_s: FloatArray,
+    motion: Motion,
+    start_s: float,
+    effects: Sequence[Effect],
+    origin_s: float,
+    seed: int,
 ) -> Run:
     """One run through the chain, its events at the measured rate and missing where the measured ones are missing."""
-    dt_s = sample_interval_s(data.t_s)
+    dt_s = sample_interval_s(reported_s)
     own = replace(rig, touch_rate_hz=1 / dt_s, noise_mm=data.noise_mm)
     rng = np.random.default_rng([SEED, seed])
     run = simulate_run(
@@ -273,7 +290,7 @@ def _simulated(
     )  # fmt: skip
     touch = run.touch
     in_contact = (touch.t_s >= data.t_s[0]) & (touch.t_s <= data.t_s[-1])
-    for begin, end in contact_losses(data.t_s):
+    for begin, end in contact_losses(reported_s):
         in_contact &= (touch.t_s <= begin) | (touch.t_s >= end)
     kept = TouchTrace(
         touch.t_s[in_contact], touch.x_mm[in_contact], touch.y_mm[in_contact], touch.contact_id[in_contact]

@@ -22,12 +22,15 @@ from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 FEWEST = 6  # edges a run must give to count
 GUESS_S = 0.06
 QUICK_S = 0.004  # no speed changes within less, whatever the panel's rate
+CUBIC_RAD = 0.85  # of a circle, over half a window: a cubic is true there to 0.2 % of the way off its centre line
+FINE_S = 0.004  # between events: finer ones are averaged, for every window is ten times as long
 
 
 @dataclass(frozen=True, eq=False)
 class RunData:
     """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise.
 
+    t_s, xy_mm: of the events, averages where they are finer than ``FINE_S``; reported_s: when each was reported.
     undone: what effects did to the trace and was undone in it; as_shown: the run before that. spread: (n, events shown)
     by how much each event shown, noise and all, then moves each of the n.
     """
@@ -42,6 +45,7 @@ class RunData:
     noise_mm: float
     estimate: RunEstimate | None
     guess_s: FloatArray
+    reported_s: FloatArray
     undone: tuple[Undoing, ...] = ()
     spread: csr_matrix | None = None
     as_shown: RunData | None = None
@@ -59,6 +63,15 @@ class RunData:
     def losses_s(self) -> FloatArray:
         """Contact losses, (k, 2) first and last time of each."""
         return contact_losses(self.t_s)
+
+    @property
+    def velocity_half_s(self) -> float:
+        """Half the window of a velocity along both axes: as for a speed, but no wider than a circle lets it be."""
+        wide_s = float(np.median(self.speed_half_s))
+        if self.estimate is None or not self.run.radius_mm or not self.estimate.speed_mm_s:
+            return wide_s
+        round_s = CUBIC_RAD * self.run.radius_mm / self.estimate.speed_mm_s
+        return min(wide_s, max(round_s, 4.5 * sample_interval_s(self.t_s)))
 
     @cached_property
     def smooth_mm(self) -> FloatArray:
@@ -101,8 +114,8 @@ def gather(session: Session) -> tuple[RunData, ...]:
             edges = edges.take(keep)
         if edges.t_s.size < FEWEST:
             continue
-        shown = UndoneTrace(ready.touch.t_s, ready.xy_mm, float("nan"))
-        widths = _widths(run, shown, edges.t_s, estimate)
+        t_s, xy_mm = averaged(ready.touch.t_s, ready.xy_mm)
+        widths = _widths(run, t_s, xy_mm, edges.t_s, estimate)
         if widths is None:
             continue
         half_s, wide_s, noise_mm = widths
@@ -110,8 +123,8 @@ def gather(session: Session) -> tuple[RunData, ...]:
         out.append(
             RunData(
                 run,
-                ready.touch.t_s,
-                ready.xy_mm,
+                t_s,
+                xy_mm,
                 edges.t_s,
                 edges.falling,
                 half_s,
@@ -119,9 +132,24 @@ def gather(session: Session) -> tuple[RunData, ...]:
                 noise_mm,
                 estimate,
                 guess_s,
+                ready.touch.t_s,
             )
         )
     return wide_enough(tuple(out))
+
+
+def averaged(t_s: FloatArray, xy_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times (k,) s and positions (k, 2) mm, means over the events within ``FINE_S``; the events themselves where one
+    takes longer. No group reaches across a lost contact."""
+    each = round(FINE_S / sample_interval_s(t_s)) if t_s.size > 2 else 1
+    if each < 2:
+        return t_s, xy_mm
+    piece = np.searchsorted(contact_losses(t_s)[:, 1], t_s, side="right")
+    place = np.arange(t_s.size) - np.searchsorted(piece, piece)
+    group = np.cumsum(place % each == 0) - 1
+    count = np.bincount(group)
+    mean = [np.bincount(group, values) / count for values in (t_s, *xy_mm.T)]
+    return mean[0], np.column_stack(mean[1:])
 
 
 def _guess_s(estimate: RunEstimate | None) -> float:
@@ -129,21 +157,17 @@ def _guess_s(estimate: RunEstimate | None) -> float:
 
 
 def _widths(
-    run: Run, trace: UndoneTrace, edge_t_s: FloatArray, estimate: RunEstimate | None
+    run: Run, t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, estimate: RunEstimate | None
 ) -> tuple[float, FloatArray, float] | None:
     """Half-widths of the fits of position, s, and of speed, (m,) s, and one event's noise, mm; None without noise."""
-    t_s, xy_mm = trace.t_s, trace.xy_mm
     guess_s, dt_s = _guess_s(estimate), sample_interval_s(t_s)
-    half_s, noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], edge_t_s + guess_s, trace.covariance_mm2)
-    if trace.covariance_mm2 is not None:
-        noise_mm = trace.noise_mm
+    half_s, noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], edge_t_s + guess_s)
     if not np.isfinite(noise_mm):
         return None
     if estimate is None:
         half_s = min(half_s, max(0.05, 4.5 * dt_s))
     elif run.radius_mm and estimate.speed_mm_s:
-        # A cubic over ω h = 0.85 rad of a circle is true to 0.2 % of the way off its centre line.
-        half_s = min(half_s, max(0.85 * run.radius_mm / estimate.speed_mm_s, 4.5 * dt_s))
+        half_s = min(half_s, max(CUBIC_RAD * run.radius_mm / estimate.speed_mm_s, 4.5 * dt_s))
     return half_s, speed_half_widths_s(t_s, xy_mm, edge_t_s + guess_s, noise_mm), noise_mm
 
 
@@ -176,7 +200,7 @@ def _undone(data: RunData, effects: tuple[Undoing, ...], first_s: float) -> RunD
     trace = UndoneTrace(data.t_s, data.xy_mm, data.noise_mm)
     for effect in effects:
         trace = effect.undo(trace, data, first_s)
-    widths = _widths(data.run, trace, data.edge_t_s, data.estimate) if trace.t_s.size else None
+    widths = _widths(data.run, trace.t_s, trace.xy_mm, data.edge_t_s, data.estimate) if trace.t_s.size else None
     if widths is None or not np.isfinite(trace.noise_mm):
         raise EstimateError(f"{data.run.id}: its trace cannot be freed of a ripple or a low-pass", "Leave the run out")
     half_s, wide_s, _ = widths

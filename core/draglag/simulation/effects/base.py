@@ -127,8 +127,6 @@ class Effect(InFits):
     """Whether a session's own comparisons of the clocks take it out."""
     order: ClassVar[int] = 0
     """Place in the stream of events: what happens nearer to the glass comes first."""
-    settings: ClassVar[tuple[tuple[float, ...], ...]] = ()
-    """Thetas at which ``undo`` is worth trying: those of real screens, few. Empty where nothing is freed."""
 
     value: float
 
@@ -199,11 +197,6 @@ class Effect(InFits):
     def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
         """(n,) latency of taps made at session time t."""
         return latency_s
-
-    @classmethod
-    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
-        """Positions (n, 2) of one contact as they were before the effect at the setting theta; times t_s (n,)."""
-        return xy_mm
 
     @classmethod
     def curve_speed(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray:

@@ -48,16 +48,13 @@ class FittedTerm:
 class UndoneTrace:
     """A run's events while effects are undone in them: t_s (n,), xy_mm (n, 2), noise_mm of one event.
 
-    spread: (n, sources of noise) by how much each, events shown in the first place, moves each of the n; None: one an
-    event. covariance_mm2: of an event's noise with itself and with the next one's, where undoing has correlated them;
-    noise_mm is then that of the mean of many.
+    spread: (n, events shown) by how much each event shown, noise and all, moves each of the n; None: itself alone.
     """
 
     t_s: FloatArray
     xy_mm: FloatArray
     noise_mm: float
     spread: csr_matrix | None = None
-    covariance_mm2: tuple[float, float] | None = None
 
 
 class Undoing(Protocol):
@@ -84,6 +81,9 @@ class InFits:
     """Whether a fit holds it in its law instead of as a term."""
     form_parameter: ClassVar[str] = ""
     """Parameter of a curve's form that is its size, if a form has it."""
+    prior_sd: ClassVar[float] = float("inf")
+    """Prior standard deviation of its sizes in a fit: small where columns hold next to a setting only, that is moved
+    from refit to refit."""
     unsure_share: ClassVar[float] = 0.0
     """By which share of what it varies by its columns are not known."""
     refitted_by: ClassVar[str] = ""
@@ -154,6 +154,12 @@ class InFits:
     def view_with(cls, theta: Theta, view: View) -> View:
         """The edges as they are seen with the effect at its setting."""
         return view
+
+    @classmethod
+    def log_prior_of(cls, theta: Theta) -> float:
+        """Log prior probability of a setting that a refit found among all it could have found, where its columns do not
+        say that."""
+        return 0.0
 
     @classmethod
     def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:

@@ -40,7 +40,6 @@ class Prediction(Effect):
         ),
     )
     order: ClassVar[int] = -1
-    settings: ClassVar[tuple[tuple[float, ...], ...]] = tuple((h, WINDOW_S) for h in (0.005, 0.01, 0.015, 0.02, 0.03))
 
     window_s: float = WINDOW_S
 
@@ -50,22 +49,6 @@ class Prediction(Effect):
     def stamped_late_s(self) -> float:
         """Drags are shown early by the horizon: a fit has that in its law, and the simulation adds it again."""
         return -self.value
-
-    @classmethod
-    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
-        """Exact, sample by sample; noise shrinks by sqrt(1 + 2 r), with r the horizon over the window."""
-        horizon_s, window_s = (*theta, WINDOW_S)[:2]
-        n = t_s.size
-        begin, share, span_s = _window_start(t_s, window_s)
-        gain = horizon_s / span_s
-        out = xy_mm.copy()
-        for i in range(1, n):
-            # x (1 + gain) - gain * back = shown, where back holds a share of x itself if the window is within a frame
-            a, s, g = begin[i], share[i], gain[i]
-            own = s if a + 1 == i else 0.0
-            back = (1 - s) * out[a] + (0.0 if own else s) * out[a + 1]
-            out[i] = (xy_mm[i] + g * back) / (1 + g - g * own)
-        return out
 
     @classmethod
     def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature:

@@ -32,6 +32,7 @@ class Deadband(Effect):
     where: ClassVar[str] = "where the stylus is slow or turns"
     separated_by: ClassVar[str] = "a slow line with turns: there a deadband stands still, a trailing contact does not"
     undone_in: ClassVar[str] = "stream"
+    uneven_ages: ClassVar[bool] = True
     detected_by: ClassVar[str] = "draglag.simulation.effects.deadband.stream"
     detection_order: ClassVar[int] = 6
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -55,10 +56,6 @@ class Deadband(Effect):
             "none: a lost contact comes at every speed, a deadband where the stylus is slow",
         ),
     )
-    settings: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (width, kind) for kind in (JUMP, BACKLASH, FUZZ) for width in (0.1, 0.2, 0.3, 0.5)
-    )
-
     kind: float = JUMP
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
@@ -66,23 +63,6 @@ class Deadband(Effect):
             return events
         act = {JUMP: _jumped, BACKLASH: _followed, FUZZ: _defuzzed}[self.kind]
         return each_contact(events, lambda t_s, xy_mm: act(xy_mm, self.value))
-
-    @classmethod
-    def undo(cls, t_s: FloatArray, xy_mm: FloatArray, theta: tuple[float, ...]) -> FloatArray:
-        """Exact where the position moved, in time between those places where it stood still (within the width)."""
-        width_mm, kind = (*theta, JUMP)[:2]
-        if xy_mm.shape[0] < 2 or width_mm <= 0:
-            return xy_mm
-        step = np.diff(xy_mm, axis=0, prepend=xy_mm[:1])
-        if kind == FUZZ:
-            return np.column_stack([_fuzzed(t_s, xy_mm[:, k], step[:, k], width_mm) for k in range(2)])
-        length = np.hypot(step[:, 0], step[:, 1])
-        moved = length > 0
-        moved[0] = True
-        before = xy_mm.copy()
-        if kind == BACKLASH:
-            before[moved] += 0.5 * width_mm * step[moved] / np.maximum(length[moved], 1e-12)[:, None]
-        return np.column_stack([np.interp(t_s, t_s[moved], before[moved, k]) for k in range(2)])
 
     @classmethod
     def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature:
@@ -117,13 +97,3 @@ def _defuzzed(xy_mm: FloatArray, fuzz_mm: float) -> FloatArray:
         out[i] = out[i - 1] + np.select([abs(off) < 0.5 * fuzz_mm, abs(off) < fuzz_mm, abs(off) < 2 * fuzz_mm],
                                         [0.0, 0.25 * off, 0.5 * off], off)  # fmt: skip
     return out
-
-
-def _fuzzed(t_s: FloatArray, shown_mm: FloatArray, step_mm: FloatArray, fuzz_mm: float) -> FloatArray:
-    """One axis before the fuzz filter: its zones map to steps of an eighth to a quarter, a half to one, and two."""
-    size = np.abs(step_mm) / fuzz_mm
-    times = np.select([size < np.sqrt(1 / 8), size < np.sqrt(2)], [4.0, 2.0], 1.0)
-    before = shown_mm + (times - 1) * step_mm
-    moved = step_mm != 0
-    moved[0] = True
-    return np.asarray(np.interp(t_s, t_s[moved], before[moved]))

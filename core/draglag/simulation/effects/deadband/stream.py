@@ -79,6 +79,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
         "where the stylus is slow or turns",
         f"{100 * share:.0f} % of positions stand still until the stylus is {width:.2f} mm away; none is shorter",
         share,
+        undone=False,  # a panel that scans more often than it reports shows a position up to a width old
         also=(("kind", JUMP, (JUMP, JUMP)),),
     )
 

@@ -49,9 +49,7 @@ class LaggingLaw(Effect):
     unsure_share: ClassVar[float] = ACCEL_UNKNOWN
     needs: ClassVar[str] = "changing speed"
     identifiable_with: ClassVar[str] = "a chirp or step whose speed changes quickly"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("delay_s", "s", -0.3, 0.3, 0.04, sound=LATEST_OF_SOUND_S),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04, sound=LATEST_OF_SOUND_S),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "acceleration_lag",

@@ -16,7 +16,6 @@ from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     cut_off_hz,
     filtered,
     first_of_contact,
-    share_at_rest,
 )
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -25,9 +24,14 @@ if TYPE_CHECKING:
     from draglag.gap.fitting.state import Term
     from draglag.gap.traces.run_data import RunData
 
-BETA_PER_MM = 0.02
+USUAL, OF_SCREENS_SD = Setting(1.0, 0.02), 0.5
+"""Middle of the filters that screens have, and the standard deviation of the logarithm of either parameter among them
+(fact sheet on real screens: 0.6 to 1.5 Hz, 0.01 to 0.05 per mm)."""
 SETTINGS = tuple(Setting(fmin, beta) for fmin in (0.7, 1.3) for beta in (0.01, 0.02, 0.045))
-"""To begin from: of the filters that screens have (fact sheet on real screens), a factor of two apart."""
+SMOOTHER_SD = 0.15
+"""Of the logarithm of either parameter: a local fit's velocity is smoother than the filter's own. Calibrated: generated
+filters were off by 0.02 to 0.4, the most where the law falls as the filter's delay does."""
+LEAST_UNSURE = 1e-3
 MOST_UNKNOWN = 5.0  # of a parameter's logarithm: a factor of 150 is nothing known
 
 
@@ -48,8 +52,9 @@ class SpeedAdaptiveFilter(Effect):
     refitted_by: ClassVar[str] = "draglag.simulation.effects.speed_adaptive_filter.refits"
     looks_like: ClassVar[tuple[str, ...]] = ("normal_acceleration", "direction_angle")
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("fmin_hz", "Hz", 0.1, 50.0, 1.0),
-        Parameter("beta_per_mm", "1/mm", 0.0, 1.0, BETA_PER_MM),
+        # Beyond them it is a low-pass whose cut-off hardly follows the speed, or none.
+        Parameter("fmin_hz", "Hz", 0.1, 5.0, USUAL.fmin_hz),
+        Parameter("beta_per_mm", "1/mm", 0.002, 0.2, USUAL.beta_per_mm),
     )
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
@@ -69,8 +74,9 @@ class SpeedAdaptiveFilter(Effect):
         ),
     )
     order: ClassVar[int] = -2
+    prior_sd: ClassVar[float] = 1e-3
 
-    beta_per_mm: float = BETA_PER_MM
+    beta_per_mm: float = USUAL.beta_per_mm
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
         setting = Setting(self.value, self.beta_per_mm)
@@ -87,26 +93,23 @@ class SpeedAdaptiveFilter(Effect):
         """What the law cannot hold of it, to second order in its delay: that of a smoothed speed, and a shrunk path."""
         each = []
         for setting in SETTINGS:
-            delay_s = view.averaged.rows @ (1 / (2 * np.pi * _cut_off_hz(view, setting)))
-            each.append(
-                Signature(column(delay_s), column(0.5 * delay_s**2 * view.a_across), setting)
-            )
+            delay_s, _ = _delays_s(view, setting)
+            each.append(Signature(column(delay_s), column(0.5 * delay_s**2 * view.a_across), setting))
         return each
 
     @classmethod
     def signature_at(cls, theta: Theta, view: View) -> Signature:
-        """What is left of it in a trace freed of it at the setting: by the logarithms of both parameters."""
-        setting, traces = Setting(*theta), view.averaged
-        first = first_of_contact(traces.t_s)
-        behind_mm = traces.y_mm - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]
-        rest = share_at_rest(traces.t_s, traces.xy_mm, setting, first)
-        return Signature(offset=traces.rows @ (behind_mm[:, None] * np.column_stack([rest, 1 - rest])), theta=setting)
+        """What is left of it in a trace freed of it at the setting, by the logarithms of both parameters: the change of
+        ``signatures``. From smoothed speeds, for an edge's own lag behind the raw position has the edge's own noise."""
+        delay_s, at_rest = _delays_s(view, Setting(*theta[:2]))
+        less_s = -delay_s[:, None] * np.column_stack([at_rest, 1 - at_rest])
+        return Signature(less_s, less_s * (delay_s * view.a_across)[:, None], theta)
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
         from draglag.simulation.effects.speed_adaptive_filter.freed import Unfiltered
 
-        return Unfiltered(Setting(*term.theta)), term
+        return Unfiltered(Setting(*term.theta[:2])) if term.theta else None, term
 
     @classmethod
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
@@ -114,13 +117,21 @@ class SpeedAdaptiveFilter(Effect):
         return np.array(term.sizes) + 1.0
 
     @classmethod
+    def log_prior_of(cls, theta: Theta) -> float:
+        """Of the setting among those of screens, times how much of them the edges leave (Laplace's approximation)."""
+        setting = Setting(*theta)
+        off = setting.logs_from(USUAL) / OF_SCREENS_SD
+        left = np.maximum(setting.unsure, LEAST_UNSURE) / OF_SCREENS_SD
+        return float(np.sum(np.log(left) - 0.5 * off**2))
+
+    @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """Setting and what is left at it, whose sizes are logarithms."""
-        at = np.array(found.term.theta) * np.exp(found.term.sizes)
-        reach = np.exp(np.minimum(Z95 * found.se, MOST_UNKNOWN))
+        """The setting, and how surely the edges know it."""
+        setting = Setting(*found.term.theta)
+        reach = np.exp(np.minimum(Z95 * np.hypot(setting.unsure, SMOOTHER_SD), MOST_UNKNOWN))
         return {
             spec.name: (float(value), (float(value / wide), float(value * wide)))
-            for spec, value, wide in zip(cls.parameters, at, reach, strict=True)
+            for spec, value, wide in zip(cls.parameters, setting, reach, strict=False)
         }
 
 
@@ -128,7 +139,10 @@ def _one_contact(t_s: FloatArray) -> np.ndarray:
     return np.arange(t_s.size) == 0
 
 
-def _cut_off_hz(view: View, setting: Setting) -> FloatArray:
-    """The cut-off at every event by the speed that the trace shows, (n,) Hz."""
+def _delays_s(view: View, setting: Setting) -> tuple[FloatArray, FloatArray]:
+    """The filter's delay at every edge by the speed that the trace shows, (m,) s, and which share of the cut-off is the
+    one at rest, (m,)."""
     traces = view.averaged
-    return cut_off_hz(traces.t_s, traces.xy_mm, setting, first_of_contact(traces.t_s))
+    cut_off = cut_off_hz(traces.t_s, traces.xy_mm, setting, first_of_contact(traces.t_s))
+    delay_s = np.asarray(traces.rows @ (1 / (2 * np.pi * cut_off)))
+    return delay_s, 2 * np.pi * setting.fmin_hz * delay_s

@@ -22,10 +22,25 @@ MOST_ROUNDS = 60
 
 
 class Setting(NamedTuple):
-    """Cut-off at rest, Hz, and by how much it rises with the speed, Hz per mm/s."""
+    """Cut-off at rest, Hz, and by how much it rises with the speed, Hz per mm/s; of a fit, the standard deviations of
+    the logarithms of both as well."""
 
     fmin_hz: float
     beta_per_mm: float
+    sd_log_fmin: float = 0.0
+    sd_log_beta: float = 0.0
+
+    @property
+    def unsure(self) -> tuple[float, float]:
+        return self.sd_log_fmin, self.sd_log_beta
+
+    def logs_from(self, other: Setting) -> FloatArray:
+        """Logarithms of both parameters over another's, (2,)."""
+        return np.log([self.fmin_hz / other.fmin_hz, self.beta_per_mm / other.beta_per_mm])
+
+    def moved(self, logs: FloatArray) -> Setting:
+        """Another setting, by (2,) changes of the logarithms."""
+        return Setting(self.fmin_hz * float(np.exp(logs[0])), self.beta_per_mm * float(np.exp(logs[1])))
 
 
 def first_of_contact(t_s: FloatArray) -> np.ndarray:
@@ -63,11 +78,6 @@ def gains_of_raw(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: 
     """The filter's gain at every event, (n,), from raw positions."""
     turn = _turns(t_s, raw_mm, setting, begins)
     return np.where(begins, 1.0, turn / (1 + turn))
-
-
-def share_at_rest(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
-    """Which share of the cut-off the one at rest is, at every event, (n,)."""
-    return setting.fmin_hz / cut_off_hz(t_s, raw_mm, setting, begins)
 
 
 def cut_off_hz(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:

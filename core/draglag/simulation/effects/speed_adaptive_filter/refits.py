@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from draglag.errors import EstimateError
@@ -11,35 +13,72 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.run_data import as_shown
 from draglag.recording import FloatArray, Session
-from draglag.simulation.effects.speed_adaptive_filter import SpeedAdaptiveFilter
-from draglag.simulation.effects.speed_adaptive_filter.filtering import Setting, cut_off_hz, first_of_contact
+from draglag.simulation.effects.speed_adaptive_filter import OF_SCREENS_SD, USUAL, SpeedAdaptiveFilter
+from draglag.simulation.effects.speed_adaptive_filter.filtering import (
+    Setting,
+    cut_off_hz,
+    filtered,
+    first_of_contact,
+)
 
-SETTLED = 0.02  # of either parameter's logarithm: what is left at the setting is known to first order
+OWN = SpeedAdaptiveFilter.id
+SETTLED = 0.02  # of either parameter's logarithm: a hundredth of what screens differ by
 ROUNDS = 5
-FURTHEST = 1.0  # of a logarithm in one round: further, first order says nothing
+FURTHEST = 0.7  # of a logarithm in one round
+BACK = 0.3  # of a step that went too far
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """The traces freed of it, from the setting at which its columns explain most, until nothing is left at it."""
-    if not theta:
-        return []
-    own, setting = SpeedAdaptiveFilter.id, Setting(*theta)
-    law = _law_without(before, setting)
-    found: Fit | None = None
+    """The traces freed of it, from the usual filter to the likeliest: its columns are too rough to begin from."""
+    setting, law = USUAL, _law_without(before, USUAL)
+    best: Fit | None = None
+    step = unsure = np.zeros(2)
     for _ in range(ROUNDS):
-        fit = None if law is None else refit(session, before, [*before.terms, Term(own, setting, (0.0, 0.0))], law)
-        if fit is None or _worse(fit, before):
+        there = setting.moved(step)
+        fit = None if law is None else refit(session, before, [*before.terms, Term(OWN, there, (0.0, 0.0))], law)
+        if fit is None and best is None:
+            return []
+        if fit is None or (best is not None and _worse(fit, best)):
+            step = BACK * step
+        else:
+            best, setting, law = fit, there, fit.law
+            step, unsure = likelier(fit)
+            step = np.clip(step, -FURTHEST, FURTHEST)
+        if np.max(np.abs(step)) < SETTLED:
             break
-        found, law = fit, fit.law
-        left = np.array(fit.terms[-1].sizes)
-        if np.max(np.abs(left)) < SETTLED:
-            break
-        setting = Setting(*(np.array(setting) * np.exp(np.clip(left, -FURTHEST, FURTHEST))))
-    return [found]
+    if best is None or _worse(best, before):
+        return []
+    return [_with_setting(best, setting._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1])))]
+
+
+def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """By how much the edges would move the logarithms of both parameters, law and all else with them, (2,), and their
+    standard deviations, (2,), with what screens have as prior. The filter's term is the last."""
+    white, prior, own = fit.whiteners[fit.best], fit.prior.copy(), slice(-2, None)
+    prior[own] = OF_SCREENS_SD**-2
+    a, b = white.apply(np.column_stack([fit.design[:, :-2], _columns(fit)])), white.apply(fit.residual_mm)
+    covariance = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
+    moment = a.T @ b
+    moment[own] -= Setting(*fit.terms[-1].theta[:2]).logs_from(USUAL) * prior[own]
+    return (covariance @ moment)[own], np.sqrt(np.diag(covariance)[own])
+
+
+def _columns(fit: Fit) -> FloatArray:
+    """By how much edges are displaced for a unit of each logarithm, (m, 2) mm: the lag of what is shown behind the raw
+    positions, event by event. With the events' noise, which the effect's own columns must not have."""
+    traces, setting = fit.view.averaged, Setting(*fit.terms[-1].theta[:2])
+    first = first_of_contact(traces.t_s)
+    behind_mm = traces.xy_mm[:, 1] - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]
+    at_rest = setting.fmin_hz / cut_off_hz(traces.t_s, traces.xy_mm, setting, first)
+    return np.asarray(traces.rows @ (behind_mm[:, None] * np.column_stack([at_rest, 1 - at_rest])))
+
+
+def _with_setting(fit: Fit, setting: Setting) -> Fit:
+    return replace(fit, terms=tuple(replace(t, theta=setting) if t.effect == OWN else t for t in fit.terms))
 
 
 def _worse(fit: Fit, before: Fit) -> bool:
-    """Whether edges lie farther off than without the filter: then no other setting is looked for from here."""
+    """Whether edges lie farther off than without the filter, or at the setting before."""
     both = fit.use & before.use
     return log_likelihood_on(fit, both) < log_likelihood_on(before, both)
 
