@@ -136,7 +136,7 @@ class SpeedAdaptiveFilter(Effect):
 
 
 def _one_contact(t_s: FloatArray) -> np.ndarray:
-    return np.arange(t_s.size) == 0
+    return np.asarray(np.arange(t_s.size) == 0)
 
 
 def _delays_s(view: View, setting: Setting) -> tuple[FloatArray, FloatArray]:

@@ -17,7 +17,7 @@ from draglag.recording import FloatArray
 
 DERIVATIVE_HZ = 1.0  # cut-off of the low-pass on the velocity, as published
 SHORTEST_S = 1e-4  # between two events
-EXACT_MM = 1e-6  # of a position: where the inverse has come to its end
+EXACT_MM = 1e-4  # of a position: where the inverse has come to its end
 MOST_ROUNDS = 60
 
 

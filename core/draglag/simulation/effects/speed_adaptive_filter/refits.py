@@ -25,6 +25,7 @@ OWN = SpeedAdaptiveFilter.id
 SETTLED = 0.02  # of either parameter's logarithm: a hundredth of what screens differ by
 ROUNDS = 5
 FURTHEST = 0.7  # of a logarithm in one round
+FARTHEST_SD = 3.5  # off the filters of screens, where this is no such filter
 BACK = 0.3  # of a step that went too far
 
 
@@ -44,6 +45,8 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
             best, setting, law = fit, there, fit.law
             step, unsure = likelier(fit)
             step = np.clip(step, -FURTHEST, FURTHEST)
+        if np.max(np.abs(setting.moved(step).logs_from(USUAL))) > FARTHEST_SD * OF_SCREENS_SD:
+            return []
         if np.max(np.abs(step)) < SETTLED:
             break
     if best is None or _worse(best, before):
