@@ -232,14 +232,9 @@ def test_a_model_file_whose_effects_no_rig_has_is_refused(
         load_model(path)
 
 
-OPEN_FORM = pytest.mark.xfail(
-    reason="on the second rig the curve's form is open, and so is its asymptote", strict=False
-)
-
-
 @pytest.mark.parametrize(
     ("effect", "parameter", "size"),
-    [pytest.param("clock_offset", "offset_s", 0.008, marks=OPEN_FORM), (None, "", 0.0)],
+    [("clock_offset", "offset_s", 0.008), (None, "", 0.0)],
 )
 def test_a_model_s_law_is_the_panel_s_and_comes_back_when_simulated(
     effect: str | None, parameter: str, size: float
