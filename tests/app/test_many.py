@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from dataclasses import replace
+from itertools import combinations, islice
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -57,11 +58,24 @@ def test_every_session_has_the_result_it_has_alone(tiny: Path, serial: dict) -> 
     assert json.loads(alone.stdout) == one["result"]
 
 
-def test_on_all_cores_and_on_a_cluster_it_is_the_same(tiny: Path, serial: dict) -> None:
-    assert json.loads(run("analyze", tiny, "--jobs", 2, "--json").stdout) == serial
+@pytest.fixture(scope="module")
+def hundred(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of a hundred sessions, each of three other runs."""
+    whole = dl.read(SAMPLES / "none-A")
+    steady = [run for run in whole.runs if run.protocol == "circle"]
+    folder = tmp_path_factory.mktemp("hundred")
+    for k, some in enumerate(islice(combinations(steady, 3), 100)):
+        dl.write(replace(whole, name=f"small {k}", runs=some), folder / f"s{k:03}.h5")
+    return folder
+
+
+def test_a_hundred_sessions_on_all_cores_and_on_a_cluster_are_the_same(hundred: Path) -> None:
+    serial = json.loads(run("analyze", hundred, "--jobs", 1, "--no-save", "--json").stdout)
+    assert len({one["result"]["session"] for one in serial["sessions"]}) == 100
+    assert json.loads(run("analyze", hundred, "--jobs", 2, "--no-save", "--json").stdout) == serial
     distributed = pytest.importorskip("distributed", reason="a cluster needs Dask (extra cluster)")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        done = run("analyze", tiny, "--scheduler", cluster.scheduler_address, "--json")
+        done = run("analyze", hundred, "--scheduler", cluster.scheduler_address, "--no-save", "--json")
         assert done.exit_code == 0, done.stderr
         assert json.loads(done.stdout) == serial
 
