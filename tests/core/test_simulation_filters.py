@@ -98,6 +98,10 @@ def test_one_euro_lags_by_the_delay_of_its_cut_off() -> None:
     behind = np.hypot(*(xy - _after("speed_adaptive_filter=1,beta_per_mm=0.02", t, xy))[-200:].T)
     delay_s = 1 / (2 * np.pi * (1 + 0.02 * SPEED))  # of the discrete filter: the steps let through turn / (1 + turn)
     assert behind / SPEED == pytest.approx(delay_s, rel=1e-3)
+    in_a_curve_s = EFFECTS["speed_adaptive_filter"].curve_extra_s(
+        np.array([SPEED]), {"fmin_hz": 1.0, "beta_per_mm": 0.02}
+    )
+    assert in_a_curve_s == pytest.approx([delay_s])
 
 
 def test_one_euro_smooths_more_at_rest() -> None:
