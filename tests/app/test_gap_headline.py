@@ -83,7 +83,7 @@ def test_sets_that_share_the_probability_are_all_named(capsys):
         assert words in table
 
 
-def test_effects_that_cannot_be_told_apart_come_with_the_run_that_would():
+def test_effects_that_cannot_be_distinguished_come_with_the_run_that_would():
     either = replace(DRIFT, indistinguishable_from=("thermal_drift",), extra_run="taps before and after the runs")
     sets = ((("clock_drift",), 0.6), (("thermal_drift",), 0.36))
     made = replace(report("explained"), steps=(either,), explanations=sets)
@@ -110,21 +110,21 @@ def test_no_probability_is_stated_beyond_what_was_counted():
     assert "probability < 0.01" in headline(replace(report("explained"), steps=(replace(DRIFT, probability=1e-4),)))
 
 
-def test_what_a_gap_follows_is_told_in_words(capsys):
+def test_what_a_gap_follows_is_reported_in_words(capsys):
     made = replace(report("unexplained"), unexplained_by="normal_acceleration")
     print_finding(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: a gap remains that follows the normal acceleration;")
 
 
-def test_scatter_is_not_told_as_something_that_a_gap_follows(capsys):
+def test_scatter_is_not_reported_as_something_that_a_gap_follows(capsys):
     made = replace(report("unexplained"), unexplained_by="scatter")
     print_finding(made, None)
     for said in (capsys.readouterr().out, headline(made)):
         assert said.startswith("Unexplained: single edges scatter more than those of a sound rig")
 
 
-def test_a_wider_shadow_is_not_told_twice():
+def test_a_wider_shadow_is_not_reported_twice():
     """An effect that a step names as one it may be is not listed as one that could not have been seen."""
     session = SimpleNamespace(taps=None, runs=())
     view = SimpleNamespace(x_mm=np.array([0.0, 400.0]))
@@ -137,7 +137,7 @@ def test_a_wider_shadow_is_not_told_twice():
 
 
 @pytest.mark.parametrize("follows", ["speed", "scatter"])
-def test_a_limit_of_effects_is_told_instead_of_that_none_is_known(follows, capsys):
+def test_a_limit_of_effects_is_reported_instead_of_that_none_is_known(follows, capsys):
     made = replace(report("unexplained"), unexplained_by=follows, stopped_at=0)
     print_finding(made, None)
     for said in (capsys.readouterr().out, headline(made)):
@@ -185,7 +185,7 @@ def test_a_drift_refers_to_what_analyze_makes_of_it():
     assert drift_in_analysis(made, report("no_gap")) == ""
 
 
-def test_runs_that_the_fit_does_not_judge_by_are_told_with_the_reason():
+def test_runs_that_the_fit_does_not_judge_by_are_reported_with_the_reason():
     runs = [SimpleNamespace(id=f"run-0{k}", protocol=kind) for k, kind in ((1, "circle"), (2, "circle"), (3, "step"))]
     session, of_runs = SimpleNamespace(runs=runs), [SimpleNamespace(run=run) for run in runs]
     first, last = (SimpleNamespace(runs=of_runs, run_index=np.array(used)) for used in ([0, 0, 1, 1], [0, 0]))

@@ -43,7 +43,7 @@ def test_sentences_come_back() -> None:
         run_in_subprocess(refuses, (1,), quiet)
 
 
-def test_a_dead_process_is_told() -> None:
+def test_a_dead_process_is_reported() -> None:
     with pytest.raises(DataError, match="without a result"):
         run_in_subprocess(dies, (1,), quiet)
 

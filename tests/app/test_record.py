@@ -155,7 +155,7 @@ def test_devices_lists_the_simulator_and_the_forms():
     assert json.loads(as_json.output)["devices"][0]["address"] == "sim:"
 
 
-def test_devices_asks_the_interfaces_it_is_told_to(monkeypatch):
+def test_devices_asks_the_interfaces_it_is_given(monkeypatch):
     asked = []
 
     def look(probe):

@@ -302,7 +302,7 @@ def test_a_lost_walt_spoils_taps_and_no_run(tmp_path):
     assert "cable" in recording.events[-1].problem
 
 
-def test_all_faults_at_opening_are_told_together_and_nothing_is_written(tmp_path):
+def test_all_faults_at_opening_are_reported_together_and_nothing_is_written(tmp_path):
     rig = fast_rig(ROLES)
     walt = Wrapped(of_role(rig, "walt"))
     for source in (DoesNotOpen(of_role(rig, "touch")), DoesNotOpen(of_role(rig, "laser")), walt):

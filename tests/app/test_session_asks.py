@@ -19,7 +19,7 @@ from draglag_devices.source import Notice
 SCREEN = load_screen("screen-1")
 
 
-def test_a_touchscreen_without_a_resolution_is_told_the_size_of_the_panel(tmp_path):
+def test_a_touchscreen_without_a_resolution_is_reported_the_size_of_the_panel(tmp_path):
     rig = fast_rig()
     source = NeedsPanel(of_role(rig, "touch"))
     recording = Recording(protocol(300), replaced(rig, source), tmp_path / "s.h5")

@@ -53,7 +53,7 @@ def test_every_run_can_be_ended(signals):
 
 
 @given(st.permutations([Signal.ABORT, Signal.DEVICE_LOST, Signal.FAILURE]))
-def test_the_worst_of_several_troubles_is_told(troubles):
+def test_the_worst_of_several_troubles_is_reported(troubles):
     assert run_through([*GOOD[:3], *troubles, Signal.DRAINED])[-1].outcome == "failed"
 
 

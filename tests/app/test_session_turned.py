@@ -38,7 +38,9 @@ def told(recording):
     ("left_right", "top_bottom", "words"),
     [(True, True, "turned by half a turn"), (True, False, "left to right"), (False, True, "top to bottom")],
 )
-def test_a_mirrored_touchscreen_is_told_with_the_remedy_before_the_run_ends(tmp_path, left_right, top_bottom, words):
+def test_a_mirrored_touchscreen_is_reported_with_the_remedy_before_the_run_ends(
+    tmp_path, left_right, top_bottom, words
+):
     rig = fast_rig()
     source = Turned(of_role(rig, "touch"), left_right, top_bottom)
     recording = Recording(protocol(180, duration_s=12.0), replaced(rig, source), tmp_path / "s.h5")
@@ -76,7 +78,7 @@ class Late(Turned):
         return replace(batch, touch=held)
 
 
-def test_a_hand_that_comes_late_is_looked_at_again_and_told_once(tmp_path):
+def test_a_hand_that_comes_late_is_looked_at_again_and_reported_once(tmp_path):
     rig = fast_rig()
     recording = Recording(
         protocol(180, duration_s=16.0), replaced(rig, Late(of_role(rig, "touch"), True, True)), tmp_path / "s.h5"

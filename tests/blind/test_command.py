@@ -73,7 +73,7 @@ def test_ctrl_c_ends_it_and_its_workers():
         assert time.monotonic() < patience_s, "workers left behind"
 
 
-def test_what_was_done_before_ctrl_c_is_told(monkeypatch):
+def test_what_was_done_before_ctrl_c_is_reported(monkeypatch):
     done = Outcome("none", "none", 1.0, 1, {}, True, (), (), "no_gap", None, None, None, None, 0.2, 0.2, 0.2, 1.0)
 
     def interrupted(chosen, jobs, scheduler, keep, engine):

@@ -83,7 +83,7 @@ def test_uncertainty_grows_away_from_the_comparisons():
     assert (np.diff(width) > 0).all()
 
 
-def test_contradicting_comparisons_are_widened_and_told():
+def test_contradicting_comparisons_are_widened_and_reported():
     at_s = np.linspace(0, 100, 101)
     wander = 2e-3 * np.sin(at_s / 8)  # no straight line does that
     host = at_s + 7 + wander

@@ -98,7 +98,7 @@ def test_inside_marks_extrapolation() -> None:
     assert curve.inside(np.array([10.0, 100.0, 2000.0])).tolist() == [False, True, False]
 
 
-def test_curves_that_differ_are_told_apart_and_equal_ones_are_not() -> None:
+def test_curves_that_differ_are_distinguished_and_equal_ones_are_not() -> None:
     a, b = (fit_form(points(TABLE_2[0], 3e-4, seed), "double_exponential") for seed in (1, 2))
     c = fit_form(points(TABLE_2[1], 3e-4, 3), "double_exponential")
     same, other = curve_difference(a, b), curve_difference(a, c)
@@ -134,7 +134,7 @@ def test_an_exponential_that_hardly_any_run_can_see_has_an_open_interval() -> No
         assert abs(curve.parameters[fast] - 3000) < 4 * curve.standard_errors[fast]
 
 
-def test_runs_that_something_else_than_speed_moves_are_owned_up_to() -> None:
+def test_runs_that_something_else_than_speed_moves_are_reported() -> None:
     session = read_exchange(Path(__file__).parents[1] / "data/exchange/none-A")
     assert not analyze(session).warnings
     late = tuple(

@@ -312,7 +312,7 @@ def test_a_number_too_long_to_read_is_refused(tmp_path: Path) -> None:
         read_exchange(tmp_path)
 
 
-def test_events_from_elsewhere_are_read_and_lines_that_cannot_be_told_apart_named(tmp_path: Path) -> None:
+def test_events_from_elsewhere_are_read_and_lines_that_cannot_be_distinguished_named(tmp_path: Path) -> None:
     path = tmp_path / "touch.csv"
     path.write_text('"id","y_mm","t_s","x_mm"\n# a note\na1,2,0.5,1\n\na2,,0.6,3\n')
     np.testing.assert_array_equal(read_events(path, ("t_s", "x_mm", "y_mm")), [[0.5, 1, 2], [0.6, 3, np.nan]])

@@ -279,7 +279,7 @@ def replace_in(model: LatencyModel, **provenance: object) -> LatencyModel:
     return model.model_copy(update={"provenance": model.provenance.model_copy(update=provenance)})
 
 
-def test_a_model_of_another_screen_is_told_as_such(model: LatencyModel, compared: Session, tmp_path: Path) -> None:
+def test_a_model_of_another_screen_is_reported_as_such(model: LatencyModel, compared: Session, tmp_path: Path) -> None:
     save_model(model, tmp_path / "model.json")
     for name, warned in (("screen-1", False), ("another", True)):
         write_session(replace(compared, screen=replace(compared.screen, name=name)), tmp_path / f"{name}.h5")
@@ -290,7 +290,7 @@ def test_a_model_of_another_screen_is_told_as_such(model: LatencyModel, compared
             assert ("warning: the model was fitted on screen-1, this is another" in done.output) is warned
 
 
-def test_what_the_law_undoes_is_not_told_as_left_in(model: LatencyModel, drifting: Session) -> None:
+def test_what_the_law_undoes_is_not_reported_as_left_in(model: LatencyModel, drifting: Session) -> None:
     plateau = ModelEffect(id="low_speed_plateau", parameters={"speed_mm_s": 118.0})
     touch = drifting.runs[0].touch
     held = model.model_copy(update={"effects": (plateau,)})

@@ -140,7 +140,7 @@ def test_a_poor_session_gets_words_instead_of_a_verdict(sound: Session) -> None:
     assert report.to_dict()["missing"] == list(report.missing)
 
 
-def test_positions_that_are_no_numbers_are_told_as_such(sound: Session) -> None:
+def test_positions_that_are_no_numbers_are_reported_as_such(sound: Session) -> None:
     nowhere = [replace(run, touch=replace(run.touch, x_mm=np.full(run.touch.x_mm.shape, np.nan))) for run in sound.runs]
     report = close_gap(replace(sound, runs=tuple(nowhere)))
     assert report.verdict is None
@@ -214,7 +214,7 @@ def test_a_ripple_along_y_alone_is_named_with_its_amplitude(sound: Session) -> N
 
 
 @pytest.mark.parametrize("threshold_mm_s", [180, 320])
-def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_beside(threshold_mm_s: float) -> None:
+def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_away_from_switches(threshold_mm_s: float) -> None:
     """The run at the threshold itself switches with every tremor: about a switch an edge is of neither filter."""
     report = close_gap(simulated(f"second_filter_mode=0.012,threshold_mm_s={threshold_mm_s}"))
     (step,) = report.steps

@@ -57,7 +57,7 @@ def test_the_verbs_composed_reproduce_the_workflow(session: Session, before: Gap
     assert name(after) == ()
 
 
-def test_a_model_of_another_session_is_fitted_anew(before: Gap) -> None:
+def test_a_model_of_another_session_is_fitted_again(before: Gap) -> None:
     """Neither its edges nor its numbers are those of the session it is held against."""
     drifting = simulated("clock_drift=100")
     there = find(drifting, before.model)

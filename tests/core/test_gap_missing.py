@@ -33,14 +33,14 @@ def laser(run: Run, **changed: np.ndarray) -> Run:
     return replace(run, laser=replace(run.laser, **changed))
 
 
-def test_one_of_a_thing_is_told_in_the_singular(sound: Session) -> None:
+def test_one_of_a_thing_is_reported_in_the_singular(sound: Session) -> None:
     fastest = max(sound.runs, key=lambda run: run.nominal_speed_mm_s or 0.0)
     missing = close_gap(replace(sound, runs=(fastest,))).missing
     assert "1 circle run with edges: at least 5 are needed" in missing
     assert "1 drag speed: at least 4, spread over a factor of 3, are needed" in missing
 
 
-def test_times_that_are_no_numbers_or_go_back_are_told_by_run(sound: Session) -> None:
+def test_times_that_are_no_numbers_or_go_back_are_reported_by_run(sound: Session) -> None:
     def holed(t_s: np.ndarray) -> np.ndarray:
         return np.where(np.arange(t_s.size) % 50 == 7, np.nan, t_s)
 
@@ -55,7 +55,7 @@ def test_times_that_are_no_numbers_or_go_back_are_told_by_run(sound: Session) ->
             find(poor)
 
 
-def test_streams_on_two_clocks_are_told_as_such(sound: Session) -> None:
+def test_streams_on_two_clocks_are_reported_as_such(sound: Session) -> None:
     report = close_gap(of_runs(sound, lambda run: laser(run, t_s=run.laser.t_s - 1.7e9)))
     assert report.verdict is None
     n = len(sound.runs)

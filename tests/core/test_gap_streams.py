@@ -43,14 +43,14 @@ def test_stamps_as_coarse_as_the_frames_are_not_taken_for_missing_frames(sound: 
     assert found[0].value == pytest.approx(0.008, rel=0.01)
 
 
-def test_stamps_coarser_than_the_frames_are_told_although_some_repeat(sound: Session) -> None:
+def test_stamps_coarser_than_the_frames_are_reported_although_some_repeat(sound: Session) -> None:
     # 100 frames a second on a clock of 16 ms: one or two of a stamp, but no batches of one size.
     found, _ = inspect(with_touch(sound, lambda touch: replace(touch, t_s=np.floor(touch.t_s / 0.016) * 0.016)))
     assert [f.effect for f in found] == ["timestamp_quantisation"]
     assert found[0].value == pytest.approx(0.016, rel=0.01)
 
 
-def test_stamps_hardly_coarser_than_the_frames_are_told_by_the_few_that_repeat(sound: Session) -> None:
+def test_stamps_hardly_coarser_than_the_frames_are_reported_by_the_few_that_repeat(sound: Session) -> None:
     # 100 frames a second on a clock of 10.3 ms: every thirtieth stamp twice.
     found, _ = inspect(with_touch(sound, lambda touch: replace(touch, t_s=np.floor(touch.t_s / 0.0103) * 0.0103)))
     assert [f.effect for f in found] == ["timestamp_quantisation"]
@@ -75,7 +75,7 @@ def test_coarse_stamps_of_frames_whose_rate_wanders_follow_it() -> None:
     assert np.std(off_s) < 3e-4  # as far as rounding alone scatters
 
 
-def test_missing_frames_on_a_clock_hardly_coarser_than_they_are_both_told(sound: Session) -> None:
+def test_missing_frames_on_a_clock_hardly_coarser_than_they_are_both_reported(sound: Session) -> None:
     # 100 frames a second, every seventh lost, on a clock of 10.3 ms.
     def lossy(touch: TouchTrace) -> TouchTrace:
         keep = np.random.default_rng(4).random(touch.t_s.size) > 1 / 7
@@ -136,7 +136,7 @@ def with_chatter(session: Session, span_s: float) -> Session:
 
 
 @pytest.mark.parametrize("span_s", [8e-4, 4e-3])
-def test_chatter_is_told_by_the_time_it_may_last_and_by_its_share(sound: Session, span_s: float) -> None:
+def test_chatter_is_reported_by_the_time_it_may_last_and_by_its_share(sound: Session, span_s: float) -> None:
     (found,), _ = inspect(with_chatter(sound, span_s))
     assert found.effect == "laser_bounce"
     for name, truth in (("span_s", span_s), ("share", 0.5)):
@@ -145,7 +145,7 @@ def test_chatter_is_told_by_the_time_it_may_last_and_by_its_share(sound: Session
         assert low < truth < high, name
 
 
-def test_an_edge_beside_another_that_chatters_is_no_longer_chatter(sound: Session) -> None:
+def test_an_edge_next_to_another_that_chatters_is_no_longer_chatter(sound: Session) -> None:
     noisy = with_chatter(sound, 8e-4)
     first, *others = noisy.runs
     laser, at_s = first.laser, float(np.median(first.laser.t_s)) + 5e-3
@@ -160,7 +160,7 @@ def test_an_edge_beside_another_that_chatters_is_no_longer_chatter(sound: Sessio
     assert low < 8e-4 < high
 
 
-def test_chatter_that_no_run_shows_whole_is_told_as_far_as_it_is_seen(sound: Session) -> None:
+def test_chatter_that_no_run_shows_whole_is_reported_as_far_as_it_is_seen(sound: Session) -> None:
     # A thin stylus and quick circles: passes are hardly longer than the chatter, which falls apart there.
     thin = replace(sound, stylus=replace(sound.stylus, diameter_mm=3.0))
     quick = replace(thin, runs=tuple(run for run in thin.runs if (run.nominal_speed_mm_s or 0.0) > 190.0))
@@ -174,7 +174,7 @@ def test_chatter_that_no_run_shows_whole_is_told_as_far_as_it_is_seen(sound: Ses
     assert realise(ModelEffect(id=found.effect, parameters={"span_s": 0.004})) == LaserBounce(0.1, 0.004)
 
 
-def test_losses_of_contact_are_told_per_time_of_contact(sound: Session) -> None:
+def test_losses_of_contact_are_reported_per_time_of_contact(sound: Session) -> None:
     # 60 a minute of contact, 200 ms each: a sixth of the time is lost.
     rng = np.random.default_rng(6)
 
@@ -246,7 +246,7 @@ def test_a_ripple_is_no_uneven_age_of_even_stamps(sound: Session) -> None:
     assert "sample_hold" not in {f.effect for f in inspect(with_touch(sound, rippled))[0]}
 
 
-def test_stalls_are_owned_up_to(sound: Session) -> None:
+def test_stalls_are_reported(sound: Session) -> None:
     def stalled(touch: TouchTrace) -> TouchTrace:
         t_s = touch.t_s.copy()
         for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 3.0):
@@ -351,7 +351,7 @@ def test_the_age_of_held_positions_is_undone(sound: Session, rate_hz: float) -> 
 
 
 @pytest.mark.parametrize("rate_hz", [99.5, 99.6])
-def test_ages_whose_beat_is_too_slow_are_owned_up_to(sound: Session, rate_hz: float) -> None:
+def test_ages_whose_beat_is_too_slow_are_reported(sound: Session, rate_hz: float) -> None:
     # 100 frames a second: the beat takes more than a hundred ticks; another line must not be taken for it.
     (seen,), _ = inspect(with_touch(sound, lambda touch: held_at(touch, 1 / rate_hz)))
     assert seen.effect == "sample_hold"

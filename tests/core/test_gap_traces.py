@@ -249,7 +249,7 @@ def test_an_edge_of_a_stylus_that_stands_nearly_still_is_no_level_of_its_own() -
     assert not keep[25]
 
 
-def test_a_ripple_that_may_not_be_named_is_owned_up_to_although_edges_hardly_scatter(sound: Session) -> None:
+def test_a_ripple_that_may_not_be_named_is_reported_although_edges_hardly_scatter(sound: Session) -> None:
     def weakly(run: Run) -> Run:
         touch, whole = run.touch, rippled(run).touch
         x_mm, y_mm = touch.x_mm + 0.5 * (whole.x_mm - touch.x_mm), touch.y_mm + 0.5 * (whole.y_mm - touch.y_mm)

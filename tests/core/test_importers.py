@@ -94,7 +94,7 @@ def laser_csv(laser: LaserTrace) -> str:
 
 
 @pytest.mark.parametrize(("name", "write"), [("a.log", evtest), ("a.events", evemu), ("a.yml", libinput)])
-def test_a_log_of_input_events_with_a_laser_file_beside_it_gives_the_latency(
+def test_a_log_of_input_events_with_a_laser_file_next_to_it_gives_the_latency(
     measured: Session, tmp_path: Path, name: str, write: Callable[[TouchTrace], str]
 ) -> None:
     run = measured.runs[0]

@@ -122,7 +122,7 @@ def test_hard_cases_are_right_or_say_so(case: dict[str, float], seed: int) -> No
 @pytest.mark.parametrize("estimator", ["efficient", "paper"])
 @pytest.mark.parametrize("revolutions", [6.3, 12.5])
 @pytest.mark.parametrize(("travel", "little"), [(0.0, True), (0.1, True), (0.5, False), (1.0, False)])
-def test_a_circle_that_stays_where_it_is_is_told(
+def test_a_circle_that_stays_where_it_is_is_reported(
     estimator: str, revolutions: float, travel: float, little: bool
 ) -> None:
     run, _, _, _ = circle_run(250.0, 2, rig_with_latency(0.08), revolutions=revolutions, travel_per_diameter=travel)

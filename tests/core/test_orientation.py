@@ -48,7 +48,7 @@ def test_half_a_turn_is_noticed_at_any_speed(speed_mm_s: float) -> None:
     assert wrong_way_round(trace, target, START_S, SCREEN) == "turned"
 
 
-def test_a_mirror_is_told_from_a_turn() -> None:
+def test_a_mirror_is_distinguished_from_a_turn() -> None:
     target = replace(circle(100.0), centre_y_mm=80.0)
     trace = touches(target, 0.12)
     assert wrong_way_round(seen_as(trace, True, False), target, START_S, SCREEN) == "left_right"

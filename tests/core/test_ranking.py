@@ -29,7 +29,7 @@ def test_curves_far_apart_have_the_places_they_have() -> None:
     assert found.speed_range_mm_s == (50.0, 900.0)
 
 
-def test_curves_that_cannot_be_told_apart_share_their_ranks() -> None:
+def test_curves_that_cannot_be_distinguished_share_their_ranks() -> None:
     found = ranking([("a", curve(50.0)), ("b", curve(50.1)), ("c", curve(80.0))])
     assert [(p.rank_low, p.rank_high) for p in found.places] == [(1, 2), (1, 2), (3, 3)]
 

@@ -92,7 +92,9 @@ def test_drawings_bring_colours_for_a_dark_page_and_stay_whole(
     assert "var(" not in (tmp_path / "figures" / "latency.svg").read_text("utf-8")
 
 
-def test_every_figure_stands_beside_the_page_as_svg_and_png(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
+def test_every_figure_stands_next_to_the_page_as_svg_and_png(
+    tmp_path: Path, measured: tuple[Session, Analysis]
+) -> None:
     write_report(*measured, tmp_path)
     for name in ("latency", "stylus-width", "taps", "validation-speeds", "alignment-run-03", "alignment-run-14"):
         assert ET.parse(tmp_path / "figures" / f"{name}.svg").getroot().tag.endswith("svg")

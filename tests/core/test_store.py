@@ -78,7 +78,7 @@ def _edges(trace: LaserTrace, start: int, end: int) -> LaserTrace:
     return part if start == 0 else replace(part, missed=0)
 
 
-def test_a_column_that_comes_late_or_stops_keeps_its_rows_beside_their_times(tmp_path: Path) -> None:
+def test_a_column_that_comes_late_or_stops_keeps_its_rows_with_their_times(tmp_path: Path) -> None:
     plain = TouchTrace(np.array([1.0, 2.0]), np.zeros(2), np.zeros(2))
     stamped = TouchTrace(np.array([3.0]), np.ones(1), np.ones(1), device_t_s=np.array([30.0]))
     with SessionWriter(tmp_path / "s.h5", bare_session()) as writer:
@@ -149,7 +149,7 @@ def test_h5dump_reads_the_file(tmp_path: Path) -> None:
     assert "0, 1, 0, 1" in out.stdout
 
 
-def test_results_are_kept_beside_unchanged_raw_data(tmp_path: Path) -> None:
+def test_results_are_kept_next_to_unchanged_raw_data(tmp_path: Path) -> None:
     path = tmp_path / "s.h5"
     session = full_session()
     write_session(session, path)

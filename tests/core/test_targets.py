@@ -52,7 +52,7 @@ def test_circle_turns_at_its_nominal_speed_about_a_centre_that_moves_sideways():
     assert float(CIRCLE.position_mm(0.0)[1]) == pytest.approx(93)  # begins at the top
 
 
-def test_circle_turns_clockwise_on_the_screen_unless_told_otherwise():
+def test_circle_turns_clockwise_on_the_screen_unless_asked_otherwise():
     assert CIRCLE.velocity_mm_s(0.0)[0] > 0  # at the top, to the right; y grows downwards
     back = Circle(150, 143, 50, 200, 40, 4, turn=-1)
     assert back.velocity_mm_s(0.0)[0] < 0

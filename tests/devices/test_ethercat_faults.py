@@ -121,7 +121,7 @@ def test_a_fault_is_marked_and_the_laser_comes_back(segment: Segment, fault: Fau
     assert np.abs(errors).max() < 1e-3
 
 
-def test_a_few_lost_frames_cost_no_edge_and_are_told(segment: Segment) -> None:
+def test_a_few_lost_frames_cost_no_edge_and_are_reported(segment: Segment) -> None:
     with Recording(segment) as rec:
         start_ns = segment.edges(blink(20, 60 * MS, 25 * MS, 10 * MS), relative=True)
         rec.read_past(start_ns + 100 * MS)
@@ -132,7 +132,7 @@ def test_a_few_lost_frames_cost_no_edge_and_are_told(segment: Segment) -> None:
         assert counted(rec) == sum(rec.source.disturbed.values())
 
 
-def test_a_terminal_whose_clock_goes_its_own_way_is_told_once(segment: Segment) -> None:
+def test_a_terminal_whose_clock_goes_its_own_way_is_reported_once(segment: Segment) -> None:
     with Recording(segment) as rec:
         segment.order("astray", drift=400e-6)
         rec.read_until(lambda: any("does not follow" in text for text in rec.texts))

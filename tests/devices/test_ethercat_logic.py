@@ -99,7 +99,7 @@ def test_old_frames_with_a_right_counter_are_refused() -> None:
     assert epoch.bad == BAD_CYCLES
 
 
-def test_a_clock_that_stands_still_or_starts_anew_is_refused() -> None:
+def test_a_clock_that_stands_still_or_starts_again_is_refused() -> None:
     epoch = running()
     assert epoch.take(cycle(50 * MS, dc_ns=49 * MS + 50 * US + 3 * S)) is None
     assert epoch.take(cycle(51 * MS, dc_ns=1)) is None

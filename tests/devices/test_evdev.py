@@ -53,7 +53,7 @@ def test_frames_become_touch_events_in_mm_with_kernel_stamps():
     assert device.calls.count("close") == 1
 
 
-def test_the_panel_size_wins_over_resolution_and_a_large_difference_is_told():
+def test_the_panel_size_wins_over_resolution_and_a_large_difference_is_reported():
     source, _ = touch_source(FakeDevice(down(100.0, 1, 2500, 1500)), "?width_mm=400&height_mm=300")
     source.open()
     batches, touch = read(source, 1)
@@ -87,7 +87,7 @@ def test_a_calibration_given_by_the_program_maps_and_must_belong_to_the_panel():
         source.open()
 
 
-def test_fuzz_is_stored_and_told():
+def test_fuzz_is_stored_and_reported():
     source, _ = touch_source(FakeDevice(fuzz=8))
     info = source.open()
     assert info.axes[0].fuzz == 8
@@ -122,7 +122,7 @@ def test_a_finger_that_is_down_already_does_not_begin_now():
     assert batches[1].contacts.down.tolist() == [0]
 
 
-def test_an_unplugged_panel_is_told_looked_for_by_name_and_place_and_comes_back():
+def test_an_unplugged_panel_is_reported_looked_for_by_name_and_place_and_comes_back():
     first = FakeDevice(down(100.0, 3, 1000, 500), Gone("No such device"))
     second = FakeDevice(down(103.0, 3, 1200, 500))
     seen: list[EventDevice] = [EventDevice("/dev/input/event2", "Another panel", "usb-9", "", True)]
@@ -180,7 +180,7 @@ def test_a_finger_that_comes_between_the_look_and_the_taking_is_let_go_of():
     source.close()
 
 
-def test_exclusive_use_that_another_program_has_is_told_once():
+def test_exclusive_use_that_another_program_has_is_reported_once():
     device = FakeDevice()
     device.grab_error = errno.EBUSY
     source, _ = touch_source(device, "?exclusive=1")
@@ -189,7 +189,7 @@ def test_exclusive_use_that_another_program_has_is_told_once():
     assert told == ["The touchscreen is not used exclusively: another program holds it."]
 
 
-def test_stamps_of_another_clock_are_told_once():
+def test_stamps_of_another_clock_are_reported_once():
     source, _ = touch_source(FakeDevice(down(1.7e9, 1, 5, 5), frame(1.7e9 + 1, (X, 6))))
     source.open()
     told = [n.text for _ in range(2) for n in source.read(0.1).notices]

@@ -151,13 +151,13 @@ def test_exclusive_use_waits_for_the_finger_to_lift(start):
     assert not any(down for _, down in log)
 
 
-def test_fuzz_is_told_over_the_wire(start):
+def test_fuzz_is_reported_over_the_wire(start):
     _, reader = start(fuzz=4)
     reader.until(lambda rows: any("fuzz of 4" in text for text in reader.column("notices")))
     assert reader.hello["axes"][0]["fuzz"] == 4
 
 
-def test_a_device_that_is_not_there_is_told(start):
+def test_a_device_that_is_not_there_is_reported(start):
     panel, _ = start()
     panel.node = "/dev/input/event77"
     reader = Reader(panel)

@@ -52,7 +52,7 @@ def frames_of(text):
     return list(decode(recording.events, recording.multitouch))
 
 
-def test_slots_are_told_apart_and_hold_what_is_not_repeated():
+def test_slots_are_distinguished_and_hold_what_is_not_repeated():
     seen = [[(c.contact_id, c.x, c.y) for c in frame.contacts] for frame in frames_of(TWO_SLOTS)]
     assert seen == [
         [(7, 100, 200)],

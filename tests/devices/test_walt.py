@@ -218,7 +218,7 @@ def test_a_line_spoiled_on_the_wire_is_a_missed_edge():
     assert len(laser.gaps_s) == 1
 
 
-def test_noise_on_the_wire_is_told_and_bends_nothing():
+def test_noise_on_the_wire_is_reported_and_bends_nothing():
     wire = SteppedWire(drift=20e-6, seed=9)
     source = on_wire(wire)
     source.open()
@@ -315,7 +315,7 @@ def test_a_clock_that_jumps_begins_a_new_epoch():
 
 
 @pytest.mark.parametrize("how", ["unplugged", "hangs"])
-def test_it_is_lost_told_looked_for_and_comes_back_by_itself(how):
+def test_it_is_lost_reported_looked_for_and_comes_back_by_itself(how):
     wire = SteppedWire()
     source = on_wire(wire)
     source.open()
@@ -394,7 +394,7 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next():
     ],
     ids=["late", "very late"],
 )
-def test_a_shock_that_is_told_late_is_not_lost(at_s, late, delay_s, read_s):
+def test_a_shock_that_is_reported_late_is_not_lost(at_s, late, delay_s, read_s):
     wire = SteppedWire()
     source = on_wire(wire, "walt")
     source.open()

@@ -77,7 +77,7 @@ def test_edges_of_its_laser_lose_none_and_unplugging_is_survived(pen):
         source.close()
 
 
-def test_a_port_in_use_or_gone_is_told(pen):
+def test_a_port_in_use_or_gone_is_reported(pen):
     first = open_source(f"serial:{pen.path}", "walt")
     first.open()
     try:

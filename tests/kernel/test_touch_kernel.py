@@ -80,7 +80,7 @@ def test_an_overflow_of_the_kernels_buffer_is_marked_and_the_slots_are_right_aga
     assert (np.array(after["t"]) >= sent[:, 0] - 1e-5).all()
 
 
-def test_an_unplugged_panel_is_told_and_found_again(seen: dict[str, Any]) -> None:
+def test_an_unplugged_panel_is_reported_and_found_again(seen: dict[str, Any]) -> None:
     part = seen["unplug"]
     assert part["held"]["alive"]
     assert not part["gone"]["alive"]

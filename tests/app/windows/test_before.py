@@ -68,7 +68,7 @@ def test_every_preset_has_its_sentence_and_says_when_its_first_target_moves(open
         assert f"the first target moves after {seconds // 60}:{seconds % 60:02d}" in said
 
 
-def test_a_recording_begins_when_it_was_foretold(tmp_path: Path) -> None:
+def test_a_recording_begins_when_it_was_predicted(tmp_path: Path) -> None:
     quick, demo = load_protocol("quick"), load_protocol("demo")
     taps = demo.taps.model_copy(update={"count": 5, "when": "start"})
     plan = quick.model_copy(update={"runs": quick.runs[:1], "taps": taps, "clock_check": demo.clock_check})

@@ -189,7 +189,7 @@ class TestInTheWindow:
         assert window.isVisible()
 
     @pytest.mark.parametrize("address", ["", "csv:somewhere.csv", "evdev:/dev/input/event7"])
-    def test_what_cannot_be_calibrated_is_told(self, open_window: Callable, address: str) -> None:
+    def test_what_cannot_be_calibrated_is_reported(self, open_window: Callable, address: str) -> None:
         window = open_window(rig={"touch": address, "display": "window"})
         with pytest.raises(DataError, match="Bench"):
             window.space.calibrating.start(window.space.settings)

@@ -111,7 +111,7 @@ def test_notices_are_dutch(dutch: None, sentence: str) -> None:
     assert set(names.findall(sentence)) <= set(names.findall(said))
 
 
-def test_several_faults_told_together_are_all_translated(dutch: None) -> None:
+def test_several_faults_reported_together_are_all_translated(dutch: None) -> None:
     touch = DeviceError(ADDRESS, "there is no such device", "plug it in; draglag devices lists what is there")
     laser = DeviceError("ethercat:eno1", "the network interface eno1 is switched off", "run: sudo ip link set eno1 up")
     said = in_words(str(OpenFaults((touch, laser))))
@@ -131,7 +131,7 @@ def test_english_stays_as_the_driver_said_it(qapp: QApplication) -> None:
     assert (source_name("touch"), source_name(ADDRESS)) == ("touchscreen", ADDRESS)
 
 
-def test_a_device_that_is_lost_is_told_in_dutch(open_window: Callable[..., OperatorWindow], dutch: None) -> None:
+def test_a_device_that_is_lost_is_reported_in_dutch(open_window: Callable[..., OperatorWindow], dutch: None) -> None:
     window = open_window(language="nl")
     error = DeviceError("serial:/dev/ttyACM0", "the WALT was unplugged (hung up)", "plug it in again")
     window.space.bridge.device_fault.emit(events.DeviceFault("walt", error.source, error.problem, error.remedy))

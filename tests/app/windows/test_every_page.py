@@ -83,7 +83,7 @@ def seen(colour: str, eyes: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("eyes", _EYES)
 @pytest.mark.parametrize("colours", THEMES.values(), ids=list(THEMES))
-def test_colours_are_told_apart_by_the_colour_blind(colours: Theme, eyes: str) -> None:
+def test_colours_are_distinguished_by_the_colour_blind(colours: Theme, eyes: str) -> None:
     for group in (colours.series, (colours.ok, colours.warning, colours.bad)):
         for one, other in itertools.combinations(group, 2):
             apart = float(np.linalg.norm(seen(one, _EYES[eyes]) - seen(other, _EYES[eyes])))
@@ -98,7 +98,9 @@ class TestEveryPlot:
                 assert title, plot.file_name
                 assert unit(title) or title in _NO_UNIT, (plot.file_name, title)
 
-    def test_what_is_drawn_is_told_under_the_mouse_and_handed_out(self, opened: OperatorWindow, tmp_path: Path) -> None:
+    def test_what_is_drawn_is_reported_under_the_mouse_and_handed_out(
+        self, opened: OperatorWindow, tmp_path: Path
+    ) -> None:
         results = opened.pages["results"][1]
         opened.pages["compare"][1]._add_present()
         drawn = 0

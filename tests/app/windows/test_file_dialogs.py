@@ -54,7 +54,7 @@ def test_escape_aborts_the_run_while_a_plot_is_being_saved(running: OperatorWind
     assert dialog.isVisible()
 
 
-def test_the_operators_keys_and_buttons_work_beside_the_dialog(running: OperatorWindow, until: Callable) -> None:
+def test_the_operators_keys_and_buttons_work_next_to_the_dialog(running: OperatorWindow, until: Callable) -> None:
     running.record.live.trace._save_as("png")
     (dialog,) = dialogs(running)
     until(dialog.isActiveWindow)

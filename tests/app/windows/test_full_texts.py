@@ -71,7 +71,7 @@ def test_cells_that_are_cut_off_tell_the_whole(qapp: QApplication) -> None:
     rows.deleteLater()
 
 
-def test_a_choice_wider_than_its_box_is_told_and_its_list_is_wide_enough(qapp: QApplication) -> None:
+def test_a_choice_wider_than_its_box_is_reported_and_its_list_is_wide_enough(qapp: QApplication) -> None:
     box = QComboBox()
     box.addItems(["constant", LONG])
     box.setFixedWidth(120)

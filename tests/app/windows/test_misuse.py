@@ -36,7 +36,7 @@ def in_real_time(open_window: Callable) -> OperatorWindow:
     return window
 
 
-def test_a_sensor_unplugged_in_a_run_is_told_and_the_run_before_it_is_kept(
+def test_a_sensor_unplugged_in_a_run_is_reported_and_the_run_before_it_is_kept(
     open_window: Callable, until: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window()
@@ -105,7 +105,7 @@ def test_closing_in_a_run_asks_and_return_means_go_on(in_real_time: OperatorWind
     assert [run.outcome for run in window.space.session.runs] == ["complete", "complete"]
 
 
-def test_a_folder_that_cannot_be_written_is_told_and_start_stays(open_window: Callable, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_reported_and_start_stays(open_window: Callable, tmp_path: Path) -> None:
     window = open_window()
     (tmp_path / "file").write_text("")
     window.space.change_settings(folder=str(tmp_path / "file" / "sessions"))

@@ -138,7 +138,7 @@ class TestWords:
         assert all("Keep the circle" in words for words in said[3:6])
         assert said[6:] == ["", ""]
 
-    def test_lost_contact_is_told_and_taken_back(self, window: ParticipantWindow, clock: Clock) -> None:
+    def test_lost_contact_is_reported_and_taken_back(self, window: ParticipantWindow, clock: Clock) -> None:
         window.show_target(CIRCLE, clock.now_s - 4)
         window.set_contact(False)
         assert "Contact lost" in window._present_words()

@@ -78,7 +78,7 @@ class TestSettings:
         assert sentence.endswith("settings.toml.unusable.")
         assert (tmp_path / "settings.toml.unusable").read_text("utf-8") == path.read_text("utf-8")
 
-    def test_a_protocol_that_is_gone_is_told(self, tmp_path: Path) -> None:
+    def test_a_protocol_that_is_gone_is_reported(self, tmp_path: Path) -> None:
         path = tmp_path / "settings.toml"
         path.write_text("protocol = '/no/such.toml'\n", "utf-8")
         assert "/no/such.toml" in load_settings(path)[1]
@@ -93,7 +93,7 @@ class TestSettings:
         path.write_text("later = 1\ntheme = 'light'\n", "utf-8")
         assert load_settings(path) == (Settings(theme="light"), "")
 
-    def test_a_folder_that_cannot_be_made_is_told(self, tmp_path: Path) -> None:
+    def test_a_folder_that_cannot_be_made_is_reported(self, tmp_path: Path) -> None:
         (tmp_path / "file").write_text("")
         with pytest.raises(DataError, match="cannot be saved"):
             save_settings(Settings(), tmp_path / "file" / "settings.toml")
@@ -274,7 +274,7 @@ class TestProtocolPage:
         assert window.space.protocol == before
         assert page.editor.fault.text()
 
-    def test_a_target_that_does_not_fit_is_told(self, open_window: Callable[..., OperatorWindow]) -> None:
+    def test_a_target_that_does_not_fit_is_reported(self, open_window: Callable[..., OperatorWindow]) -> None:
         window = open_window()
         page = window.pages["protocol"][1]
         page.table.selectRow(0)

@@ -124,7 +124,7 @@ ON_SIDE = FakeScreen(1080, 1920, Qt.ScreenOrientation.PortraitOrientation)
 NORMAL = FakeScreen(1536, 864, Qt.ScreenOrientation.LandscapeOrientation)  # scaled by 1.25
 
 
-def test_a_panel_that_is_not_as_the_screen_stands_is_told() -> None:
+def test_a_panel_that_is_not_as_the_screen_stands_is_reported() -> None:
     assert placement.shape_problem(LYING, NORMAL) == ""
     assert placement.shape_problem(UPRIGHT, ON_SIDE) == ""
     assert "press Rotate 90°" in placement.shape_problem(LYING, ON_SIDE)

@@ -82,7 +82,9 @@ def test_what_is_saved_is_there_also_without_an_ending(
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "csv"])
-def test_what_cannot_be_saved_is_told(plot: Plot, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_saved_is_reported(
+    plot: Plot, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plot.line("curve", np.array([0.0, 1.0]), np.array([2.0, 3.0]), "#ffffff")
     path = tmp_path / "gone" / f"plot.{suffix}"
     with pytest.raises(DataError, match="cannot be written"):

@@ -56,7 +56,7 @@ def test_it_gives_way_to_a_recording_and_needs_no_sight_of_it(open_window: Calla
     assert preview.plan is None
 
 
-def test_runs_without_edges_are_told(open_window: Callable, until: Callable) -> None:
+def test_runs_without_edges_are_reported(open_window: Callable, until: Callable) -> None:
     window = open_window()
     with_circles(window, duration_s=2.0, speeds_mm_s=(44.0,))
     preview = window.pages["protocol"][1].precision

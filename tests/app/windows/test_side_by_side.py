@@ -23,7 +23,7 @@ RATIO = 9 / 16
         (QRect(1920, 0, 1920, 1040), QRect(2200, 50, 1280, 800)),  # the second of two
     ],
 )
-def test_the_display_stands_beside_the_operators_window(screen: QRect, operator: QRect) -> None:
+def test_the_display_stands_next_to_the_operators_window(screen: QRect, operator: QRect) -> None:
     place, corner = places(screen, operator, RATIO)
     moved = QRect(corner, operator.size())
     assert screen.contains(place)
@@ -33,7 +33,7 @@ def test_the_display_stands_beside_the_operators_window(screen: QRect, operator:
     assert place.height() == pytest.approx(place.width() * RATIO, abs=1)
 
 
-def test_without_room_beside_it_the_state_and_the_buttons_stay_in_sight() -> None:
+def test_without_room_next_to_it_the_state_and_the_buttons_stay_in_sight() -> None:
     screen = QRect(0, 0, 1366, 768)
     place, corner = places(screen, screen, RATIO)
     assert corner == QPoint(0, 0)

@@ -117,7 +117,7 @@ class TestResults:
         until(lambda: opened.space.analysis.options.estimator == "paper")
         assert opened.space.analysis.curve is not None
 
-    def test_rivals_are_drawn_beside_the_curve(self, opened: OperatorWindow, until: Callable) -> None:
+    def test_rivals_are_drawn_next_to_the_curve(self, opened: OperatorWindow, until: Callable) -> None:
         results = opened.pages["results"][1]
         before = set(results.curve.drawn)
         results.show_alternatives.click()
@@ -304,7 +304,7 @@ def test_a_run_is_estimated_at_once_and_again_when_its_last_events_are_there(
     assert column(opened, "record", 5)[1].startswith("✕")
 
 
-def test_an_uncertain_laser_clock_is_told_on_record_and_results(opened: OperatorWindow, until: Callable) -> None:
+def test_an_uncertain_laser_clock_is_reported_on_record_and_results(opened: OperatorWindow, until: Callable) -> None:
     """Three milliseconds of doubt: on the page of the run, in its verdict, and above the curve."""
     space = opened.space
     session = space.session
