@@ -44,8 +44,10 @@ def reported(
     named, strange = streams
     answer = answer_of(judgement.pool)
     chain, idle = _that_hold(fits_in_order(ready, judgement, answer.effects))
-    last = chain[-1].after
     edges = np.logical_and.reduce([link.after.use for link in chain])
+    if (answer.unexplained_by or idle) and len(answer.effects) < max_effects:
+        chain = _that_explain(chain, edges)
+    last = chain[-1].after
     steps = stream_steps(session, named, judgement.base)
     for link in chain[1:]:
         step = step_of(session, judgement, answer, allowed, link.effect, link.before, link.after, last)
@@ -93,6 +95,17 @@ def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
         if not shrinks_or_predicts(link.before, link.after):
             return chain[:k], effect_class(link.effect).follows
     return chain, None
+
+
+def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
+    """The chain up to the first effect that explains less of the held-out gap than what stays without a name, in mean
+    squares: that has a shape known to no one, and may make up the effect."""
+    last = chain[-1].after
+    unexplained = gap_mm(last, edges) ** 2 - floor_mm(last, edges) ** 2
+    for k, link in enumerate(chain[1:], start=1):
+        if gap_mm(link.before, edges) ** 2 - gap_mm(link.after, edges) ** 2 < unexplained:
+            return chain[:k]
+    return chain
 
 
 def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
