@@ -44,4 +44,5 @@ class Keyboard(QObject):
         if participant is not None and self._lent:
             participant.raise_()
             participant.activateWindow()
+            participant.setFocus()
         self._lent = False

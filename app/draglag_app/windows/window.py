@@ -27,6 +27,7 @@ from draglag_app.windows.keyboard import Keyboard
 from draglag_app.windows.leaving import sure_to_stop
 from draglag_app.windows.navigation import Navigation
 from draglag_app.windows.notice import NoticeStrip
+from draglag_app.windows.one_monitor import OneMonitor
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
 from draglag_app.windows.pages.gap import GapPage
@@ -97,6 +98,8 @@ class OperatorWindow(QMainWindow):
         self.header.lights_changed.connect(self._show_readiness)
         self.space.settings_changed.connect(self._use_keys)
         self._use_keys()
+        self.one_monitor = OneMonitor(self)
+        recording.dock = record.live.dock
         for changed in (self.space.settings_changed, self.space.protocol_changed):
             changed.connect(self.record.forget_outcome)
             changed.connect(self._show_readiness)
@@ -286,6 +289,7 @@ class OperatorWindow(QMainWindow):
             close_file_dialogs(self)  # sessions are opened and exported between measurements
         self.actions_table.set_recording(recording)
         self.keyboard.serve()
+        self.one_monitor.begin()
         self.geometry_page.calibration.refresh()
         self.record.set_recording(recording)
         self._show_title()

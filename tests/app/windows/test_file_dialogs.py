@@ -30,6 +30,7 @@ def dialogs(window: OperatorWindow) -> list[QDialog]:
 def running(open_window: Callable, until: Callable) -> OperatorWindow:
     """In the first of two runs, each of a minute unless it is aborted; the participant's window is open."""
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
+    window.resize(740, 560)  # room for a window of the participant's own
     demo = window.space.protocol
     long = demo.runs[1].model_copy(update={"speeds_mm_s": (425.0, 750.0), "duration_s": 60.0})
     window.space.set_protocol(demo.model_copy(update={"runs": (long,), "taps": None, "rest_s": 0.1}))

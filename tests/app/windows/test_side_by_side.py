@@ -53,6 +53,7 @@ def assert_beside(window: QWidget, participant: QWidget, screen: QRect, before: 
 def test_a_session_opens_the_display_where_it_leaves_the_most_in_sight(open_window: Callable) -> None:
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
     window.space.set_protocol(window.space.protocol.model_copy(update={"taps": None}))
+    window.resize(740, 560)  # leaves room on the smallest screen that tests are drawn on
     screen, before = window.screen().availableGeometry(), window.frameGeometry()
     window.ask("start")
     assert_beside(window, window.space.recording.window, screen, before)

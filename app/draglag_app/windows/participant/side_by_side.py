@@ -36,6 +36,13 @@ def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]
     return QRect(screen.bottomRight() + QPoint(1, 1) - QPoint(size.width(), size.height()), size), operator.topLeft()
 
 
+def has_room(operator: QWidget, ratio: float) -> bool:
+    """Whether a window of the participant's would hide nothing of the operator's."""
+    screen, frame = operator.screen().availableGeometry(), operator.frameGeometry()
+    place, corner = places(screen, frame, ratio)
+    return not place.intersects(QRect(corner, frame.size()))
+
+
 def _fit(room: QSize, ratio: float) -> QSize:
     width = min(WIDE_PX, room.width(), round(room.height() / ratio))
     return QSize(max(0, width), max(0, round(width * ratio)))

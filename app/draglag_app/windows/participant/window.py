@@ -87,14 +87,18 @@ class ParticipantWindow(QWidget):
 
     # --- what to show ---------------------------------------------------------------------------------------
 
+    @property
+    def ratio(self) -> float:
+        """Height over width of the screen under test."""
+        return self._screen.height_mm / self._screen.width_mm
+
     def show_on(self, screen: QScreen | None, operator: QWidget | None = None) -> None:
         """Fill that screen; None opens an ordinary window, next to the operator's where there is one."""
         if screen is None:
-            ratio = self._screen.height_mm / self._screen.width_mm
             if operator is not None and operator.isVisible():
-                place_side_by_side(self, operator, ratio)
+                place_side_by_side(self, operator, self.ratio)
                 return
-            self.resize(WIDE_PX, round(WIDE_PX * ratio))
+            self.resize(WIDE_PX, round(WIDE_PX * self.ratio))
             self.show()
             return
         self._rate_hz = screen.refreshRate() if screen.refreshRate() >= 30 else 60.0

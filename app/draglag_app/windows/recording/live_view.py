@@ -11,6 +11,8 @@ from PySide6.QtWidgets import QSplitter
 from draglag.protocols import PlannedRun
 from draglag_app.live import LiveRun
 from draglag_app.session import events
+from draglag_app.windows.participant.docked import DockedPicture
+from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.plots.curve_plot import CurvePlot
 from draglag_app.windows.recording.live_plots import SpeedPlot, TracePlot
 from draglag_app.windows.recording.session_thread import Order
@@ -35,6 +37,7 @@ class LiveView(QSplitter):
         self._next_frame_s = next_frame_s
         self._run: LiveRun | None = None
         self._fresh = False
+        self._docked: DockedPicture | None = None
         self.trace, self.speed = TracePlot(), SpeedPlot()
         self.curve = CurvePlot(latency_title, named_above=True)
         self._turns: list[TracePlot | SpeedPlot] = [self.trace, self.speed]
@@ -66,9 +69,20 @@ class LiveView(QSplitter):
         self._due.start()
 
     def end_session(self) -> None:
-        """What there is stays."""
+        """What is plotted stays."""
+        if self._docked is not None:
+            self._docked.hide()
+            self._docked.deleteLater()
+            self._docked = None
         self._due.stop()
         self._frame_drawn.stop()
+
+    def dock(self, picture: ParticipantWindow) -> None:
+        """Show what the participant sees to the left of the plots, until the session ends."""
+        self._docked = DockedPicture(picture, picture.ratio)
+        self.insertWidget(0, self._docked)
+        self.setSizes([400, 400, 380])
+        picture.setFocus()  # Esc aborts the run, as in a window of its own
 
     def prepare(self, run_id: str, order: Order | None, planned: PlannedRun | None) -> None:
         """A run is about to begin."""

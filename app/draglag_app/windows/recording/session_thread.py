@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.participant.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
-from draglag_app.windows.participant.side_by_side import operators_window
+from draglag_app.windows.participant.side_by_side import has_room, operators_window
 from draglag_app.windows.participant.window import LOST_AFTER_S, ParticipantWindow
 from draglag_app.windows.wording.i18n import translate
 from draglag_app.windows.wording.library_words import CLOSED, ESC
@@ -51,6 +52,7 @@ class Recording(QObject):
         self.control: Control | None = None
         self.order: Order | None = None
         self.window: ParticipantWindow | None = None
+        self.dock: Callable[[ParticipantWindow], object] | None = None  # takes a picture that has no room of its own
         bridge.session_finished.connect(self._finished)
         bridge.crashed.connect(self._crashed)
         bridge.state_changed.connect(self._state_changed)
@@ -128,7 +130,12 @@ class Recording(QObject):
         window = ParticipantWindow(order.options.screen)
         window.aborted.connect(lambda: self._aborted(ESC))
         window.closing.connect(lambda: self._aborted(CLOSED))
-        window.show_on(screen, operators_window(self))
+        operator = operators_window(self)
+        visible = operator is not None and operator.isVisible()
+        if screen is None and operator is not None and visible and self.dock and not has_room(operator, window.ratio):
+            self.dock(window)
+        else:
+            window.show_on(screen, operator)
         self.window = window
         return ScreenDisplay(window)
 

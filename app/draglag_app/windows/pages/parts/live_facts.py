@@ -7,10 +7,10 @@ from collections.abc import Callable
 from datetime import datetime
 
 from PySide6.QtCore import QCoreApplication, Signal
-from PySide6.QtWidgets import QGridLayout, QLineEdit
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLineEdit
 
 from draglag_app.session import events
-from draglag_app.windows.parts.widgets import Fact, Panel
+from draglag_app.windows.parts.widgets import Fact, Panel, label
 from draglag_app.windows.wording import words
 
 # A touch rate is not of now where the last touch is older.
@@ -50,7 +50,12 @@ class LiveFacts(Panel):
         self.body.addLayout(grid)
         self.note = QLineEdit()
         self.note.returnPressed.connect(self._write_note)
-        self.body.addWidget(self.note)
+        title = label(tr("Note"))
+        title.setBuddy(self.note)
+        row = QHBoxLayout()
+        row.addWidget(title)
+        row.addWidget(self.note, 1)
+        self.body.addLayout(row)
 
     def set_recording(self, recording: bool) -> None:
         self.note.setEnabled(recording)
@@ -78,10 +83,16 @@ class LiveFacts(Panel):
             self.facts["touch_rate"].show_text(words.per_second(0.0))
             self.facts["touch_age"].show_text(words.duration_ms(age_s))
 
-    def _write_note(self) -> None:
-        text = self.note.text().strip()
-        if text and self._write(text):
-            self.note.clear()
+    def keep(self, text: str) -> bool:
+        """Keep a note and say so; whether there was a session to keep it in."""
+        kept = self._write(text)
+        if kept:
             now = datetime.now().strftime("%H:%M:%S")
             self.note.setPlaceholderText(tr("Noted at {time}: {text}").format(time=now, text=text))
+        return kept
+
+    def _write_note(self) -> None:
+        text = self.note.text().strip()
+        if text and self.keep(text):
+            self.note.clear()
         self.noted.emit()

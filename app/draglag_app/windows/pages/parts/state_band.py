@@ -28,6 +28,8 @@ class StateBand(Panel):
     """``pressed(action id)`` is emitted by its buttons."""
 
     pressed = Signal(str)
+    said = Signal(str, str)
+    """Another state: its two lines."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -87,9 +89,12 @@ class StateBand(Panel):
 
     def say(self, big: str, small: str, level: str = "") -> None:
         """Two lines; ``level``: "live", "good", "warning", "bad" or none."""
+        before = self.big.text(), self.small.text()
         for line, text in ((self.big, big), (self.small, small)):
             if line.text() != text:
                 line.setText(text)
+        if before != (big, small):
+            self.said.emit(big, small)
         same = level == self.big.property("level") and (len(big) <= _FEW) == self._few
         self._few = len(big) <= _FEW
         if not same:  # it is set ten times a second; the colour stays

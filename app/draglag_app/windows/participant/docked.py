@@ -1,0 +1,47 @@
+"""The participant's picture within the operator's window, where there is no room next to it."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QCoreApplication, QRect, Qt
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+
+from draglag_app.windows.parts.widgets import label
+
+_LEAST_PX = 240
+
+
+def tr(text: str) -> str:
+    return QCoreApplication.translate("Docked", text)
+
+
+class DockedPicture(QWidget):
+    """A heading, and below it the picture as large as it fits, in the shape of the screen under test.
+
+    ``ratio``: height over width.
+    """
+
+    def __init__(self, picture: QWidget, ratio: float) -> None:
+        super().__init__()
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.addWidget(label(tr("What the participant sees"), "panelTitle"))
+        self._room = _Room(picture, ratio)
+        column.addWidget(self._room, 1)
+        self.setMinimumWidth(_LEAST_PX)
+        picture.setAccessibleName(tr("What the participant sees"))
+        picture.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
+        picture.show()
+
+
+class _Room(QWidget):
+    def __init__(self, picture: QWidget, ratio: float) -> None:
+        super().__init__()
+        self._picture, self._ratio = picture, ratio
+        picture.setParent(self)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        width = min(self.width(), round(self.height() / self._ratio))
+        place = QRect(0, 0, width, round(width * self._ratio))
+        place.moveCenter(self.rect().center())
+        self._picture.setGeometry(place)
