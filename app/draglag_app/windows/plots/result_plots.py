@@ -130,6 +130,10 @@ class WidthPlot(Plot):
             self.line(tr("ruler"), both, np.array([true_mm, true_mm]), theme().green, 2, dash=True)
 
 
+# The least range of tap latencies that is divided into bins.
+_LEAST_MS = 0.1
+
+
 class TapsPlot(Plot):
     """Tap latencies by kind, with their medians."""
 
@@ -143,7 +147,9 @@ class TapsPlot(Plot):
             self.title_lines([tr("No taps in this session")])
             return
         every = 1e3 * np.concatenate([summary.latency_s for summary in taps.values()])
-        edges = np.histogram_bin_edges(every, 24)
+        low, high = (every.min(), every.max()) if len(every) else (0.0, 1.0)
+        room = max(0.0, _LEAST_MS - (high - low)) / 2  # taps that differ by rounding alone leave no width for bins
+        edges = np.histogram_bin_edges(every, 24, (low - room, high + room))
         titles = []
         for kind, name, colour in (
             ("touch", tr("touch"), theme().blue),

@@ -6,6 +6,7 @@ into the operator's).
 
 from __future__ import annotations
 
+from draglag_app.windows.wording.button_words import NOTICE_BUTTONS, REMEDY_BUTTONS
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
 # What stands between the address and the remedy of a ``DeviceError``. A longer form comes before one it begins with.
@@ -83,19 +84,17 @@ PROBLEMS = (
 )
 
 REMEDIES = (
+    *REMEDY_BUTTONS,
     QT_TRANSLATE_NOOP("Device", "known forms: {forms}"),
     QT_TRANSLATE_NOOP("Device", "for {role} use one of: {forms}"),
     QT_TRANSLATE_NOOP("Device", "known options: {options}"),
     QT_TRANSLATE_NOOP("Device", "check the path"),
     QT_TRANSLATE_NOOP("Device", "check the device"),
-    QT_TRANSLATE_NOOP("Device", "leave out --fast and speed=fast"),
     QT_TRANSLATE_NOOP(
         "Device",
         "install the udev rules of draglag and plug it in again, or add yourself to the group input (sudo usermod -aG "
         "input $USER) and log out and in",
     ),
-    QT_TRANSLATE_NOOP("Device", "plug it in; draglag devices lists what is there"),
-    QT_TRANSLATE_NOOP("Device", "draglag devices lists touchscreens"),
     QT_TRANSLATE_NOOP("Device", "update its driver"),
     QT_TRANSLATE_NOOP("Device", "record a touchscreen, from before it is touched"),
     QT_TRANSLATE_NOOP("Device", "plug it in again"),
@@ -138,15 +137,12 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "close it (see: {command})"),
     QT_TRANSLATE_NOOP("Device", "plug the WALT in again"),
     QT_TRANSLATE_NOOP("Device", "plug the WALT in, or use one of: {ports}"),
-    QT_TRANSLATE_NOOP("Device", "plug the WALT in; it appears as /dev/ttyACM0 or similar (draglag devices lists it)"),
     QT_TRANSLATE_NOOP("Device", "check that it is a serial port"),
     QT_TRANSLATE_NOOP("Device", "check that it is the WALT's port, unplug it and plug it in again"),
-    QT_TRANSLATE_NOOP("Device", "choose another port: draglag devices lists them"),
     QT_TRANSLATE_NOOP("Device", "check that it is a WALT with firmware {version}"),
     QT_TRANSLATE_NOOP("Device", "flash firmware {version}, or try it as it is with ?firmware=any"),
     QT_TRANSLATE_NOOP("Device", "plug it into the computer itself, without a hub, and close other programs"),
     QT_TRANSLATE_NOOP("Device", "Check the folder and free space"),
-    QT_TRANSLATE_NOOP("Device", "Make room on the disk, then `draglag verify {file}`, or save it elsewhere with --out"),
     QT_TRANSLATE_NOOP(
         "Device", "Make room on the disk, or name another place; what was saved before is whole in {file}"
     ),
@@ -157,7 +153,6 @@ REMEDIES = (
     QT_TRANSLATE_NOOP("Device", "Choose another name. The recording is whole in {file}"),
     QT_TRANSLATE_NOOP("Device", "Make it first, or choose another. The recording is whole in {file}"),
     QT_TRANSLATE_NOOP("Device", "Choose another place"),
-    QT_TRANSLATE_NOOP("Device", "Make room there, or give another place with --out"),
     QT_TRANSLATE_NOOP("Device", "Choose a folder you may write, with room"),
     QT_TRANSLATE_NOOP("Device", "Choose another name"),
     QT_TRANSLATE_NOOP("Device", "calibrate"),
@@ -175,14 +170,10 @@ REMEDIES = (
 
 # What comes while an instrument is read; each is a whole sentence, or two.
 NOTICES = (
+    *NOTICE_BUTTONS,
     QT_TRANSLATE_NOOP("Device", "was deleted while it was recorded into, and was written again"),
     QT_TRANSLATE_NOOP("Device", "{name} is gone ({why}). Plug it in again; it goes on then."),
     QT_TRANSLATE_NOOP("Device", "{name} is back at {path} and records again."),
-    QT_TRANSLATE_NOOP(
-        "Device",
-        "{name} sends events that are no touch ({axes}), and nothing is recorded of them. Choose another input device: "
-        "draglag devices lists touchscreens.",
-    ),
     QT_TRANSLATE_NOOP("Device", "The kernel's buffer overflowed: touch events were lost, the gap is marked."),
     QT_TRANSLATE_NOOP("Device", "Touch events are not stamped on the host's monotonic clock: latencies will be wrong."),
     QT_TRANSLATE_NOOP("Device", "The touchscreen is not used exclusively: {why}."),

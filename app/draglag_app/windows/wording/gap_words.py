@@ -45,40 +45,10 @@ GAP = (
         "Library",
         "touch times of {runs} go back or are no numbers: exported and imported again they are put in order",
     ),
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "runs that give a latency: {n}, at least 5 are needed. See with draglag analyze why the others give none, or "
-        "record circles at more speeds.",
-    ),
     QT_TRANSLATE_NOOP("Library", "the circles hardly travel sideways: slope and latency cannot be told apart"),
     # of an offset that taps show
     QT_TRANSLATE_NOOP("Library", "release taps lie {ms} ms off the fitted asymptote"),
     # of a drift of the laser's clock, that analyze speaks of too
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "draglag analyze says nothing of this drift: the session holds no comparison of the laser's clock with the "
-        "host's.",
-    ),
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
-        "fast. It takes that out before it estimates.",
-    ),
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
-        "fast.",
-    ),
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
-        "slow. It takes that out before it estimates.",
-    ),
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run {ppm} ppm "
-        "slow.",
-    ),
     # of an effect added by hand
     QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): shrinks"),
     QT_TRANSLATE_NOOP("Library", "added by hand; held-out gap changed by {low} to {high} mm (95 %): open"),

@@ -8,6 +8,7 @@ from functools import cache
 from PySide6.QtCore import QCoreApplication
 
 from draglag.errors import DraglagError
+from draglag_app.windows.wording.button_words import IN_BUTTONS, LIBRARY_BUTTONS, REMEDY_BUTTONS
 from draglag_app.windows.wording.device_words import NOTICES, PROBLEMS, REASONS, REMEDIES
 from draglag_app.windows.wording.gap_words import GAP
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
@@ -32,6 +33,7 @@ CLOSED = QT_TRANSLATE_NOOP(
 
 # What ``analyze`` may say about a session's clocks, runs and curve, and what the session itself says while it records.
 SENTENCES = (
+    *LIBRARY_BUTTONS,
     QT_TRANSLATE_NOOP(
         "Library",
         "The laser's clock shifts the latency of {runs} by up to ±{worst} ms (more than {limit} ms); the intervals "
@@ -59,17 +61,6 @@ SENTENCES = (
     ),
     QT_TRANSLATE_NOOP(
         "Library",
-        "Runs lie {off} ms off the curve beyond their own errors: something other than speed moves their latency, or "
-        "the curve is too simple for them. See what draglag gap finds before using the curve.",
-    ),
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "The stylus measures {mean} mm ({low} to {high}), by ruler {known} mm: more than noise and sensor explain. A "
-        "wrong diameter, a wrong scale of the touchscreen, a filter that shrinks circles or a slow sensor can do this. "
-        "Measure the stylus, calibrate the touchscreen, and see draglag gap.",
-    ),
-    QT_TRANSLATE_NOOP(
-        "Library",
         "The stylus width of {runs} disagrees with the ruler ({known} mm) by more than noise and sensor explain: a "
         "tilted stylus or wrong edges can do this. Look at the alignment, or record again.",
     ),
@@ -94,10 +85,6 @@ SENTENCES = (
         "Library",
         "No touch has come in the first {seconds} s of {run}: check that the stylus is on the screen under test and "
         "that this is the touchscreen in use.",
-    ),
-    QT_TRANSLATE_NOOP(
-        "Library",
-        "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them.",
     ),
     QT_TRANSLATE_NOOP("Library", "Tap the spot {n} times"),
     QT_TRANSLATE_NOOP("Library", "Comparing clocks: leave the screen alone"),
@@ -172,7 +159,17 @@ def _device_words(sentence: str) -> str:
             end = "." if remedy.endswith(".") else ""
             text_out += (_known(remedy.removesuffix("."), "Device", REMEDIES) or remedy.removesuffix(".")) + end
         return text_out + sentence[len(sentence.rstrip()) :]
-    return _known(sentence.removesuffix("."), "Device", REMEDIES) or sentence
+    return _known(sentence.removesuffix("."), "Device", REMEDIES) or _last_in_buttons(sentence)
+
+
+def _last_in_buttons(sentence: str) -> str:
+    """A sentence that is not known, with the remedy at its end in buttons where that names a command."""
+    for template in REMEDY_BUTTONS:
+        found = _pattern(template, r"(?P<_problem>.+?(?:; |\. ))", r"\.?").fullmatch(sentence)
+        if found is not None:
+            places = found.groupdict()
+            return places.pop("_problem") + _filled("Device", template, places) + "."
+    return sentence
 
 
 def _known(text: str, context: str, templates: tuple[str, ...]) -> str | None:
@@ -188,7 +185,7 @@ def _filled(context: str, template: str, places: dict[str, str]) -> str:
         name: source_name(value) if name == "role" else _known(value, "Device", REASONS) or value
         for name, value in places.items()
     }
-    return QCoreApplication.translate(context, template).format(**words)
+    return QCoreApplication.translate(context, IN_BUTTONS.get(template, template)).format(**words)
 
 
 @cache

@@ -50,7 +50,7 @@ class CalibrationPanel(Panel):
         self.begin = button(self.tr("Calibrate  Ctrl+K"), "primary")
         self.back = button(self.tr("One target back"))
         self.cancel = button(self.tr("Cancel"))
-        self.save = button(self.tr("Save…"), tip=self.tr("As a file, for draglag record --calibration"))
+        self.save = button(self.tr("Save…"), tip=self.tr("As a file, for recordings without this window too"))
         self.forget = button(self.tr("Forget"), tip=self.tr("Use the size of the screen again"))
         calibrating = workspace.calibrating
         self.begin.clicked.connect(self.start)
