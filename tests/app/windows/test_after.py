@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication
 
+from draglag.gap import close_gap
 from draglag.store import read_analyses
 from draglag_app.windows import exports
+from draglag_app.windows.pages import gap
 from draglag_app.windows.parts.recent_menu import MOST, remembered
 from draglag_app.windows.settings import load_settings
 from draglag_app.windows.window import OperatorWindow
@@ -122,3 +125,32 @@ def test_the_equation_has_its_coefficients_with_matched_digits(opened: OperatorW
     assert matched(419.3, 37.0) == "419 ± 37"
     assert matched(7.0, 0.0996) == "7.00 ± 0.10"
     assert matched(29.77, 0.0) == "29.77"
+
+
+def test_the_gap_report_is_saved_from_the_window(
+    opened: OperatorWindow, until: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, impossible = tmp_path / "gap.html", opened.space.path / "gap.html"  # a file is no folder
+    places = [out, impossible]
+    monkeypatch.setattr(gap, "ask_save", lambda *args: args[-1](places.pop(0)))
+    opened.ask("gap_report")
+    assert "Explain the gap first" in opened.notice_text.text()
+    assert len(places) == 2  # no place was asked for
+
+    found = close_gap(opened.space.session, max_effects=0)
+    with monkeypatch.context() as computed:
+        shown = {**found.to_dict(), "report": found, "missing": [], "model": None}
+        computed.setattr(gap, "run_in_subprocess", lambda function, arguments, progress: shown)
+        opened.pages["gap"][1].explain_button.click()
+        until(idle(opened))
+    opened.ask("gap_report")
+    until(idle(opened))
+    assert opened.notice_text.text() == f"Saved: {out}"
+    page = out.read_text("utf-8")
+    assert opened.space.session.name in page
+    assert f"{found.gap_first_mm:.2f}" in page
+    assert "<svg" in page or "<img" in page
+    opened.ask("gap_report")
+    until(idle(opened))
+    assert opened.notice_text.text().startswith(str(opened.space.path))
+    assert "Saved" not in opened.notice_text.text()
