@@ -1,14 +1,18 @@
-"""With text at 150 % everything is still there on a small screen."""
+"""With text at 150 % everything is still there on a small screen, and at 200 % on a large one."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QPoint
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTableWidgetItem, QVBoxLayout, QWidget
 
 from draglag_app.windows.parts.flow import Flow
+from draglag_app.windows.parts.full_texts import ElidedLabel
+from draglag_app.windows.parts.page_stack import PageScroll
 from draglag_app.windows.parts.theme import apply_theme
 from draglag_app.windows.window import OperatorWindow
 from draglag_app.windows.wording.i18n import use_language
@@ -37,6 +41,48 @@ def test_every_page_fits_a_small_screen_with_large_text(large: OperatorWindow, q
                     assert left >= 0, (name, seen.text())
                     assert left + seen.width() <= page.width(), (name, seen.text())
                     assert seen.width() >= seen.minimumSizeHint().width(), (name, seen.text())
+
+
+@pytest.mark.parametrize("recording", [False, True])
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_at_200_percent_buttons_and_labels_are_whole_or_the_page_scrolls(
+    open_window: Callable, qapp: QApplication, until: Callable, session_file: Path, language: str, recording: bool
+) -> None:
+    """With a session at hand, and while another is recorded."""
+    cut: list[tuple[str, str, int, int]] = []
+    try:
+        window = open_window(language=language, text_scale=2.0)
+        window.record.set_recording(recording)
+        if not recording:
+            window.space.open(session_file)
+            until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        (scroll,) = window.findChildren(PageScroll)
+        for name, (_, page) in window.pages.items():
+            window.go(name)
+            window.resize(1920, 1080)
+            for _ in range(3):
+                qapp.processEvents()
+            assert (window.width(), window.height()) == (1920, 1080), name
+            assert page.width() <= scroll.viewport().width() or scroll.horizontalScrollBar().isVisible(), name
+            for seen in window.findChildren(QWidget):
+                if isinstance(seen, QPushButton | QLabel) and seen.isVisible() and seen.text():
+                    cut += [(name, *one) for one in [(seen.text(), seen.width(), needed(seen))] if one[1] < one[2]]
+                    if page.isAncestorOf(seen):
+                        left = seen.mapTo(page, QPoint(0, 0)).x()
+                        assert -1 <= left <= page.width() - seen.width() + 1, (name, seen.text())
+    finally:
+        use_language(qapp, "en")
+        apply_theme(qapp, "dark", 1.0)
+    assert cut == []
+
+
+def needed(seen: QPushButton | QLabel) -> int:
+    """The least width at which all of it can be read: words wrap; what is elided has its whole text in the tooltip."""
+    if isinstance(seen, ElidedLabel):
+        return 0 if seen.toolTip() else seen.fontMetrics().horizontalAdvance(seen.text())
+    if isinstance(seen, QLabel) and seen.wordWrap():
+        return max(map(seen.fontMetrics().horizontalAdvance, re.split(r"\s+", re.sub("<[^>]*>", "", seen.text()))))
+    return seen.sizeHint().width()
 
 
 @pytest.mark.parametrize("page", ["results", "record"])

@@ -143,7 +143,7 @@ class ProtocolPage(QWidget):
             made.clicked.connect(action)
             if text in "↑↓":
                 made.setAccessibleName(self.tr("Move up") if text == "↑" else self.tr("Move down"))
-                made.setFixedWidth(48)
+                made.setFixedWidth(wide(48))
             buttons.addWidget(made)
             if action == self._remove:
                 self.remove = made
