@@ -53,6 +53,7 @@ class RestBar(QFrame):
             row.addWidget(made)
         body.addWidget(self.state)
         body.addLayout(row)
+        self._display, self._body = display, body
         display.installEventFilter(self)
         self.hide()
 
@@ -71,11 +72,9 @@ class RestBar(QFrame):
         return super().eventFilter(watched, event)
 
     def _stand_below(self) -> None:
-        display = self.parentWidget()
-        layout = self.layout()
-        if layout is not None:
-            height = max(layout.totalHeightForWidth(display.width()), self.sizeHint().height())
-            self.setGeometry(0, display.height() - height, display.width(), height)
+        size = self._display.size()
+        height = max(self._body.totalHeightForWidth(size.width()), self.sizeHint().height())
+        self.setGeometry(0, size.height() - height, size.width(), height)
 
     def _write(self) -> None:
         text = self.note.text().strip()

@@ -50,10 +50,10 @@ class LiveFacts(Panel):
         self.body.addLayout(grid)
         self.note = QLineEdit()
         self.note.returnPressed.connect(self._write_note)
-        title = label(tr("Note"))
-        title.setBuddy(self.note)
+        before = label(tr("Note"))
+        before.setBuddy(self.note)
         row = QHBoxLayout()
-        row.addWidget(title)
+        row.addWidget(before)
         row.addWidget(self.note, 1)
         self.body.addLayout(row)
 
