@@ -8,16 +8,20 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
+MANUAL = ROOT / "resources" / "draglag_resources" / "manual"
 PAGES = {"README.md": "index.md", "LICENSE": "LICENSE.md"} | {
     name: name for name in ("ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md")
 }
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages of the root."""
+    """Add the pages of the root, and the manual that the program shows on its Help page, with its pictures."""
     for source, target in PAGES.items():
         text = (ROOT / source).read_text("utf-8").replace("](docs/", "](").replace("](LICENSE)", "](LICENSE.md)")
         files.append(File.generated(config, target, content=text if target != "LICENSE.md" else f"# Licence\n\n{text}"))
+    files.append(File.generated(config, "manual.md", content=(MANUAL / "manual.md").read_text("utf-8")))
+    for picture in sorted((MANUAL / "pictures").glob("*.png")):
+        files.append(File.generated(config, f"pictures/{picture.name}", abs_src_path=str(picture)))
     files.append(File.generated(config, "CITATION.cff", content=(ROOT / "CITATION.cff").read_text("utf-8")))
     return files
 

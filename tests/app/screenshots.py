@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QApplication, QWidget
 
+from app import manual_pictures
 from app.screenshot_dialogs import questions, troubles, under_way
 from draglag.exchange import read_exchange
 from draglag.protocols import load_protocol
@@ -216,7 +217,12 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path(__file__).parents[2] / "docs" / "pictures")
     parser.add_argument("--language", default="en", help="of the windows, for looking at: en or nl")
     parser.add_argument("--all", action="store_true", help="both sizes and every state, for looking at")
+    parser.add_argument("--manual", action="store_true", help="the pictures of the manual, into its folder, alone")
     chosen = parser.parse_args()
+    if chosen.manual:
+        with tempfile.TemporaryDirectory() as name:
+            manual_pictures.make(make_application(sys.argv[:1]), Path(name), manual_pictures.FOLDER, wait)
+        return 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         settings = Settings(

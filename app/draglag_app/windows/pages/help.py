@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QFocusEvent, QTextBlockFormat, QTextCursor, QTextDocument
 from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QListWidget, QListWidgetItem, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag_app.windows.actions import key_list, other_keys
+from draglag_app.windows.parts.pictured_text import PICTURE, PicturedText
 from draglag_app.windows.parts.theme import wide
 from draglag_app.windows.parts.widgets import restyle
 from draglag_app.windows.wording.i18n import language_of
@@ -39,7 +42,7 @@ class HelpPage(QWidget):
         self.contents.currentItemChanged.connect(lambda item, before: self._section_chosen(item))
         left.addWidget(self.search)
         left.addWidget(self.contents, 1)
-        self.manual = QTextBrowser()
+        self.manual = PicturedText(Path(str(resource("manual", ""))))
         self.manual.setOpenExternalLinks(True)
         self.manual.document().setDocumentMargin(18)
         self.manual.setMinimumWidth(wide(_MANUAL_PX))
@@ -61,7 +64,7 @@ class HelpPage(QWidget):
 
     def restyle_plots(self) -> None:
         """Set the text again, in the present theme."""
-        self.manual.setMarkdown(manual_text(language_of(self._space.settings.language)))
+        self.manual.show_markdown(manual_text(language_of(self._space.settings.language)))
         _give_air(self.manual.document())
         self.contents.blockSignals(True)
         self.contents.clear()
@@ -126,7 +129,8 @@ def _give_air(document: QTextDocument) -> None:
     cursor, block = QTextCursor(document), document.begin()
     while block.isValid():
         shape = block.blockFormat()
-        shape.setLineHeight(135, QTextBlockFormat.LineHeightTypes.ProportionalHeight.value)
+        pictured = PICTURE in block.text()
+        shape.setLineHeight(100 if pictured else 135, QTextBlockFormat.LineHeightTypes.ProportionalHeight.value)
         shape.setTopMargin(22 if shape.headingLevel() else 2)
         shape.setBottomMargin(8)
         cursor.setPosition(block.position())

@@ -1,0 +1,104 @@
+"""The pictures of the manual, one a page: ``./run screenshots --manual``. Light, 1280×800 made smaller, few colours."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from PIL import Image
+from PySide6.QtCore import QBuffer, QByteArray, QEvent, QIODevice, Qt
+from PySide6.QtWidgets import QApplication, QWidget
+
+from draglag.exchange import read_exchange
+from draglag.protocols import load_protocol
+from draglag_app.windows.settings import RigSettings, Settings
+from draglag_app.windows.window import OperatorWindow
+
+FOLDER = Path(__file__).parents[2] / "resources" / "draglag_resources" / "manual" / "pictures"
+SHOWN = ("bench", "geometry", "protocol", "record", "results", "gap", "compare", "preferences")
+SIZE, WIDE_PX, MOST_BYTES = (1280, 800), 880, 60_000
+# What the pictures name in the place of folders of the computer they are made on.
+_SESSIONS = "/home/lab/sessions"
+
+Wait = Callable[..., None]
+
+
+def small(widget: QWidget, path: Path) -> None:
+    """A picture of a widget with as many colours as its size allows. Raises SystemExit where even 16 are too many."""
+    QApplication.processEvents()
+    drawn = widget.grab().toImage().scaledToWidth(WIDE_PX, Qt.TransformationMode.SmoothTransformation)
+    kept = QByteArray()
+    buffer = QBuffer(kept)
+    buffer.open(QIODevice.OpenModeFlag.WriteOnly)
+    drawn.save(buffer, "PNG")
+    picture = Image.open(io.BytesIO(kept.data())).convert("RGB")
+    for colours in (128, 64, 32, 16):
+        out = io.BytesIO()
+        picture.quantize(colours, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        if len(out.getvalue()) < MOST_BYTES:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(out.getvalue())
+            return
+    raise SystemExit(f"{path.name} is too large")
+
+
+def make(application: QApplication, folder: Path, out: Path, wait: Wait) -> None:
+    """All of them, on the simulated rig: a session measured, one under way, and a gap explained."""
+    rig = RigSettings(touch="sim:", laser="sim:", walt="sim:", fast=True, display="offscreen")
+    settings = Settings(first_start=False, folder=str(folder), protocol="demo", rig=rig, theme="light")
+    window = _shown(settings, folder / "settings.toml")
+    window.start()
+    wait(application, lambda: window.space.analysis is not None and not window.space.tasks.running)
+    window.notify("", "")
+    window.ask("calibrate")
+    wait(application, lambda: not window.space.calibrating.active)
+    window.pages["compare"][1]._add_present()
+    window.space.change_settings(folder=_SESSIONS)
+    for name in SHOWN:
+        if name == "gap":
+            window.space.take(
+                read_exchange(Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"), None
+            )
+            wait(application, lambda: window.space.analysis is not None and not window.space.tasks.running)
+            window.pages["gap"][1].start()
+        if name == "compare":
+            window.pages["compare"][1]._add_present()
+        window.go(name)
+        wait(application, lambda: not window.space.tasks.running)
+        if name == "protocol":
+            wait(application, lambda: window.pages["protocol"][1].precision.plan is not None)
+        if name != "record":
+            small(window, out / f"{name}.png")
+    window.close()
+    recording(
+        application, settings.model_copy(update={"rig": rig.model_copy(update={"fast": False})}), folder, out, wait
+    )
+
+
+def recording(application: QApplication, settings: Settings, folder: Path, out: Path, wait: Wait) -> None:
+    """The Record page in the midst of its second run."""
+    window = _shown(settings, folder / "live.toml")
+    demo = load_protocol("demo")
+    brief = {"speeds_mm_s": (425.0, 760.0), "duration_s": 9.0, "sideways_px_s": 60.0}
+    run = demo.runs[1].model_copy(update=brief)
+    short = {"runs": (run,), "taps": None, "clock_check": None, "rest_s": 1.0}
+    window.space.set_protocol(demo.model_copy(update=short))
+    window.start()
+    wait(application, lambda: len(window.space.live.known) == 1, 60)
+    end_s = time.monotonic() + 10
+    wait(application, lambda: time.monotonic() > end_s)
+    small(window, out / "record.png")
+    window.shut_down()
+    wait(application, lambda: not window.space.recording.active)
+    window.close()
+    application.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+
+
+def _shown(settings: Settings, file: Path) -> OperatorWindow:
+    window = OperatorWindow(settings, file)
+    window.use_theme("light")
+    window.show()
+    window.resize(*SIZE)
+    return window
