@@ -22,7 +22,7 @@ from draglag.gap.constants import (
     WIDTH_SD_MM,
 )
 from draglag.gap.replaying.replay import Replay, replay
-from draglag.gap.results import GapReport, Statistic
+from draglag.gap.results import GapReport, Statistic, next_to_unnamed
 from draglag.gap.streams.stamps import resolution_mm
 from draglag.gap.traces.run_data import gather
 from draglag.latency.estimate import RunEstimate
@@ -58,6 +58,8 @@ def checked(session: Session, report: GapReport) -> GapReport:
     steps = report.steps
     if any(one.name == REPEATS for one in off):
         steps = tuple(step for step in steps if effect_class(step.effect).undone_in != "stream")
+    if report.verdict != "unexplained":
+        steps = tuple(next_to_unnamed(step) for step in steps)
     by = report.unexplained_by or off[0].follows
     return replace(report, check=found, verdict="unexplained", unexplained_by=by, steps=steps)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 
-from draglag.gap.constants import STATED_AT_MOST
+from draglag.gap.constants import NEXT_TO_UNNAMED, STATED_AT_MOST
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.judge import Judgement
 from draglag.recording import Session
 from draglag.shown import table_html
+from draglag.simulation.effects import effect_class
 
 FLOOR_REACHES = "in a single session noise leaves 0.7 to 1.6 times that"
 """The gap of a sound session over the floor: 95 % of 237 generated ones."""
@@ -93,6 +94,12 @@ class Step:
             "gap_after_mm": self.gap_after_mm,
             "extra_run": self.extra_run,
         }
+
+
+def next_to_unnamed(step: Step) -> Step:
+    """A step as sure as it is where something else stays without a name; as it was, where the streams show it."""
+    in_streams = effect_class(step.effect).detected_by
+    return step if in_streams else replace(step, probability=NEXT_TO_UNNAMED * step.probability)
 
 
 @dataclass(frozen=True)

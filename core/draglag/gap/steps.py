@@ -20,7 +20,7 @@ from draglag.gap.posterior.pool import Names
 from draglag.gap.posterior.verdict import Answer, answer_of
 from draglag.gap.proposing.proposals import shown_by_traces
 from draglag.gap.replaying.realised import made
-from draglag.gap.results import BY_TAPS, GapReport, LawStatement, Step, Tolerated
+from draglag.gap.results import BY_TAPS, GapReport, LawStatement, Step, Tolerated, next_to_unnamed
 from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
 from draglag.gap.streams.stalls import stalls
 from draglag.gap.streams.stamps import StreamEffect
@@ -54,12 +54,14 @@ def reported(
         gaps = gap_mm(link.before, edges), gap_mm(link.after, edges)
         steps.append(replace(step, gap_before_mm=gaps[0], gap_after_mm=gaps[1]))
     unexplained = answer.unexplained_by or idle or _unnamed_in_streams(sessions, strange, judgement.base, allowed)
+    if unexplained:
+        steps = [next_to_unnamed(step) for step in steps]
     last_mm = gap_mm(last, edges)
     if unexplained is None:
         more, last = with_taps(session, judgement, last, steps, allowed)
         steps += more
         last_mm = gap_mm(last, edges)
-    stated = [answer.probability, *(step.probability for step in steps)]
+    stated = [answer.probability, *(step.probability for step in steps if not unexplained)]
     return GapReport(
         session.name,
         "unexplained" if unexplained else "explained" if steps else "no_gap",
