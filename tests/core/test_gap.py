@@ -111,8 +111,8 @@ def test_an_effect_of_the_acceleration_is_sized_although_it_warps_the_trace_it_i
 
 @pytest.mark.parametrize("seed", [19, 30])
 def test_a_bend_s_interval_holds_what_the_runs_leave_open(seed: int) -> None:
-    """Circles cover a part of the panel: a wide wave and a narrow one bend that part alike. So does a curved beam, which
-    a second beam position would distinguish."""
+    """Circles cover a part of the panel: a wide wave and a narrow one bend that part alike. So does a curved beam, from
+    which a second beam position would distinguish it."""
     straight_beam = set(EFFECTS) - {"beam_bow"}
     (step,) = close_gap(simulated("spatial_warp=0.6", seed=seed), candidates=straight_beam).steps
     assert step.effect == "spatial_warp"
