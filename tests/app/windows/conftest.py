@@ -18,7 +18,7 @@ from draglag.protocols import Protocol, load_protocol
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_app.windows.application import make_application
-from draglag_app.windows.parts.garbage import collect_in_this_thread
+from draglag_app.windows.parts.garbage import Garbage, collect_in_this_thread
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.rig import make_rig
@@ -52,8 +52,8 @@ def wait_until(qapp: QApplication, so: Callable[[], bool], limit_s: float = 120.
 
 def _timers() -> set[QObject]:
     gc.collect()
-    alive = (item for item in gc.get_objects() if isinstance(item, QTimer))
-    return {timer for timer in alive if shiboken6.isValid(timer) and timer.isActive()}
+    alive = (item for item in gc.get_objects() if isinstance(item, QTimer) and shiboken6.isValid(item))
+    return {timer for timer in alive if timer.isActive() and not isinstance(timer.parent(), Garbage)}
 
 
 def _threads() -> set[object]:
@@ -80,19 +80,25 @@ def only_new_objects_are_looked_at() -> None:
     gc.freeze()
 
 
-@pytest.fixture(autouse=True)
-def nothing_left_behind(qapp: QApplication) -> Iterator[None]:
-    """Fail on top-level widgets, running timers and threads that a test leaves behind."""
-    before = set(qapp.topLevelWidgets()), _timers(), _threads()
-    yield
+def _things(qapp: QApplication) -> dict[str, set[object]]:
+    return {"top-level widgets": set(qapp.topLevelWidgets()), "timers": _timers(), "threads": _threads()}
+
+
+def _left(qapp: QApplication, before: dict[str, set[object]]) -> list[str]:
+    """What is there now and was not before."""
     settle(qapp)
     gc.collect()
     settle(qapp)
-    names = ("top-level widgets", "timers", "threads")
-    now = set(qapp.topLevelWidgets()), _timers(), _threads()
-    for name, old, new in zip(names, before, now, strict=True):
-        left = new - old
-        assert not left, f"{name} left behind: {left}"
+    return [f"{name}: {item}" for name, now in _things(qapp).items() for item in now - before[name]]
+
+
+@pytest.fixture(autouse=True)
+def nothing_left_behind(qapp: QApplication) -> Iterator[None]:
+    """Fail on top-level widgets, running timers and threads that a test leaves behind."""
+    before = _things(qapp)
+    yield
+    left = _left(qapp, before)
+    assert not left, f"left behind: {left}"
     loop = QEventLoop()
     QTimer.singleShot(0, loop.quit)
     assert loop.exec() == 0, "a request to leave is left behind: it would end the dialogs of later tests"
