@@ -67,7 +67,9 @@ def linearised(
     """The session linearised about a fit. edges: mask over all placed edges, those to judge by; None: the fit's."""
     keep = np.ones(fit.residual_mm.size, bool) if edges is None else edges[fit.use]
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
-    members = [*_own(fit), *members_of(fit, parts, allowed)]
+    possible = members_of(fit, parts, allowed)
+    listed = {member.name for member in possible}  # at every setting, with its share of the prior
+    members = [*(member for member in _own(fit) if member.name not in listed), *possible]
     base, residual, law = _without_members(fit)
     tolerance = _tolerance(fit, members)
     n_base = base.shape[1]
