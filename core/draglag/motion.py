@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from draglag.events import sample_interval_s
 from draglag.recording import FloatArray, IntArray, TouchTrace
 from draglag.savgol import smoothed
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 SAVGOL_ORDER = 4  # the paper, Section III.A
 SAVGOL_WINDOW = 61
@@ -86,6 +90,16 @@ class LocalFit:
     @property
     def speed_mm_s(self) -> FloatArray:
         return np.hypot(self.v_mm_s[:, 0], self.v_mm_s[:, 1])
+
+    def rows(self, weights: FloatArray, n: int) -> csr_matrix:
+        """By how much each of the n events enters each fit, (m, n). weights: (m, w), one kind of ``by_event``."""
+        from scipy.sparse import csr_matrix
+
+        at = np.minimum(self.first[:, None] + np.arange(weights.shape[1]), n - 1)
+        ends = np.arange(0, at.size + 1, at.shape[1])
+        out = csr_matrix((weights.ravel(), at.ravel(), ends), shape=(at.shape[0], n))
+        out.sum_duplicates()
+        return out
 
     @property
     def gain(self) -> FloatArray:

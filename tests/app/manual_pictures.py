@@ -80,7 +80,15 @@ def make(application: QApplication, folder: Path, out: Path, wait: Wait) -> None
 def recording(application: QApplication, settings: Settings, folder: Path, out: Path, wait: Wait) -> None:
     """The Record page in the midst of its second run."""
     window = _shown(settings, folder / "live.toml")
+    into_the_second_run(application, window, wait)
+    small(window, out / "record.png")
+    leave(application, window, wait)
+
+
+def into_the_second_run(application: QApplication, window: OperatorWindow, wait: Wait) -> None:
+    """A recording, in real time, up to the midst of its second run."""
     demo = load_protocol("demo")
+    # So fast sideways that even these short runs travel far enough.
     brief = {"speeds_mm_s": (425.0, 760.0), "duration_s": 9.0, "sideways_px_s": 60.0}
     run = demo.runs[1].model_copy(update=brief)
     short = {"runs": (run,), "taps": None, "clock_check": None, "rest_s": 1.0}
@@ -89,7 +97,10 @@ def recording(application: QApplication, settings: Settings, folder: Path, out: 
     wait(application, lambda: len(window.space.live.known) == 1, 60)
     end_s = time.monotonic() + 10
     wait(application, lambda: time.monotonic() > end_s)
-    small(window, out / "record.png")
+
+
+def leave(application: QApplication, window: OperatorWindow, wait: Wait) -> None:
+    """End a recording and close its window."""
     window.shut_down()
     wait(application, lambda: not window.space.recording.active)
     window.close()

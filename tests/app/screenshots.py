@@ -23,7 +23,6 @@ from PySide6.QtWidgets import QApplication, QWidget
 from app import manual_pictures
 from app.screenshot_dialogs import questions, troubles, under_way
 from draglag.exchange import read_exchange
-from draglag.protocols import load_protocol
 from draglag.recording import Screen
 from draglag.targets import Circle, Tap
 from draglag_app.windows.application import make_application
@@ -83,26 +82,14 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     settings = Settings(first_start=False, folder=str(folder), protocol="demo", rig=rig)
     window = OperatorWindow(settings, folder / "settings.toml")
     window.use_theme("dark")
-    demo = load_protocol("demo")
-    # So fast sideways that even these short runs travel far enough.
-    brief = {"speeds_mm_s": (425.0, 760.0), "duration_s": 9.0, "sideways_px_s": 60.0}
-    fast = demo.runs[1].model_copy(update=brief)
-    short = {"runs": (fast,), "taps": None, "clock_check": None, "rest_s": 1.0}
-    window.space.set_protocol(demo.model_copy(update=short))
     window.show()
-    window.start()
-    wait(application, lambda: len(window.space.live.known) == 1, 40)
-    end_s = time.monotonic() + 10
-    wait(application, lambda: time.monotonic() > end_s)
+    manual_pictures.into_the_second_run(application, window, wait)
     shoot(window, out / "window-recording.png")
     participant = window.space.recording.window
     if participant is not None:
         participant.resize(960, 540)  # off screen there is little room beside the operator's window
         shoot(participant, out / "participant.png")
-    window.shut_down()
-    wait(application, lambda: not window.space.recording.active)
-    window.close()
-    application.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    manual_pictures.leave(application, window, wait)
 
 
 def close_the_gap(application: QApplication, window: OperatorWindow) -> None:

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from draglag.exchange import read_exchange
+from draglag.gap import close_gap
 from draglag.gap.streams.evidence import inspect
+from draglag.protocols import load_protocol
 from draglag.recording import FloatArray, Session, TouchTrace
+from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.base import TouchEvents
 
@@ -123,3 +126,12 @@ def test_stamps_that_are_mostly_alike_are_neither_lost_nor_a_fault(sound: Sessio
 
     seen, _ = inspect(with_touch(sound, coarse))
     assert "loss_of_contact" not in [item.effect for item in seen]
+
+
+def test_a_wide_deadband_explains_the_positions_that_stand_still() -> None:
+    """Its removal leaves half of the events of a slow run: simulated again it reports as often as the panel did."""
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("deadband=0.7")], seed=5)
+    report = close_gap(session)
+    assert (report.verdict, [step.effect for step in report.steps]) == ("explained", ["deadband"])
+    (repeats,) = [one for one in report.check if one.name == "repeated positions"]
+    assert repeats.simulated == pytest.approx(repeats.measured, abs=0.05)

@@ -135,10 +135,12 @@ def test_the_plan_foretells_what_runs_then_show(law: LatencyLaw) -> None:
     protocol = Protocol(name="p", runs=(RunPlan(kind="circle", speed_mm_s=250, duration_s=16.0, repeats=100),))
     rig = replace(steady_rig(), law=law, contact_loss_per_s=0.0, sensor_response_s=0.0)
     foretold = plan(protocol, rig).runs[0]
-    session, truth = simulate_session_with_truth(rig, protocol, seed=9)
-    errors = [(estimate_run(r, 7.0).latency_s or np.nan) - truth.runs[r.id].mean_latency_s for r in session.runs]
-    # 100 runs know their own scatter to 7 %.
-    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(foretold.se_s, rel=0.21)
+    errors = []
+    for seed in (9, 10):
+        session, truth = simulate_session_with_truth(rig, protocol, seed=seed)
+        errors += [(estimate_run(r, 7.0).latency_s or np.nan) - truth.runs[r.id].mean_latency_s for r in session.runs]
+    # 200 runs know their own scatter to 5 %.
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(foretold.se_s, rel=0.15)
 
 
 @pytest.mark.parametrize(("screen", "speed_mm_s"), [("screen-1", 60.0), ("screen-2", 250.0), ("screen-1", 900.0)])

@@ -58,3 +58,12 @@ def export_figures(window: OperatorWindow) -> None:
         do_work(window, tr("Drawing figures"), lambda progress: write_journal_figures(session, analysis, path), path)
 
     ask_new_folder(window, tr("Folder for the figures"), proposed(window, "figures"), begin)
+
+
+def export_gap_report(window: OperatorWindow) -> None:
+    """Write the report of the gap that has been explained, as the page Gap does."""
+    from draglag_app.windows.pages.gap import GapPage
+
+    page = window.pages["gap"][1]
+    assert isinstance(page, GapPage)
+    page.write_report()

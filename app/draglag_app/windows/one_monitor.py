@@ -27,6 +27,7 @@ class OneMonitor(QObject):
         super().__init__(window)
         self._window = window
         self._bar: RestBar | None = None
+        window.space.recording.dock = window.record.live.dock
         bridge = window.space.bridge
         bridge.resting.connect(lambda event: self._to_operator())
         bridge.place_wanted.connect(lambda event: self._to_operator())

@@ -30,7 +30,6 @@ from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.one_monitor import OneMonitor
 from draglag_app.windows.pages import make_pages
 from draglag_app.windows.pages.bench import BenchPage, Checked
-from draglag_app.windows.pages.gap import GapPage
 from draglag_app.windows.pages.geometry import GeometryPage
 from draglag_app.windows.pages.help import HelpPage
 from draglag_app.windows.pages.preferences import PreferencesPage
@@ -99,7 +98,6 @@ class OperatorWindow(QMainWindow):
         self.space.settings_changed.connect(self._use_keys)
         self._use_keys()
         self.one_monitor = OneMonitor(self)
-        recording.dock = record.live.dock
         for changed in (self.space.settings_changed, self.space.protocol_changed):
             changed.connect(self.record.forget_outcome)
             changed.connect(self._show_readiness)
@@ -149,7 +147,7 @@ class OperatorWindow(QMainWindow):
             "mat": lambda: exports.export_as(self, "mat"),
             "figures": lambda: exports.export_figures(self),
             "report": lambda: files.write_report(self),
-            "gap_report": self._gap_report,
+            "gap_report": lambda: exports.export_gap_report(self),
             "quit": self.close,
             "undo": self._undo,
             "redo": self._redo,
@@ -219,11 +217,6 @@ class OperatorWindow(QMainWindow):
         if path is not None:
             event.acceptProposedAction()
             self.open_file(path)
-
-    def _gap_report(self) -> None:
-        gap = self.pages["gap"][1] if "gap" in self.pages else None
-        if isinstance(gap, GapPage):
-            gap.write_report()
 
     def restore(self) -> None:
         """Size, place and page as they were when the window was last closed."""

@@ -71,8 +71,8 @@ def _that_stand(pool: Pool, names: Names) -> Names:
     """The effects of interest of a set. Where more follows what an effect follows, and has no name, the whole of it has
     none."""
     kept = _of_interest(pool, names)
-    nameless = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
-    return tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in nameless)
+    unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
+    return tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in unnamed)
 
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:

@@ -70,8 +70,7 @@ class RunData:
         wide_s = float(np.median(self.speed_half_s))
         if self.estimate is None or not self.run.radius_mm or not self.estimate.speed_mm_s:
             return wide_s
-        round_s = CUBIC_RAD * self.run.radius_mm / self.estimate.speed_mm_s
-        return min(wide_s, max(round_s, 4.5 * sample_interval_s(self.t_s)))
+        return min(wide_s, _on_a_circle_s(self.run.radius_mm, self.estimate.speed_mm_s, sample_interval_s(self.t_s)))
 
     @cached_property
     def smooth_mm(self) -> FloatArray:
@@ -167,8 +166,13 @@ def _widths(
     if estimate is None:
         half_s = min(half_s, max(0.05, 4.5 * dt_s))
     elif run.radius_mm and estimate.speed_mm_s:
-        half_s = min(half_s, max(CUBIC_RAD * run.radius_mm / estimate.speed_mm_s, 4.5 * dt_s))
+        half_s = min(half_s, _on_a_circle_s(run.radius_mm, estimate.speed_mm_s, dt_s))
     return half_s, speed_half_widths_s(t_s, xy_mm, edge_t_s + guess_s, noise_mm), noise_mm
+
+
+def _on_a_circle_s(radius_mm: float, speed_mm_s: float, dt_s: float) -> float:
+    """Half the widest window over which a cubic follows a circle, s; not below what a fit needs of events."""
+    return max(CUBIC_RAD * radius_mm / speed_mm_s, 4.5 * dt_s)
 
 
 def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:

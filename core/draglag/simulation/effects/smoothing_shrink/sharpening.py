@@ -59,9 +59,5 @@ def _sharpened(
     """
     fit = local_fit(t_s, xy_mm, t_s, half_width_s)
     moved = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
-    at = np.minimum(fit.first[:, None] + np.arange(moved.shape[1]), t_s.size - 1)
-    ends = np.arange(0, at.size + 1, at.shape[1])
-    added = csr_matrix((moved.ravel(), at.ravel(), ends), shape=(t_s.size, t_s.size))
-    added.sum_duplicates()
-    spread = (identity(t_s.size, format="csr") + added)[fit.ok]
+    spread = (identity(t_s.size, format="csr") + fit.rows(moved, t_s.size))[fit.ok]
     return t_s[fit.ok] + (0.0 if even else lag_s), spread @ xy_mm, spread

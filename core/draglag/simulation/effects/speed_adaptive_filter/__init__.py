@@ -28,11 +28,13 @@ USUAL, OF_SCREENS_SD = Setting(1.0, 0.02), 0.5
 """Middle of the filters that screens have, and the standard deviation of the logarithm of either parameter among them
 (fact sheet on real screens: 0.6 to 1.5 Hz, 0.01 to 0.05 per mm)."""
 SETTINGS = tuple(Setting(fmin, beta) for fmin in (0.7, 1.3) for beta in (0.01, 0.02, 0.045))
+"""At which its columns are looked at: over the range of screens, a factor of two apart."""
 SMOOTHER_SD = 0.15
 """Of the logarithm of either parameter: a local fit's velocity is smoother than the filter's own. Calibrated: generated
 filters were off by 0.02 to 0.4, the most where the law falls as the filter's delay does."""
-LEAST_UNSURE = 1e-3
+LEAST_UNSURE = 1e-3  # of a parameter's logarithm: a filter's own arithmetic is known to no better
 MOST_UNKNOWN = 5.0  # of a parameter's logarithm: a factor of 150 is nothing known
+HELD = 1e-3  # of a parameter's logarithm in a fit: its columns hold next to a setting, refits move that
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class SpeedAdaptiveFilter(Effect):
         ),
     )
     order: ClassVar[int] = -2
-    prior_sd: ClassVar[float] = 1e-3
+    prior_sd: ClassVar[float] = HELD
 
     beta_per_mm: float = USUAL.beta_per_mm
 

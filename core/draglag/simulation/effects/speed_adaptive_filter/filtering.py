@@ -18,7 +18,7 @@ from draglag.recording import FloatArray
 DERIVATIVE_HZ = 1.0  # cut-off of the low-pass on the velocity, as published
 SHORTEST_S = 1e-4  # between two events
 EXACT_MM = 1e-4  # of a position: where the inverse has come to its end
-MOST_ROUNDS = 60
+MOST_ROUNDS = 60  # twice what the fastest circles behind the slowest filter need
 
 
 class Setting(NamedTuple):
@@ -53,7 +53,8 @@ def first_of_contact(t_s: FloatArray) -> np.ndarray:
 
 def filtered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
     """Positions (n, 2) behind the filter, of raw ones (n, 2). begins: (n,) events with which a contact begins."""
-    gain = gains_of_raw(t_s, xy_mm, setting, begins)
+    turn = _turns(t_s, xy_mm, setting, begins)
+    gain = np.where(begins, 1.0, turn / (1 + turn))
     return _recursion(1 - gain, gain[:, None] * xy_mm)
 
 
@@ -72,12 +73,6 @@ def unfiltered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.
         if not change > EXACT_MM:
             break
     return raw
-
-
-def gains_of_raw(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
-    """The filter's gain at every event, (n,), from raw positions."""
-    turn = _turns(t_s, raw_mm, setting, begins)
-    return np.where(begins, 1.0, turn / (1 + turn))
 
 
 def cut_off_hz(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags, identity
+from scipy.sparse import identity
 
 from draglag.events import sample_interval_s
 from draglag.motion import local_fit
@@ -36,16 +36,12 @@ class Unfiltered:
     of_events: ClassVar[bool] = True
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
-        first = first_of_contact(trace.t_s)
+        n, first = trace.t_s.size, first_of_contact(trace.t_s)
         raw_mm = unfiltered(trace.t_s, trace.xy_mm, self.setting, first)
         lag_s = 1 / (2 * np.pi * cut_off_hz(trace.t_s, raw_mm, self.setting, first))
         middle_s = trace.t_s - 0.5 * sample_interval_s(trace.t_s)  # a step between two events is the velocity there
         fit = local_fit(trace.t_s, trace.xy_mm, middle_s, shown.velocity_half_s)
-        velocity = fit.by_event.velocity
-        at = np.minimum(fit.first[:, None] + np.arange(velocity.shape[1]), trace.t_s.size - 1)
-        ends = np.arange(0, at.size + 1, at.shape[1])
-        slope = csr_matrix((velocity.ravel(), at.ravel(), ends), shape=(trace.t_s.size, trace.t_s.size))
-        slope.sum_duplicates()
-        spread = csr_matrix(identity(trace.t_s.size, format="csr") + diags(lag_s) @ slope)[fit.ok]
+        moved = lag_s[:, None] * fit.by_event.velocity
+        spread = (identity(n, format="csr") + fit.rows(moved, n))[fit.ok]
         whole = spread if trace.spread is None else spread @ trace.spread
         return replace(trace, t_s=trace.t_s[fit.ok], xy_mm=spread @ trace.xy_mm, spread=whole)

@@ -22,10 +22,10 @@ from draglag.simulation.effects.speed_adaptive_filter.filtering import (
 )
 
 OWN = SpeedAdaptiveFilter.id
-SETTLED = 0.02  # of either parameter's logarithm: a hundredth of what screens differ by
+SETTLED = 0.02  # of either parameter's logarithm: a twenty-fifth of what screens differ by
 ROUNDS = 5
-FURTHEST = 0.7  # of a logarithm in one round
-FARTHEST_SD = 3.5  # off the filters of screens, where this is no such filter
+LONGEST_STEP = 0.7  # of a logarithm in one round, a factor of two: further, first order says nothing
+BEYOND_SCREENS = 3.5  # standard deviations among screens: one in two thousand would have such a filter
 BACK = 0.3  # of a step that went too far
 
 
@@ -44,8 +44,8 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         else:
             best, setting, law = fit, there, fit.law
             step, unsure = likelier(fit)
-            step = np.clip(step, -FURTHEST, FURTHEST)
-        if np.max(np.abs(setting.moved(step).logs_from(USUAL))) > FARTHEST_SD * OF_SCREENS_SD:
+            step = np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+        if np.max(np.abs(setting.moved(step).logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
             return []
         if np.max(np.abs(step)) < SETTLED:
             break
@@ -89,12 +89,12 @@ def _worse(fit: Fit, before: Fit) -> bool:
 def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
     """Eq. 5 through the runs' own latencies, each less the filter's mean delay at its edges."""
     try:
-        return starting_law(before.runs, _delays_s(before, setting), False)
+        return starting_law(before.runs, _mean_delays_s(before, setting), False)
     except EstimateError:
         return None
 
 
-def _delays_s(before: Fit, setting: Setting) -> FloatArray:
+def _mean_delays_s(before: Fit, setting: Setting) -> FloatArray:
     """The filter's mean delay at the edges of each run, by the speed that the trace shows, (runs,) s."""
     out = np.zeros(len(before.runs))
     for k, data in enumerate(as_shown(before.runs)):
