@@ -81,7 +81,7 @@ class LiveView(QSplitter):
         """Show what the participant sees to the left of the plots, until the session ends."""
         self._docked = DockedPicture(picture, picture.ratio)
         self.insertWidget(0, self._docked)
-        self.setSizes([400, 400, 380])
+        self.setSizes([300, 500, 380])
         picture.setFocus()  # Esc aborts the run, as in a window of its own
 
     def prepare(self, run_id: str, order: Order | None, planned: PlannedRun | None) -> None:
