@@ -82,9 +82,10 @@ def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> Non
     )
     bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "touch", turned))
     shoot(window, out / f"trouble-turned-{theme}.png")
+    partial = "/home/lab/sessions/2026-11-21_152622_demo-screen-1.h5.partial"
     full = DataError(
-        "/home/lab/sessions/2026-11-21_152622_demo-screen-1.h5.partial: cannot be written (No space left on device)",
-        "Make room on the disk, then `draglag verify` that file to save what it holds",
+        f"{partial}: cannot be written (No space left on device)",
+        f"Make room on the disk, then `draglag verify {partial}`, or save it elsewhere with --out",
     )  # fmt: skip
     bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "file", str(full)))
     shoot(window, out / f"trouble-disk-{theme}.png")
