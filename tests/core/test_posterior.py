@@ -14,7 +14,7 @@ from scipy.stats import multivariate_normal
 
 from draglag.exchange import read_exchange
 from draglag.gap import GapReport, close_gap, constants
-from draglag.gap.fitting.law_form import basis, knots_over, remainder_rms_s, split
+from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, remainder_rms_s
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.posterior.covariance import Noise, RunNoise
 from draglag.gap.posterior.levels import Levels, log_prior
@@ -83,16 +83,17 @@ def test_the_size_of_a_member_is_that_of_its_share_of_the_residual() -> None:
     assert sizes_mm(search, search.best)["one"] == pytest.approx(0.4, abs=4 * 0.15 / np.sqrt(200))
 
 
-def test_a_curve_of_another_form_is_split_into_its_nearest_eq_5_and_a_remainder() -> None:
+def test_a_curve_of_another_form_has_a_nearest_eq_5_and_a_remainder() -> None:
     v = np.geomspace(40, 900, 300)
     logistic_s = 0.03 + 0.05 / (1 + (v / 200) ** 4)
-    start = LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03)
-    knots = knots_over(v)
-    sizes = np.linalg.lstsq(basis(v, knots), logistic_s - start(v), rcond=1e-6)[0]
-    law = split(start, knots, sizes, v)
-    np.testing.assert_allclose(law(v), logistic_s, atol=2e-4)
-    assert remainder_rms_s(law, v) > 1e-3  # no two exponentials follow it
-    assert remainder_rms_s(law.nearest, v) == 0.0
+    law = flexible(LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03), knots_over(v))
+    columns = law.columns(v)
+    step = np.zeros(columns.shape[1])
+    step[5:] = np.linalg.lstsq(columns[:, 5:], logistic_s - law(v), rcond=1e-6)[0]
+    curve = law.moved(step)
+    np.testing.assert_allclose(curve(v), logistic_s, atol=2e-4)
+    assert remainder_rms_s(curve, v) > 1e-3  # no two exponentials follow it
+    assert remainder_rms_s(nearest_eq5(curve, v), v) == 0.0
 
 
 def closed(*effects: str) -> GapReport:

@@ -67,7 +67,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
         unexplained_by=left,
         explanations=answer_of(pool).explanations,
         last=fit,
-        judgement=Judgement(pool, fits, old.first),
+        judgement=Judgement(pool, fits),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from draglag.drawing.style import BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, plain_log_ticks
 from draglag.gap.fitting.heldout import noise_variance_mm2
 from draglag.gap.fitting.joint import Fit
-from draglag.gap.fitting.law_form import FlexibleLaw
+from draglag.gap.fitting.law_form import FlexibleLaw, nearest_eq5
 from draglag.gap.results import GapReport
 from draglag.report import replayed
 
@@ -91,7 +91,13 @@ def curves(report: GapReport) -> Any:
         axes.plot(speed, 1e3 * fit.law(speed), color=colour, linestyle="-" if fit is report.last else "--", label=name)
     law = report.last.law
     if not report.law.adequate and isinstance(law, FlexibleLaw):
-        axes.plot(speed, 1e3 * law.nearest(speed), color=GREY, linestyle=":", label="nearest Eq. 5")
+        axes.plot(
+            speed,
+            1e3 * nearest_eq5(law, report.last.view.speed)(speed),
+            color=GREY,
+            linestyle=":",
+            label="nearest Eq. 5",
+        )
     points = [
         (d.estimate.speed_mm_s, 1e3 * d.estimate.latency_s)
         for d in report.last.runs

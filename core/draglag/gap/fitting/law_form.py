@@ -5,8 +5,9 @@ Screens follow laws of other forms than Eq. 5: constant, power, logistic, adapti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -14,7 +15,6 @@ from scipy.optimize import least_squares
 from draglag.gap.constants import LAW_KNOTS, LAW_LENGTH
 from draglag.gap.fitting.model import LEAST_AMPLITUDE_S, LEAST_RATE_S_MM, MOST_RATE_S_MM, LawParameters
 from draglag.recording import FloatArray
-from draglag.simulation.residual import LineGains, Signature, View
 
 LAW_FORM = "law_form"
 BEYOND = 0.3  # of ln v beyond the outermost knots: there the form stays what it is
@@ -33,30 +33,21 @@ class FlexibleLaw(LawParameters):
 
     def __call__(self, speed_mm_s: FloatArray) -> FloatArray:
         speed = np.asarray(speed_mm_s, float)
-        law = super().__call__(speed)
-        if not self.remainder_s:
-            return law
-        rest = basis(np.ravel(self.counted_mm_s(speed)), self.knots) @ np.array(self.remainder_s)
-        return np.asarray(law + rest.reshape(speed.shape))
+        rest = basis(np.ravel(speed), self.knots) @ np.array(self.remainder_s)
+        return np.asarray(super().__call__(speed) + rest.reshape(speed.shape))
+
+    def columns(self, speed_mm_s: FloatArray) -> FloatArray:
+        """Those of Eq. 5, and of the remainder's directions, (m, 5 + k) s."""
+        return np.column_stack([super().columns(speed_mm_s), basis(speed_mm_s, self.knots)])
 
     @property
-    def nearest(self) -> LawParameters:
-        """Eq. 5 without the remainder."""
-        return LawParameters(self.a1_s, self.a2_s_mm, self.a4_s, self.a5_s_mm, self.a7_s, self.plateau_mm_s)
+    def step_sd(self) -> tuple[float, ...]:
+        return *super().step_sd, *(FORM_SD_S,) * len(self.remainder_s)
 
-
-class LawForm:
-    """The curve's own form as a term of a fit, with the interface that effects have."""
-
-    id = LAW_FORM
-
-    @classmethod
-    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        return [cls.signature_at(knots_over(view.speed), view)]
-
-    @classmethod
-    def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        return Signature(latency=basis(view.speed, theta), theta=theta)
+    def moved(self, step: FloatArray) -> Self:
+        n = len(self.remainder_s)
+        remainder = tuple(float(old + more) for old, more in zip(self.remainder_s, step[-n:], strict=True))
+        return replace(super().moved(step[:-n]), remainder_s=remainder)
 
 
 def knots_over(speed_mm_s: FloatArray) -> tuple[float, ...]:
@@ -85,22 +76,10 @@ def _covariance(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-0.5 * np.subtract.outer(one, other) ** 2 / LAW_LENGTH**2))
 
 
-def split(law: LawParameters, knots: tuple[float, ...], sizes: FloatArray, speed_mm_s: FloatArray) -> FlexibleLaw:
-    """A curve as the Eq. 5 nearest to it and the remainder.
-
-    Args: law: what the curve is made of, with ``sizes`` of the directions over ``knots`` added; speed_mm_s: of the
-    session's edges.
-    """
-    v = _speeds(speed_mm_s)
-    curve = law(v) + basis(v, knots) @ sizes
-    nearest = _nearest(v, curve)
-    directions = basis(v, knots)
-    gram = directions.T @ directions
-    ridge = 1e-6 * np.trace(gram) / gram.shape[0] * np.eye(gram.shape[0])
-    rest = np.linalg.solve(gram + ridge, directions.T @ (curve - nearest(v)))
-    return FlexibleLaw(
-        nearest.a1_s, nearest.a2_s_mm, nearest.a4_s, nearest.a5_s_mm, nearest.a7_s, 0.0, knots, tuple(map(float, rest))
-    )
+def flexible(law: LawParameters, knots: tuple[float, ...]) -> FlexibleLaw:
+    """Eq. 5 with a remainder of no size over the knots."""
+    none = (0.0,) * len(knots)
+    return FlexibleLaw(law.a1_s, law.a2_s_mm, law.a4_s, law.a5_s_mm, law.a7_s, 0.0, knots, none)
 
 
 def _speeds(speed_mm_s: FloatArray) -> FloatArray:
@@ -109,7 +88,15 @@ def _speeds(speed_mm_s: FloatArray) -> FloatArray:
     return np.geomspace(float(low), float(high), SPEEDS)
 
 
-def _nearest(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters:
+def nearest_eq5(law: LawParameters, speed_mm_s: FloatArray) -> LawParameters:
+    """The Eq. 5 nearest to a law over the speeds of a session's edges; Eq. 5 itself, with its plateau, as it is."""
+    if not isinstance(law, FlexibleLaw):
+        return law
+    v = _speeds(speed_mm_s)
+    return _eq5_through(v, law(v))
+
+
+def _eq5_through(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters:
     """Eq. 5 by least squares, from several starts."""
 
     def law(p: FloatArray) -> LawParameters:
@@ -131,7 +118,5 @@ def _nearest(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters:
 
 def remainder_rms_s(law: LawParameters, speed_mm_s: FloatArray) -> float:
     """By how much a law misses its nearest Eq. 5, RMS over the speeds, s; 0 for Eq. 5 itself."""
-    if not isinstance(law, FlexibleLaw) or not law.remainder_s:
-        return 0.0
     v = _speeds(speed_mm_s)
-    return float(np.sqrt(np.mean((law(v) - law.nearest(v)) ** 2)))
+    return float(np.sqrt(np.mean((law(v) - nearest_eq5(law, speed_mm_s)(v)) ** 2)))

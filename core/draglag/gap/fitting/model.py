@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.special import expit
@@ -17,6 +18,7 @@ from draglag.recording import FloatArray
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
 LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15
+PLATEAU_SD_MM_S = 60.0
 # The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
 # the windows of the speeds leave on sound sessions.
 FOLLOWS_LATER_SD = 0.07
@@ -60,6 +62,12 @@ class LawParameters:
             out.append(slope * below)
         return np.column_stack(out)
 
+    @property
+    def step_sd(self) -> tuple[float, ...]:
+        """Prior standard deviation of a step of each parameter, in the order of ``columns``."""
+        plateau = (PLATEAU_SD_MM_S,) if self.plateau_mm_s > 0 else ()
+        return AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, *plateau
+
     def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
         """The law's argument: not below the plateau's speed."""
         return self._held(speed_mm_s)[0] if self.plateau_mm_s > 0 else speed_mm_s
@@ -83,7 +91,7 @@ class LawParameters:
         ends = [not LEAST_RATE_S_MM < rate < MOST_RATE_S_MM for rate in (self.a2_s_mm, self.a5_s_mm)]
         return np.array([small[0], ends[0], small[1], ends[1]])
 
-    def moved(self, step: FloatArray) -> LawParameters:
+    def moved(self, step: FloatArray) -> Self:
         """The law after a Gauss–Newton step in the order of ``columns``; rates move by their logarithm."""
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
         moved = replace(
@@ -154,7 +162,7 @@ def side_of(placed: Placed) -> FloatArray:
 
 def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
     """How the residual moves with the law's parameters, the beam's slope and intercept and the speed's nuisances,
-    (m, 10 or 11) mm per unit.
+    (m, law's + 5) mm per unit.
 
     A longer latency reads the trace later: the residual grows by the velocity across the beam.
     """
@@ -172,8 +180,5 @@ def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
 
 def base_prior(law: LawParameters) -> FloatArray:
     """Prior precision of each base parameter's step."""
-    sd = [AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S]
-    if law.plateau_mm_s > 0:
-        sd.append(60.0)
     nuisances = 1 / np.square([FOLLOWS_LATER_SD, FLATTENING_SD, BENT_SD_S2])
-    return np.concatenate([1 / np.square(sd), [0.0, 0.0], nuisances])
+    return np.concatenate([1 / np.square(law.step_sd), [0.0, 0.0], nuisances])

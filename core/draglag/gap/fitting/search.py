@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from draglag.gap.fitting.law_form import FlexibleLaw
 from draglag.gap.fitting.likelihood import cost_without_nuisances
 from draglag.gap.fitting.rates import best_rates
 from draglag.gap.fitting.state import State, stepped
@@ -30,7 +31,12 @@ def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarr
 def at_best_rates(
     state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
 ) -> tuple[State, np.ndarray]:
-    """The point of the grid's best rates and the edges that can be placed there, where that is likelier than this."""
+    """The point of the grid's best rates and the edges that can be placed there, where that is likelier than this.
+
+    A law with a form of its own has no other rates to be found at: the form makes up for them.
+    """
+    if isinstance(state.law, FlexibleLaw):
+        return state, use
     found = best_rates(state, white, use)
     if found is None:
         return state, use

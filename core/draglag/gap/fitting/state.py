@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from draglag.gap.fitting.law_form import FORM_SD_S, LAW_FORM, LawForm
 from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.fitting.noise import timing_mm, touch_variances
 from draglag.gap.fitting.signatures import view_of
@@ -36,17 +35,13 @@ class Term:
 
 
 def term_signature(term: Term, view: View) -> Signature:
-    """The signature of a term at its setting: an effect's, or that of the curve's own form."""
-    of = LawForm if term.effect == LAW_FORM else EFFECTS[term.effect]
-    return of.signature_at(term.theta, view)
+    """The signature of a term at its setting."""
+    return EFFECTS[term.effect].signature_at(term.theta, view)
 
 
 def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
-    """Prior precision of a step of every term's sizes: the curve's own form must not trade places with Eq. 5."""
-    each = [
-        FORM_SD_S**-2 if term.effect == LAW_FORM else max(effect_class(term.effect).prior_sd ** -2, FREE)
-        for term in terms
-    ]
+    """Prior precision of a step of every term's sizes."""
+    each = [max(effect_class(term.effect).prior_sd ** -2, FREE) for term in terms]
     return np.repeat(each, [c.shape[1] for c in columns]).astype(float)
 
 

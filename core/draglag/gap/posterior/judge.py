@@ -10,9 +10,8 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, effects_in, fit_session, log_likelihood_on
-from draglag.gap.fitting.law_form import LAW_FORM, knots_over, split
+from draglag.gap.fitting.law_form import LAW_FORM, flexible, knots_over
 from draglag.gap.fitting.parameters import parameters_of
-from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, compared, unsound_share
 from draglag.gap.proposing.of_effect import refit_module
@@ -29,17 +28,16 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Judgement:
-    """All that was compared. fits: by the effects that they hold. first: the fit of Eq. 5 without effects."""
+    """All that was compared. fits: by the effects that they hold, all with the curve's own form where that is part of
+    the most probable explanation, else with Eq. 5; the first is the one without effects."""
 
     pool: Pool
     fits: dict[Names, Fit]
-    first: Fit
 
     @property
     def base(self) -> Fit:
-        """The fit without effects: with the curve's own form, where that is part of the most probable explanation."""
-        own_form = {LAW_FORM, IN_SPEED} & set(self.pool.best)
-        return next(iter(self.fits.values())) if own_form else self.first
+        """The fit without effects."""
+        return next(iter(self.fits.values()))
 
 
 def judged(
@@ -78,7 +76,10 @@ def judged(
                 break
         fits |= found
         pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool)
-    return Judgement(pool, fits, first)
+    if fits[inside] is not first and not {LAW_FORM, IN_SPEED} & set(pool.best):
+        fits = {inside: first}
+        fits |= grown(session, fits, pool, _effects_of(pool.best))
+    return Judgement(pool, fits)
 
 
 def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
@@ -90,10 +91,8 @@ def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
 
 def with_own_form(session: Session, first: Fit) -> Fit:
     """The fit with the curve's own form in its law, where the form can be fitted; else the fit itself."""
-    knots = knots_over(first.view.speed)
     try:
-        free = fit_session(session, first.runs, (Term(LAW_FORM, knots),), False, None, first.law)
-        law = split(free.law, knots, np.array(free.terms[0].sizes), free.view.speed)
+        law = flexible(first.law, knots_over(first.view.speed))
         fit = fit_session(session, first.runs, (), False, None, law)
     except (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError):
         return first

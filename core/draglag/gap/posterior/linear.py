@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 
 from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit
-from draglag.gap.fitting.law_form import LAW_FORM, FlexibleLaw, basis, split
+from draglag.gap.fitting.law_form import FlexibleLaw, nearest_eq5
 from draglag.gap.fitting.model import LawParameters, base_prior
 from draglag.gap.fitting.noise import scatter
 from draglag.gap.posterior.covariance import Noise, noise_of
@@ -70,10 +70,9 @@ def linearised(
     possible = members_of(fit, parts, allowed)
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
     members = [*(member for member in _own(fit) if member.name not in listed), *possible]
-    base, residual, law = _without_members(fit)
+    base, prior, residual, law = _without_members(fit)
     tolerance = _tolerance(fit, members)
-    n_base = base.shape[1]
-    precision = np.concatenate([fit.prior[:n_base], np.ones(tolerance.shape[1])])
+    precision = np.concatenate([prior, np.ones(tolerance.shape[1])])
     if not keep.all():
         whole = np.zeros(fit.use.size, bool)
         whole[np.flatnonzero(fit.use)[keep]] = True
@@ -100,39 +99,28 @@ def _own(fit: Fit) -> list[Member]:
     for term in fit.terms:
         own = fit.design[:, at : at + len(term.sizes)]
         at += len(term.sizes)
-        if term.effect != LAW_FORM:
-            prior = float(np.log(constants.P_EFFECT)) + effect_class(term.effect).log_prior_of(term.theta)
-            out.append(Member(term.effect, term.theta, own, prior))
+        prior = float(np.log(constants.P_EFFECT)) + effect_class(term.effect).log_prior_of(term.theta)
+        out.append(Member(term.effect, term.theta, own, prior))
     return out
 
 
-def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, LawParameters]:
-    """Base columns (m, p) and the residual (m,) with the terms' own share put back, both about the Eq. 5 nearest to the
-    curve, and that Eq. 5: what the curve has beyond it is the member ``law_form``."""
+def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawParameters]:
+    """Base columns (m, p), their prior precision (p,), the residual (m,) with the terms' own share put back, and the
+    Eq. 5 nearest to the curve, about which both are linear: what the curve has beyond it is the member ``law_form``."""
     at = base_prior(fit.law).size
-    base, residual = fit.design[:, :at].copy(), fit.residual_mm.copy()
-    flexible = isinstance(fit.law, FlexibleLaw) and bool(fit.law.remainder_s)
-    knots = fit.law.knots if isinstance(fit.law, FlexibleLaw) else ()
-    sizes = np.array(fit.law.remainder_s) if isinstance(fit.law, FlexibleLaw) and flexible else np.zeros(0)
+    base, residual, prior = fit.design[:, :at], fit.residual_mm.copy(), fit.prior[:at]
     for term in fit.terms:
         k = len(term.sizes)
-        own = np.array(term.sizes)
-        if term.effect == LAW_FORM:
-            knots, sizes = term.theta, own + (sizes if flexible else 0.0)
-        else:
-            residual += fit.design[:, at : at + k] @ own
+        residual += fit.design[:, at : at + k] @ np.array(term.sizes)
         at += k
-    if not sizes.size:
-        return base, residual, fit.law
-    lever = fit.view.v_across * fit.view.stretch
-    now = LawParameters(fit.law.a1_s, fit.law.a2_s_mm, fit.law.a4_s, fit.law.a5_s_mm, fit.law.a7_s)
-    if fit.law.plateau_mm_s > 0:
-        return base, residual - lever * (basis(fit.view.speed, knots) @ sizes), fit.law
-    curve = split(now, knots, sizes, fit.view.speed)
-    whole = now(fit.view.speed) + basis(fit.view.speed, knots) @ sizes
-    residual -= lever * (whole - curve.nearest(fit.view.speed))
-    base[:, :5] = -lever[:, None] * curve.nearest.columns(fit.view.speed)
-    return base, residual, curve.nearest
+    if not isinstance(fit.law, FlexibleLaw):
+        return base, prior, residual, fit.law
+    lever, speed = fit.view.v_across * fit.view.stretch, fit.view.speed
+    nearest = nearest_eq5(fit.law, speed)
+    residual -= lever * (fit.law(speed) - nearest(speed))
+    of_law = len(fit.law.step_sd)
+    base = np.column_stack([-lever[:, None] * nearest.columns(speed), base[:, of_law:]])
+    return base, np.append(base_prior(nearest)[: len(nearest.step_sd)], prior[of_law:]), residual, nearest
 
 
 def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, effects_in
-from draglag.gap.fitting.law_form import LAW_FORM, FlexibleLaw, LawForm, knots_over
+from draglag.gap.fitting.law_form import LAW_FORM, FlexibleLaw, basis, knots_over
 from draglag.gap.fitting.line_gains import line_gains
 from draglag.gap.fitting.noise import Scatter
 from draglag.gap.fitting.signatures import COLUMNS, jumps, shape_free
@@ -122,10 +122,8 @@ def _levels(fit: Fit) -> list[Member]:
 
 
 def _law_form(fit: Fit) -> Member:
-    own = next((term.theta for term in fit.terms if term.effect == LAW_FORM), ())
-    law = fit.law.knots if isinstance(fit.law, FlexibleLaw) else ()
-    knots = own or law or knots_over(fit.view.speed)
-    columns = LawForm.signature_at(knots, fit.view).columns(fit.view)
+    knots = fit.law.knots if isinstance(fit.law, FlexibleLaw) else knots_over(fit.view.speed)
+    columns = -(fit.view.v_across * fit.view.stretch)[:, None] * basis(fit.view.speed, knots)
     return Member(LAW_FORM, knots, columns, float(np.log(constants.P_LAW_FORM)))
 
 

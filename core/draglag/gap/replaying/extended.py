@@ -11,6 +11,7 @@ import draglag
 from draglag.curve import FORMS, CurveFit
 from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.law_form import nearest_eq5
 from draglag.gap.results import GapReport, Step
 from draglag.model_file import LatencyModel, ModelEffect, Provenance, Shape, model_of
 from draglag.recording import FloatArray, Session
@@ -18,7 +19,8 @@ from draglag.simulation.effects import effect_class
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
-    """The law of a joint fit as a curve: Eq. 5, with a plateau if it has one; beam and effects are marginalised.
+    """The law of a joint fit as a curve: Eq. 5, with a plateau if it has one, or the one nearest to a law of another
+    form; beam and effects are marginalised.
 
     The plateau's corner, which the fit rounds by what a speed is unsure by, is sharp here.
 
@@ -26,7 +28,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
     """
     plateau = fit.law.plateau_mm_s > 0
     form = FORMS["double_exponential_plateau" if plateau else "double_exponential"]
-    law = fit.law
+    law = nearest_eq5(fit.law, fit.view.speed)
     values = {
         "a1_ms": 1e3 * law.a1_s, "a2_s_per_mm": law.a2_s_mm, "a4_ms": 1e3 * law.a4_s, "a5_s_per_mm": law.a5_s_mm,
         "a7_ms": 1e3 * law.a7_s, "plateau_mm_s": law.plateau_mm_s,
@@ -35,7 +37,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
     scale = np.array([1e3, law.a2_s_mm, 1e3, law.a5_s_mm, 1e3, 1.0][: 6 if plateau else 5])
     covariance = fit.covariance[: scale.size, : scale.size] * np.outer(scale, scale)
     order = [list(values).index(name) for name in form.names]
-    added_s = fit.placed.latency_s - law(fit.placed.speed_mm_s) + _undone_s(fit)  # by effects
+    added_s = fit.placed.latency_s - fit.law(fit.placed.speed_mm_s) + _undone_s(fit)  # by effects
     points = [
         (d.estimate.speed_mm_s, d.estimate.latency_s, float(np.mean(added_s[own])))
         for d, own in ((d, (fit.placed.run == k) & fit.use) for k, d in enumerate(fit.runs))

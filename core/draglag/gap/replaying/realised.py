@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from draglag.errors import DataError
 from draglag.gap.fitting.joint import Fit, effects_in_law
+from draglag.gap.fitting.law_form import FlexibleLaw
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.recording import Beam, Session
 from draglag.simulation.effects import EFFECTS, Effect, effect_class
@@ -47,6 +49,16 @@ def held_s(effects: Sequence[Effect]) -> float:
     return float(sum(effect.stamped_late_s() for effect in effects))
 
 
+@dataclass(frozen=True)
+class LawOfOwnForm(LatencyLaw):
+    """A fitted law that is not Eq. 5, later by what its asymptote is."""
+
+    fitted: FlexibleLaw
+
+    def latency_s(self, speed_mm_s: ArrayLike) -> NDArray[np.float64]:
+        return np.asarray(self.fitted(np.asarray(speed_mm_s, float)) + 1e-3 * self.a7_ms - self.fitted.a7_s)
+
+
 def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
     """The rig that the fit describes: its law, its beam, the session's position noise; nothing else is random."""
     law = fit.law
@@ -58,10 +70,11 @@ def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
     for effect in effects:
         intercept = effect.true_intercept_mm(intercept, slope, session.screen)
     noise = float(np.median([data.noise_mm for data in fit.runs]))
+    numbers = 1e3 * law.a1_s, law.a2_s_mm, 1e3 * law.a4_s, law.a5_s_mm, asymptote_ms
     return Rig(
         session.screen,
         session.stylus,
-        LatencyLaw(1e3 * law.a1_s, law.a2_s_mm, 1e3 * law.a4_s, law.a5_s_mm, asymptote_ms),
+        LawOfOwnForm(*numbers, law) if isinstance(law, FlexibleLaw) else LatencyLaw(*numbers),
         Beam(slope, intercept),
         noise_mm=noise,
         noise_slow_share=0.0,
