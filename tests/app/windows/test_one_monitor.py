@@ -66,6 +66,20 @@ def test_in_a_rest_the_operators_window_is_in_front_and_for_a_run_the_target(
     until(lambda: not shared.space.recording.active)
 
 
+def test_a_desktop_that_shows_the_target_in_an_ordinary_window_is_asked_for_full_screen_again(
+    shared: OperatorWindow, until: Callable
+) -> None:
+    """As X desktops do with a window that was hidden: true to size is over, and no rest would be recognised."""
+    shared.ask("start")
+    participant = shared.space.recording.window
+    until(lambda: shared.record._phase is Phase.RECORDING)
+    participant.setWindowState(Qt.WindowState.WindowNoState)
+    until(participant.isFullScreen)
+    until(lambda: shared.record.buttons["proceed"].isVisible() and shared.isActiveWindow())
+    shared.ask("stop")
+    until(lambda: not shared.space.recording.active)
+
+
 def test_a_rest_on_the_participants_screen_takes_a_note_by_touch_and_says_the_state(
     shared: OperatorWindow, until: Callable
 ) -> None:

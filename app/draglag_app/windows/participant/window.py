@@ -24,6 +24,7 @@ from PySide6.QtWidgets import QWidget
 from draglag.recording import Screen
 from draglag.targets import Tap, Target
 from draglag_app.windows.participant.frame_log import FrameLog
+from draglag_app.windows.participant.full_screen import FullScreen
 from draglag_app.windows.participant.side_by_side import WIDE_PX, place_side_by_side
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -69,6 +70,7 @@ class ParticipantWindow(QWidget):
         self.setCursor(Qt.CursorShape.BlankCursor)
         self._screen = screen
         self._clock = clock
+        self._full_screen = FullScreen(self)
         self.frames = FrameLog()
         self._target: Target | None = None
         self._cross: tuple[float, float] | None = None
@@ -102,10 +104,7 @@ class ParticipantWindow(QWidget):
             self.show()
             return
         self._rate_hz = screen.refreshRate() if screen.refreshRate() >= 30 else 60.0
-        self.setScreen(screen)
-        self.setGeometry(screen.geometry())
-        self.showFullScreen()
-        self.setScreen(screen)
+        self._full_screen.fill(screen)
 
     def show_target(self, target: Target, start_s: float) -> None:
         """Stand still at the start until ``start_s``, then move."""
