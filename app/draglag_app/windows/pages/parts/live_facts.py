@@ -68,7 +68,7 @@ class LiveFacts(Panel):
     def take(self, event: events.SamplesArrived, n_edges: int) -> None:
         """What samples of one source say of the streams."""
         self._losses[event.role] = event.lost
-        if event.role == "touch":
+        if event.role == "touch" and event.count:
             self._touched_s = time.monotonic() - max(0.0, event.age_s)
             if event.rate_hz:  # not of a single event
                 self.facts["touch_rate"].show_text(words.per_second(event.rate_hz))
