@@ -93,6 +93,7 @@ class OperatorWindow(QMainWindow):
         bridge.place_wanted.connect(lambda event: ask_another_place(self, self.space.recording.control, event))
         bridge.device_fault.connect(lambda fault: self.notify("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.notify)
+        self.space.saved.connect(self.notice.saved)
         record.noted.connect(self.keyboard.give_back)
         self.header.lights_changed.connect(self._show_readiness)
         self.space.settings_changed.connect(self._use_keys)
