@@ -182,8 +182,8 @@ class RecordPage(QWidget):
         """The protocol that F5 starts, and when its first target moves."""
         protocol = self._space.protocol
         start = self.tr("F5 starts: {name}").format(name=protocol.name)
-        if protocol.runs and not self._space.settings.begin_by_hand:
-            after_s = first_target_after_s(protocol, COUNTDOWN_S)
+        after_s = first_target_after_s(protocol, COUNTDOWN_S)
+        if protocol.runs and (after_s <= COUNTDOWN_S or not self._space.settings.begin_by_hand):  # no rest before it
             start += self.tr(" · the first target moves after {time}").format(time=words.duration(after_s))
         return start
 

@@ -59,7 +59,7 @@ class LiveFacts(Panel):
 
     def set_recording(self, recording: bool) -> None:
         self.note.setEnabled(recording)
-        self.note.setPlaceholderText(tr("Note with the present time: F4, write, Enter"))
+        self.note.setPlaceholderText(tr("Note with the present time: F4, write, Return"))
         for name in self.facts if recording else _OF_NOW:
             self.facts[name].show_text(words.DASH)
         if recording:
