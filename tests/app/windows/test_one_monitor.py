@@ -127,6 +127,8 @@ def test_without_room_next_to_it_the_picture_is_docked_and_covers_nothing(
     panel = window.space.settings.panel.screen()
     assert picture.height() / picture.width() == pytest.approx(panel.height_mm / panel.width_mm, rel=0.02)
     assert picture.width() >= 200
+    heading = named(window.record, QLabel, "What the participant sees")
+    assert 0 <= in_window(picture).top() - in_window(heading).bottom() < 20  # right below its heading
     for control in (window.record.note, window.record.table, *window.record.buttons.values()):
         assert not control.isVisible() or not in_window(control).intersects(in_window(picture))
     assert named(window.record, QLabel, "Note").buddy() is window.record.note
