@@ -129,7 +129,7 @@ class ResultsPage(QWidget):
             inner.addWidget(self.table)
             inner.setSizes([330, 240])
             outer.addWidget(self.tabs)
-        (inner if large else outer).setSizes([600, 500])
+        (inner if large else outer).setSizes([660, 440])  # verdicts of the usual length in sight
         return outer
 
     def _choices(self) -> Flow:
