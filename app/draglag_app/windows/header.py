@@ -71,7 +71,7 @@ class Header(QFrame):
         workspace.recording.ended.connect(lambda path, problem: self._ended())
         workspace.session_changed.connect(self._show_name)
         workspace.settings_changed.connect(self._rig_changed)
-        self._rig = {role: "" for role in ROLES}
+        self._rig = dict.fromkeys(ROLES, "")
         self._timer = QTimer(self)
         self._timer.setInterval(1000)
         self._timer.timeout.connect(self._tick)

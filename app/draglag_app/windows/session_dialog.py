@@ -71,16 +71,20 @@ class SessionDialog(QDialog):
         column.addWidget(self.ask)
         column.addStretch(1)
         outer.addWidget(Scrolled(column), 1)
-        self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
-        if starts:
-            self.buttons.button(QDialogButtonBox.StandardButton.Ok).setText(self.tr("Start"))
-        self.buttons.accepted.connect(self._keep)
-        self.buttons.rejected.connect(self.reject)
+        self.buttons = self._buttons(starts)
         outer.addWidget(self.buttons)
         room = self.screen().availableGeometry().size()
         self.resize(min(wide(_WIDE_PX), room.width()), min(wide(_HIGH_PX), room.height()))
         self.participant.setFocus()
         self._preview()
+
+    def _buttons(self, starts: bool) -> QDialogButtonBox:
+        made = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
+        if starts:
+            made.button(QDialogButtonBox.StandardButton.Ok).setText(self.tr("Start"))
+        made.accepted.connect(self._keep)
+        made.rejected.connect(self.reject)
+        return made
 
     def _line(self, title: str, text: str) -> QLineEdit:
         line = QLineEdit(text)
