@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, Q
 from draglag.errors import DataError, DraglagError
 from draglag.presets import load_screen_file
 from draglag_app.session.details import GIVEN, STANDARD, check_name, check_template
+from draglag_app.windows.parts.finger_lists import raise_rows
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.full_texts import whole_text
 from draglag_app.windows.parts.theme import wide
@@ -75,6 +76,7 @@ class SessionDialog(QDialog):
         outer.addWidget(self.buttons)
         room = self.screen().availableGeometry().size()
         self.resize(min(wide(_WIDE_PX), room.width()), min(wide(_HIGH_PX), room.height()))
+        raise_rows(self)
         self.participant.setFocus()
         self._preview()
 
