@@ -19,6 +19,7 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag_app.cli import cli
 from draglag_app.cli.gap import print_finding
+from draglag_app.windows.wording.gap_words import headline as in_window
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
 
@@ -162,6 +163,14 @@ def test_the_headline_names_cause_size_and_what_the_gap_becomes(capsys):
     named, rest = part.split(" is part of the gap: 2.70 → 0.22 mm, noise 0.19. ")
     assert named == "Clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)"
     assert rest.startswith("Unexplained")
+
+
+def test_an_effect_added_by_hand_is_no_part_of_a_gap_that_is_not_there():
+    """The same in the window."""
+    made = replace(report("no_gap"), steps=(replace(DRIFT, probability=0.19),))
+    tried = "With clock drift 24.9 ppm (23.7 {} 26.2; probability 0.19): 0.18 → 0.18 mm, noise 0.20. No gap"
+    assert headline(made).startswith(tried.format("to"))
+    assert in_window(made.to_dict()).startswith(tried.format("…"))
 
 
 def test_an_offset_shown_by_taps_has_no_gap_of_its_own(capsys):

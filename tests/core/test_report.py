@@ -18,6 +18,7 @@ from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.recording import LogEntry, Run, Session, empty_laser, empty_touch
 from draglag.report import figures, write_report
+from draglag.report.journal import write_journal_figures
 
 SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
 
@@ -132,3 +133,11 @@ def test_a_session_that_gave_nothing_still_has_a_report_that_says_so(tmp_path: P
     text = " ".join(page.text)
     assert "No run gave a latency." in text
     assert "run-01: no latency" in text
+
+
+def test_a_session_without_taps_has_no_figure_of_taps(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
+    session, analysis = measured
+    written = write_journal_figures(session, replace(analysis, taps={}), tmp_path / "figures")
+    names = {path.name.split("-")[0] for path in written}
+    assert "latency" in names
+    assert "taps" not in names

@@ -15,16 +15,17 @@ TEMPLATE = "{date}_{time}_{protocol}-{screen}"
 """Names every session differently: no two begin in the same second."""
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}\Z")  # also a name of HDF5, MATLAB and R
-_GIVEN = ("date", "time", "protocol", "screen")
+GIVEN = ("date", "time", "protocol", "screen")
+"""What the program fills into a name itself."""
 _LONGEST = 200  # of a stem, bytes: file systems take 255 with the endings
 
 
 def check_name(name: str) -> str:
     """The name of a free field itself, if it can be one. Raises DataError."""
-    if not _NAME.match(name) or name in _GIVEN:
+    if not _NAME.match(name) or name in GIVEN:
         raise DataError(
             f"“{name[:60]}” cannot be the name of a field",
-            "Use letters, digits and _, a letter first, and none of " + ", ".join(_GIVEN),
+            "Use letters, digits and _, a letter first, and none of " + ", ".join(GIVEN),
         )
     return name
 
@@ -42,7 +43,7 @@ def parse_details(texts: Iterable[str]) -> dict[str, str]:
 
 def check_template(template: str, fields: Iterable[str] = ()) -> str:
     """The template itself, if file names can be made from it. Raises DataError."""
-    known = {*_GIVEN, *STANDARD, *fields}
+    known = {*GIVEN, *STANDARD, *fields}
     try:
         parts = [part for part in string.Formatter().parse(template) if part[1] is not None]
     except ValueError:

@@ -32,14 +32,14 @@ def within(trace: _Trace, from_s: float, to_s: float) -> _Trace:
 
 
 def digest(role: str, run_id: str, batch: Batch, lost: int) -> SamplesArrived | None:
-    """What a live plot needs of a batch; None where nothing came."""
+    """What live displays need of a batch; None where nothing came. A contact that ends may come without a touch."""
     touch = batch.touch if batch.touch is not None else empty_touch()
     laser = batch.laser if batch.laser is not None else empty_laser()
     count = len(touch.t_s) + len(laser.t_s)
-    if count == 0:
+    if count == 0 and (batch.contacts is None or not len(batch.contacts.down)):
         return None
     t_s = touch.t_s if len(touch.t_s) else laser.t_s
-    span_s = float(t_s[-1] - t_s[0])
+    span_s = float(t_s[-1] - t_s[0]) if len(t_s) else 0.0
     step = max(1, -(-len(touch.t_s) // PLOT_POINTS))
     return SamplesArrived(
         role=role,
@@ -52,7 +52,7 @@ def digest(role: str, run_id: str, batch: Batch, lost: int) -> SamplesArrived | 
         light=laser.light[-PLOT_POINTS:],
         count=count,
         rate_hz=(len(t_s) - 1) / span_s if span_s > 0 else 0.0,
-        age_s=batch.until_s - float(t_s[-1]),
+        age_s=batch.until_s - float(t_s[-1]) if len(t_s) else 0.0,
         lost=lost,
         batch=batch,
     )

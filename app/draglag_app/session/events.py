@@ -90,7 +90,7 @@ class SamplesArrived:
         run_id: the run they were saved in; empty between runs, when they are shown and not kept.
         t_s, x_mm, y_mm: (n,) decimated touch events. edge_s, light: (m,) edges.
         count: samples in all, before decimation. rate_hz: of this batch, 0 where unknown.
-        age_s: how old the newest sample was when it was read.
+        age_s: how old the newest sample was when it was read; 0 without samples, where a contact began or ended alone.
         lost: samples known to be lost since the session began.
         batch: all of them, as they were read; None where only the digest is at hand.
     """

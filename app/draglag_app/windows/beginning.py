@@ -27,7 +27,7 @@ def begin(window: OperatorWindow, asked: bool = False) -> None:
     """
     space = window.space
     if space.settings.ask_details and not asked:
-        dialog = SessionDialog(space, window)
+        dialog = SessionDialog(space, window, starts=True)
         dialog.accepted.connect(lambda: begin(window, asked=True))
         dialog.open()
         return

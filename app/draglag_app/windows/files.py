@@ -98,11 +98,13 @@ def proposed(window: OperatorWindow, what: str) -> Path:
 
 
 def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
-    """Work in a worker, then say where the result is, and ``more``."""
-    saved = " ".join(part for part in (tr("Saved: {path}").format(path=where), more) if part)
-    window.space.tasks.start(
-        what, work, lambda result: window.notify("info", saved), lambda text: window.notify("error", text)
-    )
+    """Work in a worker, then say where the result is, and ``more``. A report is a page in the folder ``where``."""
+    page = where / "report.html"
+
+    def done(result: object) -> None:
+        window.notice.saved(page if page.is_file() else where, more)
+
+    window.space.tasks.start(what, work, done, lambda text: window.notify("error", text))
 
 
 def offer_salvage(window: OperatorWindow) -> None:

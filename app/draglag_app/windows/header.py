@@ -70,7 +70,8 @@ class Header(QFrame):
         workspace.recording.began.connect(lambda order: self._show_name())
         workspace.recording.ended.connect(lambda path, problem: self._ended())
         workspace.session_changed.connect(self._show_name)
-        workspace.settings_changed.connect(self.show_rig)
+        workspace.settings_changed.connect(self._rig_changed)
+        self._rig = dict.fromkeys(ROLES, "")
         self._timer = QTimer(self)
         self._timer.setInterval(1000)
         self._timer.timeout.connect(self._tick)
@@ -99,7 +100,7 @@ class Header(QFrame):
             return
         rig = self._space.settings.rig
         for role in ROLES:
-            address = getattr(rig, role)
+            address = self._rig[role] = getattr(rig, role)
             if not address:
                 missing = role != "walt"
                 self.set_light(role, "fault" if missing else "off", self.tr("no address chosen"))
@@ -108,11 +109,21 @@ class Header(QFrame):
             else:
                 self.set_light(role, "warning", self.tr("{address}: not checked yet").format(address=address))
 
+    def _rig_changed(self) -> None:
+        """Other settings leave what a check found."""
+        rig = self._space.settings.rig
+        if any(getattr(rig, role) != self._rig[role] for role in ROLES):
+            self.show_rig()
+
     def _fault(self, event: events.DeviceFault) -> None:
         self.set_light(event.role, "fault", fault_words(event.problem, event.remedy))
 
     def _ended(self) -> None:
+        live = [role for role, light in self.lights.items() if light.state == "live"]
         self.show_rig()
+        for role in live:
+            if self.lights[role].state == "warning":  # not simulated
+                self.set_light(role, "ready", self.tr("answered in the last session"))
         self._show_name()
 
     def _lost_or_back(self, event: events.NoticeRaised) -> None:

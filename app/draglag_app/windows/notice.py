@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QTimer
+from pathlib import Path
+
+from PySide6.QtCore import QTimer, QUrl
+from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QProgressBar, QWidget
 
 from draglag_app.windows.parts.tasks import Tasks
@@ -31,9 +34,12 @@ class NoticeStrip(QFrame):
         self.progress.setFixedWidth(180)
         self.cancel = button(self.tr("Cancel  Ctrl+."))
         self.cancel.clicked.connect(tasks.cancel_all)
+        self.open = button(self.tr("Open"))
+        self.open.clicked.connect(self._open)
+        self._path: Path | None = None
         self.dismiss = button(self.tr("OK"))
         self.dismiss.clicked.connect(lambda: self.notify("", ""))
-        for widget in (self.progress, self.cancel, self.dismiss):
+        for widget in (self.progress, self.cancel, self.open, self.dismiss):
             row.addWidget(widget)
         self._slow = QTimer(self)
         self._slow.setSingleShot(True)
@@ -41,6 +47,7 @@ class NoticeStrip(QFrame):
         self._slow.timeout.connect(self._show_progress)
         self.progress.hide()
         self.cancel.hide()
+        self.open.hide()
         self.dismiss.hide()
         self.hide()
         tasks.changed.connect(self._tasks_changed)
@@ -50,8 +57,21 @@ class NoticeStrip(QFrame):
         """One sentence: "info", "warning" or "error"; an empty one clears it."""
         self.text.setText(in_words(text))
         restyle(self, "level", level)
+        self.open.hide()
         self.dismiss.setVisible(bool(text))
         self.setVisible(bool(text) or self.progress.isVisibleTo(self))
+
+    def saved(self, path: Path, more: str = "") -> None:
+        """Say where a file or folder is, and ``more``; a page or a folder can be opened from here."""
+        said = self.tr("Saved: {path}").format(path=path)
+        self.notify("info", " · ".join(part for part in (said, more) if part))
+        self._path = path
+        self.open.setVisible(path.is_dir() or path.suffix == ".html")
+
+    def _open(self) -> None:
+        if self._path is not None and not QDesktopServices.openUrl(QUrl.fromLocalFile(str(self._path))):
+            text = self.tr("No program of this desktop opens {path}.").format(path=self._path)
+            self.notify("warning", text)
 
     def forget_done(self) -> None:
         """Take away a notice that something was done; warnings and errors stay until they are dismissed."""

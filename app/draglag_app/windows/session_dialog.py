@@ -7,7 +7,8 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, Q
 
 from draglag.errors import DataError, DraglagError
 from draglag.presets import load_screen_file
-from draglag_app.session.details import check_name, check_template
+from draglag_app.session.details import GIVEN, STANDARD, check_name, check_template
+from draglag_app.windows.parts.finger_lists import raise_rows
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.full_texts import whole_text
 from draglag_app.windows.parts.theme import wide
@@ -23,9 +24,9 @@ _NAME_PX = 150
 
 
 class SessionDialog(QDialog):
-    """Kept in the settings on OK; Cancel changes nothing."""
+    """Kept in the settings on OK; Cancel changes nothing. ``starts``: a session begins with OK, which says so."""
 
-    def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
+    def __init__(self, workspace: Workspace, parent: QWidget | None = None, starts: bool = False) -> None:
         super().__init__(parent)
         self._space = workspace
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
@@ -63,20 +64,29 @@ class SessionDialog(QDialog):
         name_form.row(self.tr("File name"), self.template)
         column.addLayout(name_form)
         self.preview = label("", "hint", wrap=True)
+        self.known = label("", "hint", wrap=True)
         column.addWidget(self.preview)
+        column.addWidget(self.known)
         self.ask = QCheckBox(self.tr("Ask before every session"))
         self.ask.setChecked(settings.ask_details)
         column.addWidget(self.ask)
         column.addStretch(1)
         outer.addWidget(Scrolled(column), 1)
-        self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
-        self.buttons.accepted.connect(self._keep)
-        self.buttons.rejected.connect(self.reject)
+        self.buttons = self._buttons(starts)
         outer.addWidget(self.buttons)
         room = self.screen().availableGeometry().size()
         self.resize(min(wide(_WIDE_PX), room.width()), min(wide(_HIGH_PX), room.height()))
+        raise_rows(self)
         self.participant.setFocus()
         self._preview()
+
+    def _buttons(self, starts: bool) -> QDialogButtonBox:
+        made = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
+        if starts:
+            made.button(QDialogButtonBox.StandardButton.Ok).setText(self.tr("Start"))
+        made.accepted.connect(self._keep)
+        made.rejected.connect(self.reject)
+        return made
 
     def _line(self, title: str, text: str) -> QLineEdit:
         line = QLineEdit(text)
@@ -124,6 +134,9 @@ class SessionDialog(QDialog):
         """The file's name as it would be now, or why it cannot be."""
         if not hasattr(self, "buttons"):
             return
+        given = [name.text().strip() for name, _ in self.free]
+        names = " ".join(f"{{{name}}}" for name in (*STANDARD, *GIVEN, *filter(None, given)))
+        self.known.setText(self.tr("Fields for the name: {names}").format(names=names))
         try:
             settings = self._space.settings.model_copy(update=self._changes())
             screen = load_screen_file(str(self.screen_box.currentData())).name
@@ -132,6 +145,7 @@ class SessionDialog(QDialog):
             problem = ""
         except DraglagError as error:
             problem = in_words(str(error))
+            problem = problem[:1].upper() + problem[1:]
             self.preview.setText(problem)
         restyle(self.preview, "level", "bad" if problem else "")
         self.buttons.button(QDialogButtonBox.StandardButton.Ok).setEnabled(not problem)

@@ -68,8 +68,8 @@ def obstacles(space: Workspace) -> list[Obstacle]:
 def _misplaced(space: Workspace) -> list[str]:
     """What is wrong with the participant's screen, as far as the desktop knows."""
     settings = space.settings
-    if not settings.rig.display.startswith("screen"):
-        return []
+    if settings.rig.touch.startswith("sim:") or not settings.rig.display.startswith("screen"):
+        return []  # nobody's hand follows the target, and the simulated panel cannot be changed
     try:
         shown_on = numbered_screen(int(settings.rig.display.split()[-1]))
         panel = settings.touched_screen()

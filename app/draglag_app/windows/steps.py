@@ -28,11 +28,15 @@ def tr(text: str) -> str:
 
 @dataclass(frozen=True)
 class Step:
-    """One step. ``missing`` is empty where it is done; ``blocks``: without it nothing can be recorded."""
+    """One step. ``missing`` is empty where it is done; ``blocks``: without it nothing can be recorded.
+
+    ``next``: nothing is in its way, and it is what to do now.
+    """
 
     page: str
     missing: str = ""
     blocks: bool = False
+    next: bool = False
 
 
 def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ...]:
@@ -47,6 +51,8 @@ def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ..
     if any(step.missing for step in made):
         blocks = any(step.blocks for step in made)
         made[-1] = Step("record", tr("waits for the steps before") if blocks else tr("see the steps before"), blocks)
+    else:
+        made[-1] = Step("record", tr("press Start"), next=True)
     return tuple(made)
 
 
@@ -81,5 +87,6 @@ class StepGuide(QFrame):
             made.setToolTip(plain(text))
             made.setAccessibleName(f"{name}: {tr('done') if done else step.missing}")
             self.row.setStretchFactor(made, 1 if done else 3)  # what is missing needs the room
-            restyle(made, "state", "done" if done else "blocked" if step.blocks else "open")
+            state = "next" if step.next else "blocked" if step.blocks else "open"
+            restyle(made, "state", "done" if done else state)
             restyle(made, "present", "true" if step.page == present else "false")

@@ -36,6 +36,7 @@ from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
+from draglag_app.windows.parts.finger_lists import raise_rows
 from draglag_app.windows.parts.keyed_buttons import show_keys
 from draglag_app.windows.parts.page_stack import ColumnScroll, PageScroll, PageStack
 from draglag_app.windows.parts.recent_menu import RecentMenu
@@ -72,6 +73,7 @@ class OperatorWindow(QMainWindow):
         self.actions_table.follow(self.space.undo)
         self.setCentralWidget(self._frame())
         FieldKeys(self)
+        raise_rows(self)
         record = self.pages["record"][1]
         assert isinstance(record, RecordPage)
         self.record = record
@@ -93,6 +95,7 @@ class OperatorWindow(QMainWindow):
         bridge.place_wanted.connect(lambda event: ask_another_place(self, self.space.recording.control, event))
         bridge.device_fault.connect(lambda fault: self.notify("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.notify)
+        self.space.saved.connect(self.notice.saved)
         record.noted.connect(self.keyboard.give_back)
         self.header.lights_changed.connect(self._show_readiness)
         self.space.settings_changed.connect(self._use_keys)

@@ -53,6 +53,8 @@ class Workspace(QObject):
     comments_changed = Signal()
     noticed = Signal(str, str)
     """(level, sentence) for the operator."""
+    saved = Signal(object)
+    """The path of what was written for the operator."""
 
     def __init__(self, settings: Settings, settings_file: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)

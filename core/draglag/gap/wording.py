@@ -76,10 +76,11 @@ def _causes(report: GapReport, sizes: str) -> str:
     by_edges = [step for step in report.steps if step.covariate != BY_TAPS]
     out = []
     if by_edges:
-        named = ", ".join(map(cause_in_words, by_edges))
-        whole = report.verdict == "explained"
-        verb = ("explains" if whole else "is part of") if len(by_edges) == 1 else "explain" if whole else "are part of"
-        out.append(f"{named[0].upper()}{named[1:]} {verb} the gap: {report.gap_first_mm or 0.0:.2f} → {sizes}.")
+        named, change = ", ".join(map(cause_in_words, by_edges)), f"{report.gap_first_mm or 0.0:.2f} → {sizes}."
+        one, whole = len(by_edges) == 1, report.verdict == "explained"
+        verb = ("explains" if whole else "is part of") if one else "explain" if whole else "are part of"
+        tried = report.verdict == "no_gap"  # added by hand where there is no gap to be part of
+        out.append(f"With {named}: {change}" if tried else f"{named[0].upper()}{named[1:]} {verb} the gap: {change}")
     for step in report.steps:
         if step.covariate == BY_TAPS:
             name = cause_in_words(step)

@@ -50,7 +50,7 @@ def _drawings(session: Session, analysis: Analysis) -> list[tuple[str, Any]]:
     if any(run.latency_ms is not None for run in analysis.runs):
         made.append(("latency", lambda: figures.latency_figure(analysis)))
         made.append(("width", lambda: figures.width_figure(analysis, session)))
-    if analysis.taps is not None:
+    if analysis.taps:
         made.append(("taps", lambda: figures.taps_figure(analysis)))
     if analysis.validation and analysis.curve is not None:
         made.append(("validation", lambda: figures.speeds_figure(analysis)))

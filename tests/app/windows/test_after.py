@@ -71,6 +71,15 @@ def test_recent_sessions_are_few_and_each_is_there_once() -> None:
     assert known[0] == "/lab/7.h5"
 
 
+def test_verdicts_are_in_sight_on_the_smallest_screen(opened: OperatorWindow) -> None:
+    opened.resize(1280, 800)
+    opened.go("results")
+    QApplication.processEvents()
+    table = opened.pages["results"][1].table
+    verdict = 5
+    assert table.columnViewportPosition(verdict) + table.columnWidth(verdict) <= table.viewport().width()
+
+
 def test_runs_are_sorted_filtered_and_commented(opened: OperatorWindow, until: Callable) -> None:
     page, space = opened.pages["results"][1], opened.space
     speeds = [run.speed_mm_s for run in space.analysis.runs if run.speed_mm_s is not None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
@@ -15,9 +16,11 @@ from draglag.recording import Screen
 from draglag.store import read_session
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
+from draglag_app.windows.pages import bench
+from draglag_app.windows.pages.bench import Checked
 from draglag_app.windows.session_dialog import SessionDialog
 from draglag_app.windows.settings import RigSettings, load_settings
-from draglag_app.windows.start import make_order
+from draglag_app.windows.start import make_order, obstacles
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.rig import make_rig
 from draglag_resources import presets
@@ -44,7 +47,8 @@ def test_steps_say_what_is_missing_and_lead_there(open_window: Callable[..., Ope
     QTest.mouseClick(window.steps.buttons["protocol"], Qt.MouseButton.LeftButton)
     assert window.page == "protocol"
     window.space.set_protocol(load_protocol("quick"))
-    assert all(text.startswith("✓") for text in texts(window).values())
+    assert [text[0] for text in texts(window).values()] == ["✓", "✓", "✓", "4"]
+    assert texts(window)["record"] == "4 Record: press Start"  # nothing has been recorded yet
     window.go("record")
     assert not mend.isVisible()
     window.go("results")
@@ -66,6 +70,40 @@ def test_every_preset_has_its_sentence_and_says_when_its_first_target_moves(open
             continue
         seconds = round(first_target_after_s(protocol, 3.0))
         assert f"the first target moves after {seconds // 60}:{seconds % 60:02d}" in said
+
+
+def test_runs_that_wait_for_a_key_say_when_the_first_target_moves_only_where_no_rest_is_before_it(
+    open_window: Callable,
+) -> None:
+    window = open_window(begin_by_hand=True)
+    quick, check = load_protocol("quick"), load_protocol("demo").clock_check
+    window.space.set_protocol(quick)
+    assert "first target moves after 0:03" in window.record.small.text()
+    window.space.set_protocol(quick.model_copy(update={"clock_check": check}))
+    assert "first target" not in window.record.small.text()
+
+
+def test_a_simulated_screen_needs_not_have_the_shape_of_the_one_that_shows_it(open_window: Callable) -> None:
+    window = open_window(rig={"touch": "sim:", "laser": "sim:", "walt": "sim:", "display": "screen 1"})
+    assert not [one for one in obstacles(window.space) if one.page == "geometry"]
+
+
+def test_a_check_says_that_all_is_well_and_other_settings_leave_what_it_found(
+    open_window: Callable, until: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = {"touch": "evdev:/dev/input/event5", "laser": "ethercat:eth9", "display": "window"}
+    window = open_window(rig=rig)
+    window.space.set_protocol(load_protocol("quick"))
+    found = [Checked(role, "ready", "answers") for role in ("touch", "laser")]
+    monkeypatch.setattr(bench, "check_devices", lambda addresses, panel, progress: found)
+    window.ask("check")
+    until(lambda: "every instrument answers" in window.notice_text.text())
+    window.space.change_settings(sound=True)
+    window.space.set_protocol(load_protocol("demo"))
+    lights = (window.header.lights, window.bench.lights)
+    assert [one[role].state for one in lights for role in ("touch", "laser")] == ["ready"] * 4
+    window.space.change_settings(rig=window.space.settings.rig.model_copy(update={"laser": "ethercat:eth8"}))
+    assert [one["laser"].state for one in lights] == ["warning"] * 2
 
 
 def test_a_recording_begins_when_it_was_predicted(tmp_path: Path) -> None:
@@ -119,6 +157,7 @@ class TestDetails:
         dialog = self.dialog(window)
         dialog.template.setText("{nobody}")
         assert "{nobody}" in dialog.preview.text()
+        assert "{participant} {session} {operator} {date} {time} {protocol} {screen}" in dialog.known.text()
         assert not dialog.buttons.button(dialog.buttons.StandardButton.Ok).isEnabled()
         before = window.space.settings
         dialog.reject()
@@ -130,5 +169,6 @@ class TestDetails:
         dialog = window.findChild(SessionDialog)
         assert dialog is not None
         assert not window.space.recording.active
+        assert dialog.buttons.button(dialog.buttons.StandardButton.Ok).text() == "Start"
         dialog.reject()
         assert not window.space.recording.active

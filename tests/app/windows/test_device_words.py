@@ -15,7 +15,7 @@ from draglag_app.session import events
 from draglag_app.session.readers import OpenFaults
 from draglag_app.windows.window import OperatorWindow
 from draglag_app.windows.wording.i18n import use_language
-from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
+from draglag_app.windows.wording.library_words import fault_words, in_words, sentences, source_name
 from draglag_devices.addresses import ROLES
 from draglag_devices.rig import make_rig
 from draglag_devices.source import DeviceError
@@ -191,3 +191,8 @@ def test_what_instruments_say_of_themselves_is_dutch(dutch: None) -> None:
         assert in_words(info.clock) != info.clock
     assert in_words("EK1100, EL1252 on enp3s0, channel 1") == "EK1100, EL1252 aan enp3s0, kanaal 1"
     assert in_words("a touchscreen of some maker") == "a touchscreen of some maker"
+
+
+def test_flags_of_runs_are_named_as_in_the_table_and_sentences_end() -> None:
+    said = sentences(("run-03: no latency (off_speed, few_edges)", "Too few runs. Record runs at more speeds."))
+    assert said == "run-03: no latency (off speed, few edges). Too few runs. Record runs at more speeds."

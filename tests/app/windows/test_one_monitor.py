@@ -66,6 +66,20 @@ def test_in_a_rest_the_operators_window_is_in_front_and_for_a_run_the_target(
     until(lambda: not shared.space.recording.active)
 
 
+def test_a_desktop_that_shows_the_target_in_an_ordinary_window_is_asked_for_full_screen_again(
+    shared: OperatorWindow, until: Callable
+) -> None:
+    """As X desktops do with a window that was hidden: true to size is over, and no rest would be recognised."""
+    shared.ask("start")
+    participant = shared.space.recording.window
+    until(lambda: shared.record._phase is Phase.RECORDING)
+    participant.setWindowState(Qt.WindowState.WindowNoState)
+    until(participant.isFullScreen)
+    until(lambda: shared.record.buttons["proceed"].isVisible() and shared.isActiveWindow())
+    shared.ask("stop")
+    until(lambda: not shared.space.recording.active)
+
+
 def test_a_rest_on_the_participants_screen_takes_a_note_by_touch_and_says_the_state(
     shared: OperatorWindow, until: Callable
 ) -> None:
@@ -113,6 +127,8 @@ def test_without_room_next_to_it_the_picture_is_docked_and_covers_nothing(
     panel = window.space.settings.panel.screen()
     assert picture.height() / picture.width() == pytest.approx(panel.height_mm / panel.width_mm, rel=0.02)
     assert picture.width() >= 200
+    heading = named(window.record, QLabel, "What the participant sees")
+    assert 0 <= in_window(picture).top() - in_window(heading).bottom() < 20  # right below its heading
     for control in (window.record.note, window.record.table, *window.record.buttons.values()):
         assert not control.isVisible() or not in_window(control).intersects(in_window(picture))
     assert named(window.record, QLabel, "Note").buddy() is window.record.note

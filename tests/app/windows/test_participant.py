@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QPointF, Qt
-from PySide6.QtGui import QCloseEvent, QColor, QImage, QTouchEvent
+from PySide6.QtGui import QCloseEvent, QColor, QFont, QFontMetricsF, QImage, QTouchEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
@@ -145,6 +145,15 @@ class TestWords:
         window.set_contact(True)
         assert window._present_words() == ""
 
+    def test_a_stylus_that_is_not_there_when_the_run_begins_is_asked_for(
+        self, window: ParticipantWindow, clock: Clock
+    ) -> None:
+        window.set_contact(False)  # it was lifted after the run before
+        window.show_target(CIRCLE, clock.now_s + 3)
+        assert "Touch the circle" in window._present_words()
+        clock.now_s += 5
+        assert "put the stylus back" in window._present_words()
+
     def test_practice_looks_different(self, window: ParticipantWindow, clock: Clock) -> None:
         window.show_target(CIRCLE, clock.now_s + 3)
         window.set_practice(True)
@@ -225,6 +234,28 @@ class TestFromAnotherThread:
         display.hide()
         until(lambda: window._target is None)
         assert "Done" in window._present_words()
+
+
+def inked_rows(window: ParticipantWindow) -> np.ndarray:
+    """Which rows of the picture have letters."""
+    drawn = window.grab().toImage().convertToFormat(QImage.Format.Format_Grayscale8)
+    rows = np.frombuffer(drawn.constBits(), np.uint8).reshape(drawn.height(), drawn.bytesPerLine())
+    return (rows[:, : drawn.width()] > 120).any(axis=1)
+
+
+def test_words_are_whole_in_a_small_picture_and_apart_from_the_count_down(
+    qapp: QApplication, clock: Clock, window: ParticipantWindow
+) -> None:
+    """As it is docked in the operator's window: letters with tails keep them."""
+    window.resize(276, 155)
+    window.show_target(Circle(100.0, 90.0, 5.0, 100.0, duration_s=5.0), clock.now_s + 2)
+    font = QFont(window.font())
+    font.setPixelSize(14)
+    tall = QFontMetricsF(font).tightBoundingRect("Touch the circle to begin").height()
+    changes = np.flatnonzero(np.diff(np.concatenate([[0], inked_rows(window)[:80].astype(int)])))
+    words_from, words_to, count_from = changes[:3]
+    assert words_to - words_from >= tall - 1
+    assert count_from > words_to
 
 
 @pytest.mark.parametrize("size", [(400, 800), (450, 360), (800, 400)])

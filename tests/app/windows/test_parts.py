@@ -573,6 +573,16 @@ def test_everything_to_press_or_fill_in_is_large_enough_for_a_finger(open_window
             assert rows.verticalHeader().defaultSectionSize() >= 44, (name, rows.accessibleName())
 
 
+def test_lists_that_drop_down_have_rows_for_a_finger(open_window: Callable) -> None:
+    window = open_window()
+    window.ask("details")
+    QApplication.processEvents()
+    for box in window.findChildren(QComboBox):
+        if box.count():
+            box.view().ensurePolished()
+            assert box.view().sizeHintForRow(0) >= 44, box.accessibleName()
+
+
 def test_menus_are_large_enough_for_a_finger(open_window: Callable) -> None:
     bar = open_window().menuBar()
     assert all(bar.actionGeometry(title).height() >= 44 for title in bar.actions())

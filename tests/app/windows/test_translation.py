@@ -105,7 +105,7 @@ def test_what_the_library_says_is_dutch_too(qapp: QApplication, opened: Operator
             assert set(re.findall(r"\d+\.\d+|run-\d+", dutch)) == set(re.findall(r"\d+\.\d+|run-\d+", sentence))
     finally:
         use_language(qapp, "en")
-    assert [in_words(sentence) for sentence in said] == said
+    assert [in_words(sentence) for sentence in said] == [text.replace("(no_touch)", "(no touch)") for text in said]
 
 
 def test_windows_speak_dutch(qapp: QApplication, open_window: Callable) -> None:

@@ -76,6 +76,7 @@ class BenchPage(QWidget):
         super().__init__(parent)
         self._space = workspace
         self._found: list[Found] = []
+        self._shown: dict[str, str] = {}  # role → the address that its light and its words are about
         outer = QVBoxLayout(self)
         outer.setContentsMargins(16, 16, 16, 16)
         outer.setSpacing(12)
@@ -180,6 +181,9 @@ class BenchPage(QWidget):
         for role in ROLES:
             address = getattr(settings.rig, role)
             self.boxes[role].setEditText(address)
+            if self._shown.get(role) == address:
+                continue  # what a check found still holds
+            self._shown[role] = address
             if not address:
                 needed = role != "walt"
                 self.lights[role].set_state("fault" if needed else "off")
@@ -260,6 +264,8 @@ class BenchPage(QWidget):
             self.lights[result.role].set_state(result.state)
             self.words[result.role].setText(result.text)
         self.checked.emit(results)
+        if all(result.state == "ready" for result in results):
+            self._space.noticed.emit("info", self.tr("Checked: every instrument answers."))
 
     def _check_ended(self) -> None:
         self.check_button.setEnabled(True)

@@ -219,11 +219,10 @@ class GapPage(QWidget):
             return
 
         def begin(path: Path) -> None:
-            said = self.tr("Saved: {path}").format(path=path)
             self._space.tasks.start(
                 self.tr("Writing the report"),
                 lambda progress: run_in_subprocess(write_gap_of, (session, found, path), progress),
-                lambda result: self._space.noticed.emit("info", said),
+                lambda result: self._space.saved.emit(path),
                 self._space.fault,
             )
 

@@ -54,7 +54,7 @@ class PreferencesPage(QWidget):
         self.operator = QLineEdit()
         self.operator.setPlaceholderText(self.tr("your name, kept in every session"))
         form.row(self.tr("Operator"), self.operator)
-        self.by_hand = QCheckBox(self.tr("Wait for F6 before every run"))
+        self.by_hand = QCheckBox(self.tr("Wait for F6 in every rest"))
         form.row("", self.by_hand)
         self.sound = QCheckBox(self.tr("Sound at the end of every run"))
         self.flash = QCheckBox(self.tr("Flash at the end of every run"))

@@ -55,6 +55,7 @@ class RecordPage(QWidget):
         self._space = workspace
         self._due_s = 0.0
         self._span_s = 0.0
+        self._run_s = 0.0  # how long the run that is begun lasts
         self._phase: Phase | None = None
         self._outcome: tuple[str, str] | None = None
         self._missing: list[Obstacle] = []
@@ -166,7 +167,7 @@ class RecordPage(QWidget):
         self.about.setText(about or self.tr("No participant, session or operator is named"))
         if self._outcome is not None:
             self.band.say(self._outcome[0], f"{self._outcome[1]} {start}", "bad")
-        elif any(obstacle.hopeless for obstacle in self._missing):
+        elif self._missing:
             short = ", ".join(obstacle.short for obstacle in self._missing)
             self.band.say(self.tr("▲ Not ready: {what}").format(what=short), self._sentences(), "bad")
         elif mends:
@@ -181,8 +182,8 @@ class RecordPage(QWidget):
         """The protocol that F5 starts, and when its first target moves."""
         protocol = self._space.protocol
         start = self.tr("F5 starts: {name}").format(name=protocol.name)
-        if protocol.runs and not self._space.settings.begin_by_hand:
-            after_s = first_target_after_s(protocol, COUNTDOWN_S)
+        after_s = first_target_after_s(protocol, COUNTDOWN_S)
+        if protocol.runs and (after_s <= COUNTDOWN_S or not self._space.settings.begin_by_hand):  # no rest before it
             start += self.tr(" · the first target moves after {time}").format(time=words.duration(after_s))
         return start
 
@@ -191,13 +192,16 @@ class RecordPage(QWidget):
         self._due_s = time.monotonic() + event.remaining_s
         self._span_s = event.remaining_s
         planned = self._space.recording.planned(event.run_id)
-        self._number = event.run_number
+        self._number = max(self._number, event.run_number)  # a run that comes again at the end has its old number
         self._what = self.tr("run {k} of {n}").format(k=event.run_number, n=event.run_count)
         if planned is not None:
             speed = "" if planned.nominal_speed_mm_s is None else f" {planned.nominal_speed_mm_s:.0f} mm/s"
             self._what += f" · {words.target_name(planned.kind)}{speed}"
             if planned.practice:
                 self._what += " · " + self.tr("practice")
+            if event.run_id != planned.id:
+                self._what += " · " + self.tr("once more")
+            self._run_s = planned.duration_s
         if event.phase is Phase.PREPARING:
             self.live.prepare(event.run_id, self._space.recording.order, planned)
         running = event.phase in (Phase.PREPARING, Phase.COUNTDOWN, Phase.RECORDING)
@@ -232,8 +236,7 @@ class RecordPage(QWidget):
         left_s = self._rest_until_s - time.monotonic()
         session_s = self._space.recording.left_s(self._number)
         level, verdict, more = self._verdict()
-        rest = rest_words(left_s, session_s, first, again)
-        self.band.say(verdict or self.tr("Rest"), " · ".join(part for part in (more, rest) if part), level)
+        self.band.say(verdict or self.tr("Rest"), rest_words(left_s, session_s, first, again, more), level)
 
     def _verdict(self) -> tuple[str, str, str]:
         """(level, words, more) on the run that ended last; empty where there is no estimate yet."""
@@ -247,7 +250,7 @@ class RecordPage(QWidget):
             return (
                 "bad",
                 f"✕ {words.outcome_name(outcome)}",
-                self.tr("comes again at the end, Ctrl+Z: it does not") if queued else "",
+                self.tr("comes again at the end, unless Ctrl+Z") if queued else "",
             )
         found = next((one for one in live.known if one.id == run_id), None)
         return ("", "", "") if found is None else (*verdict_words(found, found.id in live.preliminary), "")
@@ -264,7 +267,8 @@ class RecordPage(QWidget):
         self._resting = False
         left_s, control = self._due_s - time.monotonic(), self._space.recording.control
         again = " · " + self.tr("once more afterwards") if control is not None and control.repeating else ""
-        session = session_left(max(0.0, left_s) + self._space.recording.left_s(self._number))
+        to_come_s = self._run_s if self._phase is Phase.COUNTDOWN else 0.0
+        session = session_left(max(0.0, left_s) + to_come_s + self._space.recording.left_s(self._number))
         if self._phase is Phase.COUNTDOWN:
             starts = self.tr("Starts in {n}").format(n=max(1, round(left_s + 0.5)))
             self.band.say(starts, f"{self._what}{again} · {session}")

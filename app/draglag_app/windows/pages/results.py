@@ -29,7 +29,7 @@ from draglag_app.windows.plots.curve_plot import CurvePlot
 from draglag_app.windows.plots.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
 from draglag_app.windows.wording import words
 from draglag_app.windows.wording.equation import equation_html
-from draglag_app.windows.wording.library_words import in_words
+from draglag_app.windows.wording.library_words import sentences
 from draglag_app.windows.workspace import Workspace
 
 _FILTER_PX = 260
@@ -129,7 +129,7 @@ class ResultsPage(QWidget):
             inner.addWidget(self.table)
             inner.setSizes([330, 240])
             outer.addWidget(self.tabs)
-        (inner if large else outer).setSizes([600, 500])
+        (inner if large else outer).setSizes([660, 440])  # verdicts of the usual length in sight
         return outer
 
     def _choices(self) -> Flow:
@@ -230,7 +230,7 @@ class ResultsPage(QWidget):
         curve = analysis.curve
         if curve is None:
             text = self.tr("{name}: no curve. ").format(name=analysis.session)
-            return text + " ".join(map(in_words, (*analysis.problems, *analysis.warnings)))
+            return text + sentences((*analysis.problems, *analysis.warnings))
         low, high = curve.speed_range_mm_s
         text = self.tr(
             "{form}, {n} runs, {low:.0f}–{high:.0f} mm/s. RMS {rms:.2f} ms; cross-validated {held:.2f} ms."
@@ -238,8 +238,8 @@ class ResultsPage(QWidget):
             form=words.form_name(curve.form).capitalize(), n=curve.n_points, low=low, high=high,
             rms=1e3 * curve.rms_s, held=1e3 * curve.held_out_rms_s,
         )  # fmt: skip
-        trouble = (*analysis.problems, *analysis.warnings)
-        return text + ("  ▲ " + " ".join(map(in_words, trouble)) if trouble else "")
+        trouble = sentences((*analysis.problems, *analysis.warnings))
+        return text + (f"  ▲ {trouble}" if trouble else "")
 
     def _draw_curve(self) -> None:
         analysis = self._space.analysis

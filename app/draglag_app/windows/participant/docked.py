@@ -42,6 +42,4 @@ class _Room(QWidget):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         width = min(self.width(), round(self.height() / self._ratio))
-        place = QRect(0, 0, width, round(width * self._ratio))
-        place.moveCenter(self.rect().center())
-        self._picture.setGeometry(place)
+        self._picture.setGeometry(QRect((self.width() - width) // 2, 0, width, round(width * self._ratio)))

@@ -24,6 +24,7 @@ from PySide6.QtWidgets import QWidget
 from draglag.recording import Screen
 from draglag.targets import Tap, Target
 from draglag_app.windows.participant.frame_log import FrameLog
+from draglag_app.windows.participant.full_screen import FullScreen
 from draglag_app.windows.participant.side_by_side import WIDE_PX, place_side_by_side
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -37,8 +38,8 @@ SESSION_PROMPTS = (
 """What the session itself says."""
 # Of the width: as far as words may reach.
 _WORDS_WIDE = 0.96
-# A contact that has been gone for longer than this is lost, not lifted by a bump.
-LOST_AFTER_S = 0.35
+# So long the target moves before a stylus that is not there is asked for.
+_LATE_S = 1.0
 _GESTURES = frozenset((QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.Type.TouchEnd, QEvent.Type.TouchCancel,
                        QEvent.Type.Gesture, QEvent.Type.NativeGesture))  # fmt: skip
 
@@ -69,6 +70,7 @@ class ParticipantWindow(QWidget):
         self.setCursor(Qt.CursorShape.BlankCursor)
         self._screen = screen
         self._clock = clock
+        self._full_screen = FullScreen(self)
         self.frames = FrameLog()
         self._target: Target | None = None
         self._cross: tuple[float, float] | None = None
@@ -102,23 +104,18 @@ class ParticipantWindow(QWidget):
             self.show()
             return
         self._rate_hz = screen.refreshRate() if screen.refreshRate() >= 30 else 60.0
-        self.setScreen(screen)
-        self.setGeometry(screen.geometry())
-        self.showFullScreen()
-        self.setScreen(screen)
+        self._full_screen.fill(screen)
 
     def show_target(self, target: Target, start_s: float) -> None:
         """Stand still at the start until ``start_s``, then move."""
         self.frames.clear()
         self._target, self._start_s, self._slot, self._cross = target, start_s, -1, None
-        self._contact_lost = False
         self._refresh()
         self._tick()
 
     def hide_target(self) -> None:
         self._timer.stop()
         self._target = None
-        self._contact_lost = False
         self._prompt = DONE
         self._refresh()
 
@@ -243,6 +240,7 @@ class ParticipantWindow(QWidget):
         painter.setPen(QColor(PRACTICE if self._practice else INK))
         # Between the rows of crosses, which stand at 0.1, 0.5 and 0.9 of the height.
         places = ((big, 0.055, 0.22), (small, 0.04, 0.32)) if self._cross else ((big, 0.055, 0.05), (small, 0.1, 0.13))
+        below = 0.0  # the words above
         for text, share, top in places:
             font = QFont(self.font())
             font.setPixelSize(max(14, round(share * height)))
@@ -251,7 +249,9 @@ class ParticipantWindow(QWidget):
             fits = min(1.0, _WORDS_WIDE * self.width() / max(wide, 1.0))
             font.setPixelSize(max(8, int(font.pixelSize() * fits)))
             painter.setFont(font)
-            area = QRectF(0, top * height, self.width(), 1.4 * share * height)
+            # In a small picture letters are not as small as the share of it.
+            area = QRectF(0, max(top * height, below), self.width(), QFontMetricsF(font).height())
+            below = area.bottom()
             painter.drawText(area, Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop, text)
 
     def _present_words(self) -> str:
@@ -266,7 +266,7 @@ class ParticipantWindow(QWidget):
         if before_s > 0:
             begin = say("Participant", "Touch the circle to begin")
             return f"{practice}{begin}\n{math.ceil(before_s)}"
-        if self._contact_lost:
+        if self._contact_lost and before_s < -_LATE_S:
             return practice + say("Participant", "Contact lost: put the stylus back on the circle")
         if before_s > -3:
             return practice + say("Participant", "Keep the circle under the stylus")

@@ -17,9 +17,10 @@ from draglag.protocols import PlannedRun, Protocol, expand, planned_after_s
 from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge
+from draglag_app.windows.participant.contact import Contact
 from draglag_app.windows.participant.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
 from draglag_app.windows.participant.side_by_side import has_room, operators_window
-from draglag_app.windows.participant.window import LOST_AFTER_S, ParticipantWindow
+from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.wording.i18n import translate
 from draglag_app.windows.wording.library_words import CLOSED, ESC
 from draglag_devices.rig import Rig
@@ -49,6 +50,7 @@ class Recording(QObject):
         self._bridge = bridge
         self._thread: threading.Thread | None = None
         self._plan: dict[str, PlannedRun] = {}
+        self._contact = Contact()
         self.control: Control | None = None
         self.order: Order | None = None
         self.window: ParticipantWindow | None = None
@@ -79,6 +81,7 @@ class Recording(QObject):
             display = self._participant(order)
         display = WatchedDisplay(display, self._bridge.listener)
         self.order = order
+        self._contact = Contact()
         self.control = Control(order.auto, asks=True, retries=True)
         control = self.control
 
@@ -152,8 +155,10 @@ class Recording(QObject):
             self.window.set_practice(planned.practice)
 
     def _samples_arrived(self, event: events.SamplesArrived) -> None:
-        if self.window is not None and event.role == "touch" and len(event.t_s):
-            self.window.set_contact(event.until_s - float(event.t_s[-1]) < LOST_AFTER_S)
+        if event.role == "touch":
+            touching = self._contact.take(event)
+            if self.window is not None:
+                self.window.set_contact(touching)
 
     # --- the end --------------------------------------------------------------------------------------------
 

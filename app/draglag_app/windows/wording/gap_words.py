@@ -194,6 +194,8 @@ _PART = (
     QT_TRANSLATE_NOOP("Gap", "{causes} is part of the gap: {first} → {last} mm, noise {floor}."),
     QT_TRANSLATE_NOOP("Gap", "{causes} are part of the gap: {first} → {last} mm, noise {floor}."),
 )
+_TRIED = QT_TRANSLATE_NOOP("Gap", "With {causes}: {first} → {last} mm, noise {floor}.")
+"""Of effects added by hand where there is no gap that they could be part of."""
 _OR = QT_TRANSLATE_NOOP("Gap", "{one} or {other}")
 _AND = QT_TRANSLATE_NOOP("Gap", "{some} and {last}")
 _SIZED = QT_TRANSLATE_NOOP("Gap", "{name} {size} ({interval}; probability {p})")
@@ -235,8 +237,10 @@ def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
     out = []
     if by_edges:
         words = (_WHOLE if report["verdict"] == "explained" else _PART)[len(by_edges) > 1]
-        first = f"{report['gap_first_mm']:.2f}"
-        out.append(_say(words).format(causes=_capital(", ".join(by_edges)), first=first, **sizes))
+        first, causes = f"{report['gap_first_mm']:.2f}", ", ".join(by_edges)
+        tried = report["verdict"] == "no_gap"
+        words, causes = (_TRIED, causes) if tried else (words, _capital(causes))
+        out.append(_say(words).format(causes=causes, first=first, **sizes))
     out += [_say(_BY_TAPS).format(cause=_capital(cause)) for cause in by_taps]
     if by_taps and not by_edges:
         out.append(_say(_NOT_BY_EDGES).format(**sizes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import cache
 
 from PySide6.QtCore import QCoreApplication
@@ -12,6 +13,7 @@ from draglag_app.windows.wording.button_words import IN_BUTTONS, LIBRARY_BUTTONS
 from draglag_app.windows.wording.device_words import NOTICES, PROBLEMS, REASONS, REMEDIES
 from draglag_app.windows.wording.gap_words import GAP
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+from draglag_app.windows.wording.words import flag_name
 
 _SOURCES = {
     "touch": QT_TRANSLATE_NOOP("Source", "touchscreen"),
@@ -129,6 +131,12 @@ def in_words(sentence: str) -> str:
     return "".join(_device_words(part) for part in _NEXT.split(sentence))
 
 
+def sentences(known: Iterable[str]) -> str:
+    """Several sentences in the operator's language, each with a stop at its end."""
+    said = map(in_words, known)
+    return " ".join(text if text.endswith((".", "!", "?")) else f"{text}." for text in said)
+
+
 def fault_words(problem: str, remedy: str) -> str:
     """What is wrong and what to do about it, in the operator's language."""
     return in_words(str(DraglagError(problem, remedy)))
@@ -181,11 +189,17 @@ def _known(text: str, context: str, templates: tuple[str, ...]) -> str | None:
 
 
 def _filled(context: str, template: str, places: dict[str, str]) -> str:
-    words = {
-        name: source_name(value) if name == "role" else _known(value, "Device", REASONS) or value
-        for name, value in places.items()
-    }
+    words = {name: _part(name, value) for name, value in places.items()}
     return QCoreApplication.translate(context, IN_BUTTONS.get(template, template)).format(**words)
+
+
+def _part(name: str, value: str) -> str:
+    """What stands in a place of a sentence, in the operator's words."""
+    if name == "role":
+        return source_name(value)
+    if name == "flags":
+        return ", ".join(map(flag_name, value.split(", ")))
+    return _known(value, "Device", REASONS) or value
 
 
 @cache

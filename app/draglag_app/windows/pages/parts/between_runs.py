@@ -22,21 +22,28 @@ def verdict_words(estimate: RunEstimate, preliminary: bool) -> tuple[str, str]:
     if level == "ok":
         return "good", "✓ " + words.latency_text(estimate)
     mark = "▲" if level == "warning" else "✕"
+    if "," in text:  # several reasons need the room; the line below and the button name F7
+        return "warning" if level == "warning" else "bad", f"{mark} {text}"
     return "warning" if level == "warning" else "bad", tr("{mark} {why}: repeat? F7").format(mark=mark, why=text)
 
 
-def rest_words(left_s: float, session_left_s: float, first: bool, again: bool) -> str:
-    """How long the rest lasts, what the keys do, how long the session still takes. Infinite: until a key."""
+def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, more: str = "") -> str:
+    """How long the rest and the session still last, and ``more``; then what the keys do. Infinite: until a key.
+
+    The keys stand last: where there is too little room, the buttons still name them.
+    """
     parts = []
     if math.isfinite(left_s):
         parts.append(tr("Rest {time}").format(time=words.duration(math.ceil(max(0.0, left_s)))))
+    if more:
+        parts.append(more)
     if again:
         parts.append(tr("the last run comes once more; F6 begins it now"))
-    elif first:
-        parts.append(tr("F6 begins the first run now"))
-    else:
-        parts.append(tr("F6 begins the next run now, F7 repeats the last one"))
     parts.append(session_left(session_left_s))
+    if first and not again:
+        parts.append(tr("F6 begins the first run now"))
+    elif not again:
+        parts.append(tr("F6 begins the next run now, F7 repeats the last one"))
     return " · ".join(parts)
 
 

@@ -59,7 +59,7 @@ class LiveFacts(Panel):
 
     def set_recording(self, recording: bool) -> None:
         self.note.setEnabled(recording)
-        self.note.setPlaceholderText(tr("Note with the present time: F4, write, Enter"))
+        self.note.setPlaceholderText(tr("Note with the present time: F4, write, Return"))
         for name in self.facts if recording else _OF_NOW:
             self.facts[name].show_text(words.DASH)
         if recording:
@@ -68,7 +68,7 @@ class LiveFacts(Panel):
     def take(self, event: events.SamplesArrived, n_edges: int) -> None:
         """What samples of one source say of the streams."""
         self._losses[event.role] = event.lost
-        if event.role == "touch":
+        if event.role == "touch" and event.count:
             self._touched_s = time.monotonic() - max(0.0, event.age_s)
             if event.rate_hz:  # not of a single event
                 self.facts["touch_rate"].show_text(words.per_second(event.rate_hz))

@@ -131,7 +131,7 @@ class PrecisionPreview(QWidget):
         each = " · ".join(f"{speed:.0f}:\u00a0{half:.2f}" for speed, half in sorted(best.items()))
         text = self.tr("Predicted ± ms (95 %) at each speed in mm/s: {each}.").format(each=each)
         if found.curve_se_s is None:
-            text += " " + self.tr("Too few speeds for a curve: plan at least six.")
+            text += " " + self.tr("For the ± of the curve plan at least six speeds.")
         unsure = len(found.runs) - len(sure)
         if unsure:
             text += " " + self.tr("{n} runs have too few edges.").format(n=unsure)

@@ -86,6 +86,7 @@ class StateBand(Panel):
         for made, visible in ((self.buttons["proceed"], not running), (self.buttons["abort"], running)):
             made.setVisible(visible)
         self.buttons["repeat"].setEnabled(running or any_run)
+        self.progress.setVisible(running)  # of a run alone: a rest needs the room for its words
 
     def say(self, big: str, small: str, level: str = "") -> None:
         """Two lines; ``level``: "live", "good", "warning", "bad" or none."""

@@ -1,0 +1,88 @@
+"""The line below the largest letters: how long the session lasts, and what comes next, in as many words as fit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from draglag.latency import RunEstimate
+from draglag_app.session.machine import Phase
+from draglag_app.windows.pages.parts.between_runs import verdict_words
+from draglag_app.windows.window import OperatorWindow
+
+RUN_S, REST_S = 60.0, 600.0
+
+
+@pytest.fixture
+def two_runs(open_window: Callable) -> OperatorWindow:
+    """Two runs of a minute, in real time, with a long rest."""
+    window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "offscreen"})
+    run = window.space.protocol.runs[1].model_copy(update={"speeds_mm_s": (425.0, 600.0), "duration_s": RUN_S})
+    plan = window.space.protocol.model_copy(update={"runs": (run,), "taps": None, "rest_s": REST_S})
+    window.space.set_protocol(plan)
+    return window
+
+
+def left_s(window: OperatorWindow) -> int:
+    """What the line says is left in the session."""
+    found = re.search(r"(\d+):(\d\d) left in the session", window.record.small.text())
+    assert found, window.record.small.text()
+    return 60 * int(found[1]) + int(found[2])
+
+
+def abort_in(window: OperatorWindow, phase: Phase, until: Callable) -> None:
+    """Begin the next run, abort it in that phase, and wait for the rest."""
+    rows = window.record.table.rowCount()
+    window.ask("proceed")
+    until(lambda: window.record._phase is phase)
+    window.ask("abort")
+    until(lambda: window.record.table.rowCount() > rows and window.record.buttons["proceed"].isVisible())
+    until(lambda: window.record.big.text() == "✕ aborted")
+
+
+def test_the_time_left_counts_the_run_that_is_about_to_start_and_no_run_twice(
+    two_runs: OperatorWindow, until: Callable
+) -> None:
+    window = two_runs
+    window.ask("start")
+    until(lambda: window.record._phase is Phase.COUNTDOWN)
+    assert left_s(window) > 2 * RUN_S + REST_S
+    abort_in(window, Phase.COUNTDOWN, until)
+    abort_in(window, Phase.COUNTDOWN, until)
+    window.ask("proceed")
+    until(lambda: window.record._phase is Phase.RECORDING)
+    assert "once more" in window.record.small.text()  # the first of the two that were aborted
+    assert left_s(window) < 2 * RUN_S + 1.1 * REST_S
+    window.ask("stop")
+    until(lambda: not window.space.recording.active)
+
+
+def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
+    two_runs: OperatorWindow, until: Callable
+) -> None:
+    window = two_runs
+    window.ask("start")
+    until(lambda: window.record._phase is Phase.COUNTDOWN)
+    assert window.record.progress.isVisible()
+    window.ask("abort")
+    until(lambda: window.record.big.text() == "✕ aborted")
+    assert not window.record.progress.isVisible()  # its room is that of the words
+    parts = window.record.small.text().split(" · ")
+    assert re.fullmatch(r"Rest \d+:\d\d", parts[0])
+    assert parts[1] == "comes again at the end, unless Ctrl+Z"
+    assert parts[2].endswith("left in the session")
+    assert "left in the session" in window.record.small.shown()
+    window.ask("undo")
+    until(lambda: "comes again" not in window.record.small.text())
+    window.ask("stop")
+    until(lambda: not window.space.recording.active)
+
+
+def test_a_run_with_several_flags_names_them_all_in_the_largest_letters() -> None:
+    one = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, flags=("few_edges",))
+    several = replace(one, flags=("few_edges", "off_speed"))
+    assert verdict_words(one, preliminary=False) == ("warning", "▲ few edges: repeat? F7")
+    assert verdict_words(several, preliminary=False) == ("warning", "▲ few edges, off speed")
