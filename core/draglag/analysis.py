@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
 from draglag.clocks import remapped
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
@@ -21,6 +20,7 @@ from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
 from draglag.shown import table_html
+from draglag.system.blas import one_blas_thread
 from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
 from draglag.verification import (

@@ -301,8 +301,8 @@ def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Pa
     >>> dl.write_report(session, dl.analyze(session), "report").name
     'report.html'
     """
-    from draglag.packages import need
     from draglag.report import write_report as write
+    from draglag.system.packages import need
 
     need("matplotlib")
     return write(session, analysis, folder)

@@ -13,7 +13,7 @@ from draglag.errors import DataError
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM
 from draglag.recording import TouchCalibration
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 from draglag.touch_events.frames import Mapping2D
 
 _FORMAT = "draglag-touch-calibration"

@@ -15,9 +15,9 @@ from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
 from draglag.latency.estimators import OWN, estimator_names
-from draglag.packages import need
 from draglag.provenance import is_simulated
 from draglag.recording import Session
+from draglag.system.packages import need
 from draglag.tables import RUN_COLUMNS
 from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing, options_kept
 from draglag_app.cli.common import (

@@ -11,8 +11,8 @@ from draglag.curve import CurveFit
 from draglag.curve.compare import CurveDifference
 from draglag.curve.ranking import Ranking
 from draglag.errors import DraglagError, EstimateError
-from draglag.packages import need
 from draglag.provenance import Source, source_of
+from draglag.system.packages import need
 from draglag_app.cli.common import (
     json_option,
     load_session,

@@ -9,10 +9,10 @@ import click
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.packages import need
 from draglag.reading.limits import TIME_S
 from draglag.recording import FloatArray
-from draglag.temporary import new_file
+from draglag.system.packages import need
+from draglag.system.temporary import new_file
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ from draglag.gap.wording import (
 )
 from draglag.gap.workflow import close_gap
 from draglag.model_file import save_model
-from draglag.packages import need
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects
+from draglag.system.packages import need
 from draglag_app.cli.batch import GAP_COLUMNS, FindingGap
 from draglag_app.cli.common import (
     checksum,

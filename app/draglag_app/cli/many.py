@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from draglag.errors import DataError
-from draglag.packages import need
+from draglag.system.packages import need
 from draglag_app.cli.batch import Outcome
 from draglag_app.cli.common import number, print_json, progress, refuse_existing, table, written_whole
 from draglag_app.parallel import spread

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.constants import DEVIANCE_A_PARAMETER, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import (
@@ -43,6 +42,7 @@ from draglag.gap.traces.run_data import gather
 from draglag.latency.conduct import kept_runs
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, known_effects
+from draglag.system.blas import one_blas_thread
 
 
 def shown_by_streams(effect_id: str) -> bool:

@@ -18,7 +18,7 @@ from draglag.provenance import Source, joint_source
 from draglag.report.many_curves import MOST_IN_COLOURS, each_figure, ranked_figure
 from draglag.reproduction.measure import Reproduction
 from draglag.reproduction.published import RELEASE_TAP_MS
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 from draglag.tracking import TrackingResponse
 
 MARKERS = ((style.BLUE, "s"), (style.VERMILION, "o"), (style.GREEN, "^"), (style.PURPLE, "D"), (style.ORANGE, "v"))

@@ -26,7 +26,7 @@ from draglag.reproduction.further import further_words, table_further
 from draglag.reproduction.measure import Cell3, Reproduction
 from draglag.reproduction.own_gap import gap_figures, gap_words
 from draglag.reproduction.published import PLATEAU_MM_S
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 from draglag.tracking import tracking_response
 
 SIMULATED_WORDS = (

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
 from draglag.events import contact_losses, sample_interval_s
 from draglag.gap.fitting.joint import Fit, restrict
@@ -31,6 +30,7 @@ from draglag.simulation.effects import Effect, effect_class
 from draglag.simulation.kinematics import Motion
 from draglag.simulation.residual import View
 from draglag.simulation.rig import Rig
+from draglag.system.blas import one_blas_thread
 
 Progress = Callable[[float, str], None]
 
