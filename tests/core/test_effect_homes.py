@@ -23,7 +23,7 @@ from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect, Streams
 from draglag.gap.traces.run_data import gather
 from draglag.model_file import ModelEffect, Shape
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, Effect, Parameter

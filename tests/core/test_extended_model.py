@@ -22,7 +22,7 @@ from draglag.gap.replaying.extended import extended_model, law_of_fit
 from draglag.gap.replaying.realised import rig_with_law
 from draglag.gap.traces.run_data import gather
 from draglag.model_file import LatencyModel, ModelEffect, left_unexplained, load_model, save_model
-from draglag.protocols import Protocol, load_protocol
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect

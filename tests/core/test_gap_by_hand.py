@@ -10,7 +10,7 @@ from draglag.errors import DataError
 from draglag.gap import GapReport, close_gap
 from draglag.gap.by_hand import add_by_hand
 from draglag.model_file import LatencyModel
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

@@ -16,7 +16,7 @@ from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
 from draglag.gap.traces.dewarped import DewarpedKinematics, Shown
 from draglag.model_file import ModelEffect
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effects

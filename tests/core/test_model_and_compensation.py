@@ -11,7 +11,7 @@ from draglag.compensation import compensate
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import DataError
 from draglag.model_file import LatencyModel, load_model, lookup_table, model_of, save_lookup, save_model
-from draglag.protocols import Protocol, RunPlan
+from draglag.protocol.runs import Protocol, RunPlan
 from draglag.simulation import LatencyLaw
 from draglag.simulation.chain import simulate_session
 from draglag.simulation.rig import rig_for_screen

@@ -10,7 +10,7 @@ from draglag.curve import CurvePoints, fit_form
 from draglag.latency.estimate import prepare
 from draglag.motion import savitzky_golay
 from draglag.planning import plan
-from draglag.protocols import Protocol, RunPlan
+from draglag.protocol.runs import Protocol, RunPlan
 from draglag.recording import Taps
 from draglag.simulation import LatencyLaw, Rig, rig_for_screen, simulate_session, simulate_session_with_truth
 from draglag.taps import summarise_taps

@@ -10,7 +10,7 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.errors import DataError, DraglagError
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
 from draglag.system.packages import need

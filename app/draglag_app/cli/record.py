@@ -17,8 +17,8 @@ from typing import Any, cast
 import click
 
 from draglag.errors import DataError, DraglagError
-from draglag.presets import load_screen_file
-from draglag.protocols import Protocol, load_protocol
+from draglag.protocol.presets import load_screen_file
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
 from draglag.store import clear_leftovers
 from draglag.system.packages import advice, need

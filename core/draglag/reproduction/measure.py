@@ -9,7 +9,7 @@ import numpy as np
 
 from draglag.inversion import Law
 from draglag.latency.estimate import prepare
-from draglag.protocols import Protocol, RunPlan, load_protocol
+from draglag.protocol.runs import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
 from draglag.reproduction.curves import Row2, effects_of, measured_row, sample_hold_rms_ms
 from draglag.reproduction.further import FurtherSeeds, further_seeds

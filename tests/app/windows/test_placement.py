@@ -30,7 +30,7 @@ import json, sys, time
 import numpy as np
 from PySide6.QtGui import QColor, QGuiApplication, QImage
 from draglag.recording import Screen
-from draglag.targets import Tap
+from draglag.protocol.targets import Tap
 from draglag_app.windows.application import make_application
 from draglag_app.windows.participant.window import TARGET, ParticipantWindow
 from draglag_app.windows.participant.screen_display import numbered_screen

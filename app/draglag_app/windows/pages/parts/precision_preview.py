@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
 from draglag.planning import Plan, PlannedPrecision, plan
-from draglag.protocols import Protocol
+from draglag.protocol.runs import Protocol
 from draglag.simulation import Rig, rig_for_screen
 from draglag_app.windows.parts.tasks import Task, Tasks
 from draglag_app.windows.parts.theme import theme
