@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.inversion import Law
+from draglag.path.inversion import Law
 from draglag.protocol.targets import MULTISINE_AMPLITUDE, MULTISINE_INDEX, MULTISINE_PERIOD_S, MultiSine
 from draglag.recording import FloatArray
 

@@ -8,7 +8,7 @@ import pytest
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import CurvePoints, fit_form
 from draglag.latency.estimate import prepare
-from draglag.motion import savitzky_golay
+from draglag.path.motion import savitzky_golay
 from draglag.planning import plan
 from draglag.protocol.runs import Protocol, RunPlan
 from draglag.recording import Taps

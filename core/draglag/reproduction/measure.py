@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.inversion import Law
 from draglag.latency.estimate import prepare
+from draglag.path.inversion import Law
 from draglag.protocol.runs import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
 from draglag.reproduction.curves import Row2, effects_of, measured_row, sample_hold_rms_ms
