@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from draglag.clocks import remapped
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
+from draglag.instruments.clocks import remapped
+from draglag.instruments.taps import TapSummary, summarise_taps
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
 from draglag.latency.conduct import why_excluded, with_conduct
@@ -21,7 +22,6 @@ from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
 from draglag.shown import table_html
 from draglag.system.blas import one_blas_thread
-from draglag.taps import TapSummary, summarise_taps
 from draglag.validation import Validation, validate_run
 from draglag.verification import (
     AsymptoteCheck,

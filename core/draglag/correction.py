@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.clocks import remapped, remapped_within
 from draglag.errors import DataError
 from draglag.gap.replaying.realised import made
 from draglag.gap.streams.evidence import inspect
+from draglag.instruments.clocks import remapped, remapped_within
 from draglag.latency.on_clock import nearby
 from draglag.model_file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
 from draglag.path.events import sample_interval_s, usable

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.beam import Lines, fit_lines, sides
 from draglag.errors import EstimateError
+from draglag.instruments.beam import Lines, fit_lines, sides
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared

@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 
-from draglag.clocks import fit_clocks
+from draglag.instruments.clocks import fit_clocks
 from draglag.protocol.runs import PlannedRun
 from draglag.protocol.targets import Circle
 from draglag.store import read_session

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.beam import sides
+from draglag.instruments.beam import sides
 from draglag.latency.bound import HandSpectrum, TouchNoise, latency_bound_s
 from draglag.protocol.runs import PlannedRun
 from draglag.protocol.targets import Circle

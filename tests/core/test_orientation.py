@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from draglag.orientation import wrong_way_round
+from draglag.instruments.orientation import wrong_way_round
 from draglag.protocol.targets import Circle, Target
 from draglag.recording import Screen, TouchTrace, empty_touch
 

@@ -10,9 +10,9 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
-from draglag.clocks import rate_words
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
+from draglag.instruments.clocks import rate_words
 from draglag.latency.estimate import WINDOW_S
 from draglag.latency.estimators import OWN, estimator_names
 from draglag.provenance import is_simulated

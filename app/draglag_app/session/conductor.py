@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from draglag.errors import DraglagError
-from draglag.orientation import WORDS, wrong_way_round
+from draglag.instruments.orientation import WORDS, wrong_way_round
 from draglag.protocol.runs import PlannedRun, Protocol
 from draglag.protocol.targets import Tap
 from draglag.recording import AxisInfo, Run, empty_laser, empty_touch

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.beam import fit_lines, sides
+from draglag.instruments.beam import fit_lines, sides
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEW_EDGES, Alignment, Prepared, RunEstimate
 from draglag.path.motion import local_fit

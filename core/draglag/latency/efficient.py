@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from draglag.beam import Lines, sides, stylus_diameter_mm
+from draglag.instruments.beam import Lines, sides, stylus_diameter_mm
 from draglag.latency.arrival import Arrival, set_back
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.beam import fit_lines, sides, stylus_diameter_mm
+from draglag.instruments.beam import fit_lines, sides, stylus_diameter_mm
 from draglag.latency.common import alignment_at, common_flags, cost_without_shift
 from draglag.latency.estimate import FEWEST_EDGES, Prepared, RunEstimate
 from draglag.latency.scan import scan

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.beam import sides
+from draglag.instruments.beam import sides
 from draglag.latency.edges import Edges
 from draglag.latency.path import Path
 from draglag.path.events import contact_losses, in_contact, sample_interval_s

@@ -14,7 +14,7 @@ import pytest
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QApplication, QMessageBox, QWidget
 
-from draglag.calibration import target_places
+from draglag.instruments.calibration import target_places
 from draglag.recording import Screen
 from draglag_app.windows import start
 from draglag_app.windows.main import show_whole
