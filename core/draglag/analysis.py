@@ -22,8 +22,8 @@ from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
 from draglag.shown import table_html
 from draglag.system.blas import one_blas_thread
-from draglag.validation import Validation, validate_run
-from draglag.verification import (
+from draglag.validation.misalignment import Validation, validate_run
+from draglag.validation.sanity_checks import (
     AsymptoteCheck,
     ClockDrift,
     WidthCheck,

@@ -14,8 +14,8 @@ from draglag.planning import plan
 from draglag.protocol.runs import Protocol, RunPlan
 from draglag.recording import Taps
 from draglag.simulation import LatencyLaw, Rig, rig_for_screen, simulate_session, simulate_session_with_truth
-from draglag.validation import validate_run
-from draglag.verification import asymptote_check, clock_drifts, width_check
+from draglag.validation.misalignment import validate_run
+from draglag.validation.sanity_checks import asymptote_check, clock_drifts, width_check
 
 LAW = LatencyLaw(90.53, 4e-3, 182.9, 2.9e-2, 28.49)
 

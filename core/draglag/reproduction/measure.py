@@ -17,7 +17,7 @@ from draglag.reproduction.own_gap import OwnGap, own_gap
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2, TABLE_3
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effects
-from draglag.validation import Validation, validate_run
+from draglag.validation.misalignment import Validation, validate_run
 
 Progress = Callable[[float, str], None]
 

@@ -14,7 +14,7 @@ from draglag.latency.edges import Edges
 from draglag.latency.estimate import WINDOW_S, Alignment
 from draglag.latency.scan import Scan, scan
 from draglag.recording import Run, Session
-from draglag.validation import Validation
+from draglag.validation.misalignment import Validation
 from draglag_app.windows.parts.tasks import Progress, Tasks
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import table
