@@ -19,7 +19,7 @@ from click.testing import CliRunner, Result
 
 from draglag.curve import CurvePoints, fit_form
 from draglag.exchange import read_exchange
-from draglag.model_file import model_of, save_model
+from draglag.model.file import model_of, save_model
 from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect

@@ -10,9 +10,9 @@ import pytest
 from scipy.signal import savgol_filter
 
 from core import sound_sessions
-from draglag.correction import corrected
 from draglag.errors import EstimateError
 from draglag.gap import close_gap
+from draglag.gap.correction import corrected
 from draglag.gap.fitting.state import _not_far
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.replaying.realised import effects_of_fit

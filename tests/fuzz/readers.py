@@ -21,7 +21,7 @@ from draglag.exchange.importers.walt import read_walt_laser
 from draglag.exchange.streams import read_display, read_gaps, read_laser, read_taps, read_touch
 from draglag.exchange.tables import read_events
 from draglag.instruments.calibration import fit_affine, target_places
-from draglag.model_file import load_model, lookup_table, model_of, save_model
+from draglag.model.file import load_model, lookup_table, model_of, save_model
 from draglag.protocol.presets import load_screen_file
 from draglag.protocol.runs import expand, load_protocol, load_screen
 from draglag.recording import Screen, Session, TouchCalibration

@@ -118,7 +118,7 @@ def _curves(
 def curve_of(path: Path) -> Found:
     """The curve of a session or of a model, and what it is from."""
     from draglag.analysis import analyze
-    from draglag.model_file import load_model
+    from draglag.model.file import load_model
 
     try:
         if path.suffix == ".json" and path.name != "session.json":

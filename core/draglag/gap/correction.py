@@ -17,7 +17,7 @@ from draglag.gap.replaying.realised import made
 from draglag.gap.streams.evidence import inspect
 from draglag.instruments.clocks import remapped, remapped_within
 from draglag.latency.on_clock import nearby
-from draglag.model_file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
+from draglag.model.file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
 from draglag.path.events import sample_interval_s, usable
 from draglag.path.inversion import Law, stylus_path
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
