@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from draglag.analysis import AnalysisOptions, analyze
+from draglag.analysis.planning import plan
 from draglag.curve import CurvePoints, fit_form
 from draglag.instruments.taps import summarise_taps
 from draglag.latency.estimate import prepare
 from draglag.path.motion import savitzky_golay
-from draglag.planning import plan
 from draglag.protocol.runs import Protocol, RunPlan
 from draglag.recording import Taps
 from draglag.simulation import LatencyLaw, Rig, rig_for_screen, simulate_session, simulate_session_with_truth

@@ -10,6 +10,7 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
+from draglag.analysis.tables import RUN_COLUMNS
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.instruments.clocks import rate_words
@@ -18,7 +19,6 @@ from draglag.latency.estimators import OWN, estimator_names
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.system.packages import need
-from draglag.tables import RUN_COLUMNS
 from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing, options_kept
 from draglag_app.cli.common import (
     FiniteRange,

@@ -126,7 +126,7 @@ def write_table(rows: Sequence[dict[str, Any]], columns: Sequence[str], path: Pa
     """The rows as CSV or Parquet. Raises DataError where the file cannot be written."""
     with written_whole(path) as growing:
         if path.suffix == ".parquet":
-            from draglag.tables import frame_of
+            from draglag.analysis.tables import frame_of
 
             frame_of(list(rows), list(columns)).to_parquet(growing)
             return

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from draglag.planning import plan
+from draglag.analysis.planning import plan
 from draglag.protocol.runs import RunPlan
 from draglag_app.windows.window import OperatorWindow
 

@@ -9,8 +9,8 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
+from draglag.analysis.planning import Plan, PlannedPrecision, plan
 from draglag.errors import DraglagError
-from draglag.planning import Plan, PlannedPrecision, plan
 from draglag.protocol.runs import Protocol
 from draglag.simulation import Rig, rig_for_screen
 from draglag_app.windows.parts.tasks import Task, Tasks

@@ -113,7 +113,7 @@ class Analysis:
 
     def _repr_html_(self) -> str:
         """The runs as a notebook shows them, and the curve."""
-        from draglag.tables import run_rows
+        from draglag.analysis.tables import run_rows
 
         keys = ["run", "speed_mm_s", "latency_ms", "latency_low_ms", "latency_high_ms", "n_edges", "flags"]
         rows = [[row[key] for key in keys] for row in run_rows(self)]
@@ -121,11 +121,11 @@ class Analysis:
         return table_html(f"Analysis of {self.session}", keys, rows) + curve
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame with a row for each run: the columns of ``draglag.tables.RUN_COLUMNS``.
+        """A pandas DataFrame with a row for each run: the columns of ``draglag.analysis.tables.RUN_COLUMNS``.
 
         Raises DraglagError where pandas is not installed.
         """
-        from draglag.tables import RUN_COLUMNS, frame_of, run_rows
+        from draglag.analysis.tables import RUN_COLUMNS, frame_of, run_rows
 
         return frame_of(run_rows(self), list(RUN_COLUMNS))
 
@@ -134,7 +134,7 @@ class Analysis:
 
         Raises DraglagError where xarray is not installed.
         """
-        from draglag.tables import dataset_of
+        from draglag.analysis.tables import dataset_of
 
         return dataset_of(self)
 
