@@ -2,8 +2,8 @@
 
 ``import draglag as dl`` offers what ``__all__`` lists (``draglag.face``), imported when it is first used. The library
 behind it reads in the order the data flows: ``recording`` (what was measured), ``store`` and ``exchange`` (files),
-``motion`` and ``beam`` (what it means), ``latency`` and ``curve`` (the estimates), ``validation`` and ``compensation``
-(their use), ``simulation`` and ``gap`` (where model and measurement differ).
+``path`` and ``instruments`` (what it means), ``latency`` and ``curve`` (the estimates), ``validation`` and ``model``
+(their use), ``simulation`` and ``gap`` (where model and measurement differ), ``analysis`` (all estimates in order).
 """
 
 from __future__ import annotations
