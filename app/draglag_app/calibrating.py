@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from draglag.calibration import SIZE_TOLERANCE, AffineFit, fit_affine, target_places
+from draglag.instruments.calibration import SIZE_TOLERANCE, AffineFit, fit_affine, target_places
 from draglag.recording import AxisInfo, FloatArray, Screen, TouchCalibration, TouchTrace
 from draglag_devices.source import Batch
 

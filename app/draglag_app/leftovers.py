@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from draglag.temporary import sweep
+from draglag.system.temporary import sweep
 
 # As draglag.store names them.
 _UNFINISHED, _BUILDING = ".partial", ".tmp"

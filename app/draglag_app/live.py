@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from draglag.motion import local_fit
-from draglag.protocols import PlannedRun
+from draglag.path.motion import local_fit
+from draglag.protocol.runs import PlannedRun
 from draglag.recording import FloatArray
 from draglag_app.session.events import SamplesArrived
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import DraglagError
-from draglag.packages import advice
 from draglag.recording import TouchTrace
+from draglag.system.packages import advice
 from draglag_app.session import events
 
 TOUCH = (("x_mm", "millimeters"), ("y_mm", "millimeters"), ("contact_id", ""))

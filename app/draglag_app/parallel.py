@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from draglag.errors import DraglagError
-from draglag.packages import need
+from draglag.system.packages import need
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

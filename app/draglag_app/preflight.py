@@ -11,12 +11,12 @@ from typing import Literal
 
 import numpy as np
 
-from draglag.calibration import SIZE_TOLERANCE
-from draglag.clocks import PAPER_DRIFT, WARN_S, fit_clock, rate_words
 from draglag.errors import DraglagError
-from draglag.protocols import PlannedRun
+from draglag.instruments.calibration import SIZE_TOLERANCE
+from draglag.instruments.clocks import PAPER_DRIFT, WARN_S, fit_clock, rate_words
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle
 from draglag.recording import ClockBounds, Screen
-from draglag.targets import Circle
 from draglag_devices.rig import Rig, give_panel, make_rig
 from draglag_devices.source import Batch, Notice, Source, SourceInfo
 

@@ -2,8 +2,8 @@
 
 ``import draglag as dl`` offers what ``__all__`` lists (``draglag.face``), imported when it is first used. The library
 behind it reads in the order the data flows: ``recording`` (what was measured), ``store`` and ``exchange`` (files),
-``motion`` and ``beam`` (what it means), ``latency`` and ``curve`` (the estimates), ``validation`` and ``compensation``
-(their use), ``simulation`` and ``gap`` (where model and measurement differ).
+``path`` and ``instruments`` (what it means), ``latency`` and ``curve`` (the estimates), ``validation`` and ``model``
+(their use), ``simulation`` and ``gap`` (where model and measurement differ), ``analysis`` (all estimates in order).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         write_report,
     )
     from draglag.gap.results import GapReport
-    from draglag.model_file import LatencyModel, load_model, model_of, save_model
+    from draglag.model.file import LatencyModel, load_model, model_of, save_model
     from draglag.recording import Run, Session
 
     __version__: str
@@ -41,7 +41,7 @@ _HOMES = {
     "DraglagError": "errors",
     "EstimateError": "errors",
     "GapReport": "gap.results",
-    "LatencyModel": "model_file",
+    "LatencyModel": "model.file",
     "Run": "recording",
     "Session": "recording",
     "analyze": "face",
@@ -50,11 +50,11 @@ _HOMES = {
     "export": "face",
     "find_gap": "face",
     "fit_curve": "face",
-    "load_model": "model_file",
-    "model_of": "model_file",
+    "load_model": "model.file",
+    "model_of": "model.file",
     "protocol_names": "face",
     "read": "face",
-    "save_model": "model_file",
+    "save_model": "model.file",
     "screen_names": "face",
     "simulate": "face",
     "write": "face",

@@ -22,10 +22,10 @@ from draglag.latency.estimate import WINDOW_S
 from draglag.recording import Session
 
 if TYPE_CHECKING:
-    from draglag.compensation import Compensated
     from draglag.curve.compare import CurveDifference
     from draglag.gap.results import GapReport
-    from draglag.model_file import LatencyModel
+    from draglag.model.compensation import Compensated
+    from draglag.model.file import LatencyModel
     from draglag.simulation.effects import Effect
 
 
@@ -260,8 +260,8 @@ def compensate(
     >>> moved.x_stylus_mm.shape == touch.x_mm.shape
     True
     """
-    from draglag.compensation import compensate as compensate_events
-    from draglag.model_file import LatencyModel, model_of
+    from draglag.model.compensation import compensate as compensate_events
+    from draglag.model.file import LatencyModel, model_of
 
     model = law if isinstance(law, LatencyModel) else model_of(_curve(law))
     t, x, y = (np.asarray(values, float) for values in (t_s, x_mm, y_mm))
@@ -301,8 +301,8 @@ def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Pa
     >>> dl.write_report(session, dl.analyze(session), "report").name
     'report.html'
     """
-    from draglag.packages import need
     from draglag.report import write_report as write
+    from draglag.system.packages import need
 
     need("matplotlib")
     return write(session, analysis, folder)

@@ -207,7 +207,7 @@ class Taps:
 class Run:
     """One uninterrupted recording of one target.
 
-    ``target`` holds the parameters of the target (see ``draglag.targets``), enough to draw it again.
+    ``target`` holds the parameters of the target (see ``draglag.protocol.targets``), enough to draw it again.
     """
 
     id: str

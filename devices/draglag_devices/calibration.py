@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from draglag.calibration import AffineFit
 from draglag.errors import DataError
+from draglag.instruments.calibration import AffineFit
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM
 from draglag.recording import TouchCalibration
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 from draglag.touch_events.frames import Mapping2D
 
 _FORMAT = "draglag-touch-calibration"

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from draglag.packages import advice
+from draglag.system.packages import advice
 from draglag_devices.addresses import DRIVERS, other_drivers
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import cast
 
-from draglag.packages import advice
+from draglag.system.packages import advice
 from draglag_devices.addresses import DRIVERS, ROLES, Address, known_forms, other_drivers, parse_address, roles_of
 from draglag_devices.replay import replay_source
 from draglag_devices.sim.sources import simulated_source

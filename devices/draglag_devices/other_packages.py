@@ -7,7 +7,7 @@ from collections.abc import Collection
 from functools import cache
 from typing import TYPE_CHECKING, Protocol, cast
 
-from draglag.plugins import brought
+from draglag.system.plugins import brought
 
 if TYPE_CHECKING:
     from draglag_devices.addresses import Address

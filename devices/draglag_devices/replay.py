@@ -13,7 +13,8 @@ from draglag.errors import DataError
 from draglag.exchange.importers.evemu import read_evemu
 from draglag.exchange.importers.input_log import mapping_of
 from draglag.exchange.tables import line_of_row, read_table
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Tap
 from draglag.reading.limits import TIME_S
 from draglag.recording import (
     ClockBounds,
@@ -26,7 +27,6 @@ from draglag.recording import (
     empty_laser,
     empty_touch,
 )
-from draglag.targets import Tap
 from draglag_devices.addresses import Address
 from draglag_devices.source import ContactChanges, DeviceError, SourceInfo
 from draglag_devices.stage import Stage, contact_changes

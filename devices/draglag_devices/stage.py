@@ -8,9 +8,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Tap
 from draglag.recording import TouchTrace
-from draglag.targets import Tap
 from draglag_devices.source import ContactChanges
 from draglag_devices.timebase import HostTime, TimeBase
 from draglag_devices.timeline import Timeline

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.events import contact_losses, in_contact
 from draglag.latency.common import alignment_at, common_flags, cost_without_shift
 from draglag.latency.estimate import Prepared, RunEstimate
+from draglag.path.events import contact_losses, in_contact
 
 GROUPS = 10  # of the jackknife
 COARSE_S, FINE_S, AROUND_S = 0.004, 0.00025, 0.006

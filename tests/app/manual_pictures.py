@@ -12,7 +12,7 @@ from PySide6.QtCore import QBuffer, QByteArray, QEvent, QIODevice, Qt
 from PySide6.QtWidgets import QApplication, QWidget
 
 from draglag.exchange import read_exchange
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag_app.windows.settings import RigSettings, Settings
 from draglag_app.windows.window import OperatorWindow
 

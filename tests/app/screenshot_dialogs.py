@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication, QDialog, QWidget
 
 from draglag.errors import DataError
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag_app.session import events
 from draglag_app.windows import files
 from draglag_app.windows.leaving import sure_to_stop

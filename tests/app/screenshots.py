@@ -23,8 +23,8 @@ from PySide6.QtWidgets import QApplication, QWidget
 from app import manual_pictures
 from app.screenshot_dialogs import questions, troubles, under_way
 from draglag.exchange import read_exchange
+from draglag.protocol.targets import Circle, Tap
 from draglag.recording import Screen
-from draglag.targets import Circle, Tap
 from draglag_app.windows.application import make_application
 from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.settings import RigSettings, Settings

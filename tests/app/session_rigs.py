@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from draglag.presets import load_screen
-from draglag.protocols import Protocol
+from draglag.protocol.presets import load_screen
+from draglag.protocol.runs import Protocol
 from draglag_app.session import Control, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_devices.rig import Rig, make_rig
 from draglag_devices.source import Batch, DeviceError

@@ -19,8 +19,8 @@ from click.testing import CliRunner, Result
 
 from draglag.curve import CurvePoints, fit_form
 from draglag.exchange import read_exchange
-from draglag.model_file import model_of, save_model
-from draglag.protocols import load_protocol
+from draglag.model.file import model_of, save_model
+from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.store import SessionWriter, read_analyses, read_session, verify, write_session

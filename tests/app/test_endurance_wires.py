@@ -12,10 +12,10 @@ import time
 import numpy as np
 import pytest
 
-from draglag.clocks import fit_clocks
-from draglag.protocols import PlannedRun
+from draglag.instruments.clocks import fit_clocks
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle
 from draglag.store import read_session
-from draglag.targets import Circle
 from draglag_devices.sim.world import World
 from emulators import ethercat
 from emulators.play import play_laser, play_touch

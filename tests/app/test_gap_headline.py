@@ -13,7 +13,7 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.not_shown import not_shown
 from draglag.gap.results import GapReport, LawStatement, Step, Tolerated, unjudged
 from draglag.gap.wording import also_in_words, drift_in_analysis, headline, law_in_words
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.report.gap import _explanations, _table
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

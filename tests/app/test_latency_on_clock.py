@@ -9,10 +9,10 @@ from click.testing import CliRunner
 
 from draglag.analysis import analyze
 from draglag.latency import estimate_on_clock, estimate_run
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle, Tap
 from draglag.recording import ClockBounds, Session
 from draglag.store import write_session
-from draglag.targets import Circle, Tap
 from draglag_app.cli import cli
 from draglag_devices.sim.world import World
 

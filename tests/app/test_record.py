@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from draglag.calibration import target_places
 from draglag.errors import DraglagError
-from draglag.presets import load_screen
+from draglag.instruments.calibration import target_places
+from draglag.protocol.presets import load_screen
 from draglag.store import read_session
 from draglag_app.calibrating import as_recorded, fit_touches
 from draglag_app.cli.devices import devices

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from draglag.clocks import fit_clocks, latency_uncertainty_s
+from draglag.instruments.clocks import fit_clocks, latency_uncertainty_s
+from draglag.instruments.taps import summarise_taps
 from draglag.latency import estimate_run
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle, Tap
 from draglag.store import read_session
-from draglag.taps import summarise_taps
-from draglag.targets import Circle, Tap
 from draglag_devices.sim.world import World
 from emulators import ethercat
 from emulators.play import play_laser, play_taps, play_touch

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.session_rigs import NeedsPanel, Recording, Wrapped, fast_rig, of_role, protocol, replaced
-from draglag.presets import load_screen
+from draglag.protocol.presets import load_screen
 from draglag.recording import ClockBounds, Taps
 from draglag.store import read_session
 from draglag_app.preflight import preflight

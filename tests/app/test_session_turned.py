@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from app.session_rigs import Recording, Wrapped, fast_rig, of_role, protocol, replaced
-from draglag.presets import load_screen
+from draglag.protocol.presets import load_screen
 from draglag.recording import TouchTrace
 from draglag.store import read_session
 from draglag_app.session import events

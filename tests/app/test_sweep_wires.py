@@ -21,12 +21,12 @@ import pytest
 
 import emulators
 from draglag.analysis import Analysis, AnalysisOptions, analyze
-from draglag.clocks import fit_clocks
-from draglag.protocols import expand, load_protocol
+from draglag.instruments.clocks import fit_clocks
+from draglag.instruments.taps import summarise_taps
+from draglag.protocol.runs import expand, load_protocol
+from draglag.protocol.targets import Tap
 from draglag.recording import Run, Session, Taps
 from draglag.store import read_session
-from draglag.taps import summarise_taps
-from draglag.targets import Tap
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_devices.rig import make_rig

@@ -18,7 +18,7 @@ from bench.rigs import bound_of, circle_run, rig_with_latency
 from bench.walt_style import walt_style_latency_s
 from draglag.analysis import analyze
 from draglag.latency import estimate_run
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.store import read_session, write_session

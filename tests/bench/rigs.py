@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.beam import sides
+from draglag.instruments.beam import sides
 from draglag.latency.bound import HandSpectrum, TouchNoise, latency_bound_s
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle
 from draglag.recording import Run
 from draglag.simulation import Human, LatencyLaw, Rig, RunTruth, follow, rig_for_screen, simulate_run_with_truth
-from draglag.targets import Circle
 
 # Speed → (radius mm, revolutions): 30 to 60 edges each, as the reference figures have.
 CONDITIONS = {50.0: (25.0, 12), 250.0: (50.0, 12), 1000.0: (100.0, 13)}

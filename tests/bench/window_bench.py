@@ -20,7 +20,7 @@ from late_frames import LateFrames
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QApplication
 
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag_app.session import events
 from draglag_app.windows.application import make_application
 from draglag_app.windows.settings import PanelSettings, RigSettings, Settings

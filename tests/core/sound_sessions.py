@@ -7,7 +7,7 @@ from pathlib import Path
 
 from draglag.exchange import read_exchange
 from draglag.gap import GapReport, close_gap
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from draglag.beam import Lines, fit_lines, sides, stylus_diameter_mm
+from draglag.instruments.beam import Lines, fit_lines, sides, stylus_diameter_mm
 
 
 def test_sides_follow_kind_and_direction() -> None:

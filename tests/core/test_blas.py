@@ -2,7 +2,7 @@
 
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from draglag.blas import one_blas_thread
+from draglag.system.blas import one_blas_thread
 
 
 def _threads() -> set[int]:

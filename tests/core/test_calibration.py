@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from draglag.calibration import fit_affine, px_to_mm, target_places
 from draglag.errors import DataError, EstimateError
+from draglag.instruments.calibration import fit_affine, px_to_mm, target_places
 from draglag.recording import Screen
 
 SCREEN = Screen("test", 500.0, 280.0, 1920, 1080)

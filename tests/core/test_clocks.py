@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from draglag.clocks import (
+from draglag.errors import DataError
+from draglag.instruments.clocks import (
     PAPER_DRIFT,
     clock_warnings,
     fit_clock,
@@ -13,7 +14,6 @@ from draglag.clocks import (
     latency_uncertainty_s,
     remapped,
 )
-from draglag.errors import DataError
 from draglag.recording import ClockBounds, LaserTrace, Run, empty_touch
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import draglag
-from draglag.correction import realise
+from draglag.gap.correction import realise
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.fitting.state import Term
@@ -22,8 +22,8 @@ from draglag.gap.replaying.realised import effects_of_fit
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect, Streams
 from draglag.gap.traces.run_data import gather
-from draglag.model_file import ModelEffect, Shape
-from draglag.protocols import load_protocol
+from draglag.model.file import ModelEffect, Shape
+from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, Effect, Parameter

@@ -21,7 +21,7 @@ from draglag.analysis import analyze
 from draglag.errors import DataError
 from draglag.exchange import read_exchange, write_csv, write_exchange, write_mat, write_netcdf
 from draglag.exchange.tables import read_events
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LaserTrace, Run, TouchTrace, empty_laser, empty_touch
 from draglag.simulation import simulate_session

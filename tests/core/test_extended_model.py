@@ -12,17 +12,17 @@ import pytest
 from click.testing import CliRunner
 
 from draglag.analysis import AnalysisOptions, analyze
-from draglag.correction import corrected, corrected_touch, realise
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
+from draglag.gap.correction import corrected, corrected_touch, realise
 from draglag.gap.fitting.joint import fit_session
 from draglag.gap.fitting.state import Term
 from draglag.gap.replaying.extended import extended_model, law_of_fit
 from draglag.gap.replaying.realised import rig_with_law
 from draglag.gap.traces.run_data import gather
-from draglag.model_file import LatencyModel, ModelEffect, left_unexplained, load_model, save_model
-from draglag.protocols import Protocol, load_protocol
+from draglag.model.file import LatencyModel, ModelEffect, left_unexplained, load_model, save_model
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect

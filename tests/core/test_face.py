@@ -17,9 +17,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import draglag as dl
+from draglag.analysis.tables import RUN_COLUMNS
 from draglag.recording import empty_laser, empty_touch
 from draglag.shown import brief, table_html
-from draglag.tables import RUN_COLUMNS
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "none-A"
 FUNCTIONS = [name for name in dl.__all__ if isinstance(getattr(dl, name), FunctionType)]

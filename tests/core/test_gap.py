@@ -16,7 +16,7 @@ from draglag.gap.by_hand import add_by_hand
 from draglag.gap.fitting.signatures import shape_free
 from draglag.gap.results import unexplained_in_words
 from draglag.gap.streams.evidence import inspect
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect

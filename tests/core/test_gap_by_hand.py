@@ -9,8 +9,8 @@ import pytest
 from draglag.errors import DataError
 from draglag.gap import GapReport, close_gap
 from draglag.gap.by_hand import add_by_hand
-from draglag.model_file import LatencyModel
-from draglag.protocols import load_protocol
+from draglag.model.file import LatencyModel
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

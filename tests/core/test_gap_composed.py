@@ -11,7 +11,7 @@ from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.gap import Gap, GapReport, Model, close_gap, find, name, shrinkage
 from draglag.gap.provisional import provisional_term
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

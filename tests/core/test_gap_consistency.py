@@ -14,7 +14,7 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.steps import deviance_gained
 from draglag.gap.traces.run_data import gather
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

@@ -11,7 +11,7 @@ from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.fitting.parameters import where_of
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect

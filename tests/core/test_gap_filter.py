@@ -11,7 +11,7 @@ from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.results import GapReport
 from draglag.gap.traces.run_data import FINE_S, averaged
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect

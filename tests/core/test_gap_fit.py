@@ -20,7 +20,7 @@ from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term, linearise
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.traces.run_data import gather
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

@@ -9,7 +9,7 @@ import pytest
 
 from draglag.errors import EstimateError
 from draglag.gap import close_gap, find
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
 

@@ -7,7 +7,7 @@ import pytest
 
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.traces.run_data import gather
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.low_speed_plateau.interval import plateau_ci95_mm_s

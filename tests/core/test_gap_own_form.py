@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from draglag.gap import GapReport, close_gap
 from draglag.gap.replaying.replay import Replay, replays
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect

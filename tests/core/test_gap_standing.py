@@ -12,7 +12,7 @@ import pytest
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.streams.evidence import inspect
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect

@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from draglag.correction import realise
 from draglag.exchange import read_exchange
+from draglag.gap.correction import realise
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
 from draglag.gap.traces.dewarped import DewarpedKinematics, Shown
-from draglag.model_file import ModelEffect
-from draglag.protocols import load_protocol
+from draglag.model.file import ModelEffect
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effects

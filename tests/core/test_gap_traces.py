@@ -10,15 +10,15 @@ import pytest
 from scipy.signal import savgol_filter
 
 from core import sound_sessions
-from draglag.correction import corrected
 from draglag.errors import EstimateError
 from draglag.gap import close_gap
+from draglag.gap.correction import corrected
 from draglag.gap.fitting.state import _not_far
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.replaying.realised import effects_of_fit
 from draglag.gap.traces.law_speed import before_s, delayed_speeds
 from draglag.gap.traces.run_data import RunData, as_shown, gather, undone
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS

@@ -11,10 +11,10 @@ import pytest
 from scipy.signal import savgol_filter
 from scipy.stats import binom
 
+from draglag.instruments.taps import summarise_taps
 from draglag.latency.spectrum import _window
+from draglag.path.savgol import smoothed
 from draglag.recording import Taps
-from draglag.savgol import smoothed
-from draglag.taps import summarise_taps
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "none-A"
 HEAVY = ("scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate", "matplotlib", "pandas", "xarray",

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from draglag.compensation import compensate
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import DataError
-from draglag.model_file import LatencyModel, load_model, lookup_table, model_of, save_lookup, save_model
-from draglag.protocols import Protocol, RunPlan
+from draglag.model.compensation import compensate
+from draglag.model.file import LatencyModel, load_model, lookup_table, model_of, save_lookup, save_model
+from draglag.model.tracking import tracking_response
+from draglag.protocol.runs import Protocol, RunPlan
 from draglag.simulation import LatencyLaw
 from draglag.simulation.chain import simulate_session
 from draglag.simulation.rig import rig_for_screen
-from draglag.tracking import tracking_response
 
 LAW = LatencyLaw(90.53, 4e-3, 182.9, 2.9e-2, 28.49)
 SPEEDS = np.geomspace(44, 1000, 16)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from draglag.orientation import wrong_way_round
+from draglag.instruments.orientation import wrong_way_round
+from draglag.protocol.targets import Circle, Target
 from draglag.recording import Screen, TouchTrace, empty_touch
-from draglag.targets import Circle, Target
 
 SCREEN = Screen("panel", 509.2, 286.4, 1920, 1080)
 START_S = 100.0

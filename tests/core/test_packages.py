@@ -9,7 +9,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from draglag.errors import DraglagError
-from draglag.packages import PACKAGES, Package, advice, missing_package, need
+from draglag.system.packages import PACKAGES, Package, advice, missing_package, need
 
 ROOT = Path(__file__).parents[2]
 OURS = {"draglag", "draglag_devices", "draglag_app", "draglag_resources", "blind"}

@@ -21,7 +21,7 @@ from draglag.gap.posterior.levels import Levels, log_prior
 from draglag.gap.posterior.linear import Linear, normal
 from draglag.gap.posterior.members import Member, of_unit_rms
 from draglag.gap.posterior.search import searched, sizes_mm
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 

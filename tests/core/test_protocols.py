@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from draglag.errors import DataError
-from draglag.presets import load_screen_file
-from draglag.protocols import expand, load_protocol, load_screen
+from draglag.protocol.presets import load_screen_file
+from draglag.protocol.runs import expand, load_protocol, load_screen
+from draglag.protocol.targets import check_on_screen
 from draglag.recording import Beam
-from draglag.targets import check_on_screen
 from draglag_resources import presets
 
 

@@ -14,7 +14,7 @@ from draglag.analysis import analyze
 from draglag.drawing import style
 from draglag.gap import close_gap
 from draglag.gap.replaying.extended import extended_model
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.provenance import Source, joint_source, source_of
 from draglag.recording import Session
 from draglag.report import figures

@@ -14,7 +14,7 @@ from draglag.gap.fitting.state import Term, term_signature
 from draglag.gap.replaying.realised import effects_of_fit, made
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.traces.run_data import gather
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.report.replayed import binned
 from draglag.simulation import simulate_session

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from draglag.drawing import style
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.reproduction import write
 from draglag.reproduction.curves import Row2
 from draglag.reproduction.further import FurtherSeeds, Tally, further_seeds, further_words, table_further

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from draglag.protocols import expand, load_protocol, load_screen_file
+from draglag.protocol.runs import expand, load_protocol, load_screen_file
+from draglag.protocol.targets import Circle
 from draglag.recording import Beam
 from draglag.simulation import (
     PERFECT,
@@ -21,7 +22,6 @@ from draglag.simulation import (
 )
 from draglag.simulation.digitiser import arrival
 from draglag.simulation.sensor import beam_distance_mm
-from draglag.targets import Circle
 
 RIG = rig_for_screen("screen-1")
 PLANNED = expand(load_protocol("demo"), RIG.screen, beam=RIG.beam)

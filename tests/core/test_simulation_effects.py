@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from draglag.errors import DataError
-from draglag.protocols import expand, load_protocol
+from draglag.protocol.runs import expand, load_protocol
 from draglag.simulation import Human, follow, rig_for_screen, simulate_run_with_truth, simulate_taps
 from draglag.simulation.digitiser import reporting
 from draglag.simulation.effects import EFFECTS, parse_effect, parse_effects

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from draglag.errors import DataError
-from draglag.recording import Screen
-from draglag.targets import (
+from draglag.protocol.targets import (
     MULTISINE_PERIOD_S,
     STEP_FRACTIONS,
     Chirp,
@@ -16,6 +15,7 @@ from draglag.targets import (
     check_on_screen,
     target_from_parameters,
 )
+from draglag.recording import Screen
 
 SCREEN = Screen("Screen 1", 509.2, 286.4, 1920, 1080)
 CIRCLE = Circle(150, 143, 50, 200, 40, 4)

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from draglag.temporary import sweep, temporary_for
+from draglag.system.temporary import sweep, temporary_for
 
 _GROW = """
 import sys
 from pathlib import Path
-from draglag.temporary import temporary_for
+from draglag.system.temporary import temporary_for
 with temporary_for(Path(sys.argv[1])) as growing:
     growing.write_text("half")
     print("growing", flush=True)

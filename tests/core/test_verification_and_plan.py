@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from draglag.analysis import AnalysisOptions, analyze
+from draglag.analysis.planning import plan
 from draglag.curve import CurvePoints, fit_form
+from draglag.instruments.taps import summarise_taps
 from draglag.latency.estimate import prepare
-from draglag.motion import savitzky_golay
-from draglag.planning import plan
-from draglag.protocols import Protocol, RunPlan
+from draglag.path.motion import savitzky_golay
+from draglag.protocol.runs import Protocol, RunPlan
 from draglag.recording import Taps
 from draglag.simulation import LatencyLaw, Rig, rig_for_screen, simulate_session, simulate_session_with_truth
-from draglag.taps import summarise_taps
-from draglag.validation import validate_run
-from draglag.verification import asymptote_check, clock_drifts, width_check
+from draglag.validation.misalignment import validate_run
+from draglag.validation.sanity_checks import asymptote_check, clock_drifts, width_check
 
 LAW = LatencyLaw(90.53, 4e-3, 182.9, 2.9e-2, 28.49)
 

@@ -258,7 +258,7 @@ def test_without_its_library_a_touchscreen_is_not_ready_and_says_what_to_install
 
 
 def test_a_calibration_is_used_and_must_belong_to_the_panel(tmp_path):
-    from draglag.calibration import fit_affine
+    from draglag.instruments.calibration import fit_affine
     from draglag_devices.calibration import save_calibration
 
     x = np.array([500.0, 4500, 500, 4500, 2500])

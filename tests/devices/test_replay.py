@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from draglag.exchange import write_exchange
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle
 from draglag.simulation import simulate_session
 from draglag.store import write_session
-from draglag.targets import Circle
 from draglag_devices.opening import open_source
 from draglag_devices.rig import make_rig
 from draglag_devices.source import DeviceError

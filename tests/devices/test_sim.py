@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle, Tap
 from draglag.recording import ClockBounds
-from draglag.targets import Circle, Tap
 from draglag_devices.clockmap import OnlineClockMap
 from draglag_devices.rig import make_rig
 from draglag_devices.sim.clocks import DeviceClock

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import serial
 
-from draglag.clocks import fit_clocks
+from draglag.instruments.clocks import fit_clocks
 from draglag.recording import ClockBounds, LaserTrace, concatenate
 from draglag_devices import walt as driver
 from draglag_devices.addresses import parse_address

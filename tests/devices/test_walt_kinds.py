@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from draglag.clocks import fit_clocks
+from draglag.instruments.clocks import fit_clocks
 from draglag.recording import LaserTrace, concatenate
 from draglag_devices.addresses import parse_address
 from draglag_devices.walt.source import WaltSource

@@ -12,10 +12,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
+from draglag.protocol.targets import Target
 from draglag.recording import Stylus
 from draglag.simulation import rig_for_screen
-from draglag.targets import Target
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_devices.rig import make_rig

@@ -17,8 +17,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from draglag.protocols import PlannedRun
-from draglag.targets import Circle, Tap
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Circle, Tap
 from draglag_devices.sim.world import World
 from emulators.play import play_laser, play_taps, play_touch
 from emulators.touch import live

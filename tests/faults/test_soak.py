@@ -19,8 +19,8 @@ import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
 from PySide6.QtWidgets import QApplication
 
-from draglag.presets import load_screen
-from draglag.protocols import Protocol
+from draglag.protocol.presets import load_screen
+from draglag.protocol.runs import Protocol
 from draglag.store import read_session
 from draglag_app.session import Control, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.application import make_application

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from core.xdf_files import BOUNDARY, xdf_file
-from draglag.calibration import fit_affine, target_places
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import DataError, DraglagError
 from draglag.exchange import read_exchange
@@ -21,9 +20,10 @@ from draglag.exchange.importers.columns import read_laser_columns
 from draglag.exchange.importers.walt import read_walt_laser
 from draglag.exchange.streams import read_display, read_gaps, read_laser, read_taps, read_touch
 from draglag.exchange.tables import read_events
-from draglag.model_file import load_model, lookup_table, model_of, save_model
-from draglag.presets import load_screen_file
-from draglag.protocols import expand, load_protocol, load_screen
+from draglag.instruments.calibration import fit_affine, target_places
+from draglag.model.file import load_model, lookup_table, model_of, save_model
+from draglag.protocol.presets import load_screen_file
+from draglag.protocol.runs import expand, load_protocol, load_screen
 from draglag.recording import Screen, Session, TouchCalibration
 from draglag.simulation import LatencyLaw
 from draglag.store import codec, session_nodes

@@ -10,15 +10,15 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
-from draglag.clocks import rate_words
+from draglag.analysis.tables import RUN_COLUMNS
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
+from draglag.instruments.clocks import rate_words
 from draglag.latency.estimate import WINDOW_S
 from draglag.latency.estimators import OWN, estimator_names
-from draglag.packages import need
 from draglag.provenance import is_simulated
 from draglag.recording import Session
-from draglag.tables import RUN_COLUMNS
+from draglag.system.packages import need
 from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing, options_kept
 from draglag_app.cli.common import (
     FiniteRange,
@@ -48,7 +48,7 @@ from draglag_app.cli.many import (
 )
 
 if TYPE_CHECKING:
-    from draglag.correction import Correction
+    from draglag.gap.correction import Correction
 
 
 def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -192,8 +192,8 @@ def _corrected(data: Session, model_path: Path | None) -> tuple[Session, Correct
     """The session without the effects of a model, and what was taken out."""
     if model_path is None:
         return data, None
-    from draglag.correction import corrected
-    from draglag.model_file import left_unexplained, load_model, other_screen
+    from draglag.gap.correction import corrected
+    from draglag.model.file import left_unexplained, load_model, other_screen
 
     model = load_model(model_path)
     warn(other_screen(model, data.screen.name), left_unexplained(model))
@@ -265,7 +265,7 @@ def _many(
 
 def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> None:
     import draglag
-    from draglag.model_file import Provenance, model_of, save_model
+    from draglag.model.file import Provenance, model_of, save_model
 
     if analysis.curve is None:
         raise DataError(f"{source}: there is no curve to save", "See the verdict on its runs")

@@ -77,7 +77,7 @@ class Analysing:
         return _or_problem(path, self._done)
 
     def _done(self, path: Path) -> Outcome:
-        from draglag.tables import run_rows
+        from draglag.analysis.tables import run_rows
 
         session = _load(path)
         analysis = analyze(session, self.options)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from draglag.presets import load_screen_file
+from draglag.protocol.presets import load_screen_file
 from draglag.recording import Screen
 from draglag_app.cli.common import FiniteRange, json_option, print_json, progress
 from draglag_app.preflight import Check, preflight, ready

@@ -60,7 +60,7 @@ def load_session(path: Path) -> Session:
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
     """A place to write a new file at that gets its name when the block ends. Raises DataError."""
-    from draglag.temporary import new_file
+    from draglag.system.temporary import new_file
 
     try:
         with new_file(path) as growing:

@@ -11,8 +11,8 @@ from draglag.curve import CurveFit
 from draglag.curve.compare import CurveDifference
 from draglag.curve.ranking import Ranking
 from draglag.errors import DraglagError, EstimateError
-from draglag.packages import need
 from draglag.provenance import Source, source_of
+from draglag.system.packages import need
 from draglag_app.cli.common import (
     json_option,
     load_session,
@@ -118,7 +118,7 @@ def _curves(
 def curve_of(path: Path) -> Found:
     """The curve of a session or of a model, and what it is from."""
     from draglag.analysis import analyze
-    from draglag.model_file import load_model
+    from draglag.model.file import load_model
 
     try:
         if path.suffix == ".json" and path.name != "session.json":

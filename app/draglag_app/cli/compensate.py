@@ -9,14 +9,14 @@ import click
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.packages import need
 from draglag.reading.limits import TIME_S
 from draglag.recording import FloatArray
-from draglag.temporary import new_file
+from draglag.system.packages import need
+from draglag.system.temporary import new_file
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
 
 if TYPE_CHECKING:
-    from draglag.model_file import LatencyModel
+    from draglag.model.file import LatencyModel
 
 
 @click.command("compensate")
@@ -47,7 +47,7 @@ def compensate(
         draglag compensate model.json touch.csv compensated.csv
         draglag compensate model.json --lookup latency.mat --tracking
     """
-    from draglag.model_file import left_unexplained, load_model, save_lookup
+    from draglag.model.file import left_unexplained, load_model, save_lookup
 
     if (source is None) != (out is None) or not (source or lookup or tracking or figure):
         raise click.UsageError("Give IN.csv and OUT.csv, or --lookup, --tracking or --figure.")
@@ -62,7 +62,7 @@ def compensate(
         save_lookup(model, lookup)
         result["lookup"] = str(lookup)
     if tracking or figure:
-        from draglag.tracking import tracking_response
+        from draglag.model.tracking import tracking_response
 
         response = tracking_response(lambda v: model.latency_s(v, extrapolate=extrapolate))
         result["tracking"] = response.to_dict()
@@ -79,8 +79,8 @@ def compensate(
 
 def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool) -> dict[str, Any]:
     """Write the events with the stylus' movement to ``out``; returns what was done as JSON. Raises DataError."""
-    from draglag.compensation import compensate as apply
-    from draglag.correction import corrected_touch
+    from draglag.gap.correction import corrected_touch
+    from draglag.model.compensation import compensate as apply
 
     refuse_existing(out)
     t_s, x_mm, y_mm = _read(source)

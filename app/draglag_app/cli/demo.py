@@ -10,10 +10,10 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.errors import DataError, DraglagError
-from draglag.packages import need
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
+from draglag.system.packages import need
 from draglag_app.cli.common import Seed
 from draglag_app.cli.record import record_with, session_options
 from draglag_app.cli.window import open_window

@@ -72,7 +72,7 @@ def import_(
             --laser diode.csv --map laser.light=volt:>1.5 --screen screen-1 --out session.h5
     """
     from draglag.exchange.importers import HowToRead, parse_map, read_recordings
-    from draglag.presets import load_screen
+    from draglag.protocol.presets import load_screen
     from draglag.store import write_session
 
     refuse_existing(out)

@@ -20,10 +20,10 @@ from draglag.gap.wording import (
     tolerated_in_words,
 )
 from draglag.gap.workflow import close_gap
-from draglag.model_file import save_model
-from draglag.packages import need
+from draglag.model.file import save_model
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects
+from draglag.system.packages import need
 from draglag_app.cli.batch import GAP_COLUMNS, FindingGap
 from draglag_app.cli.common import (
     checksum,

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from draglag.errors import DraglagError
-from draglag.packages import missing_package
+from draglag.system.packages import missing_package
 from draglag_app.cli.terminal import guard_output
 from draglag_app.leftovers import sweep_for
 

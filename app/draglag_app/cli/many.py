@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from draglag.errors import DataError
-from draglag.packages import need
+from draglag.system.packages import need
 from draglag_app.cli.batch import Outcome
 from draglag_app.cli.common import number, print_json, progress, refuse_existing, table, written_whole
 from draglag_app.parallel import spread
@@ -126,7 +126,7 @@ def write_table(rows: Sequence[dict[str, Any]], columns: Sequence[str], path: Pa
     """The rows as CSV or Parquet. Raises DataError where the file cannot be written."""
     with written_whole(path) as growing:
         if path.suffix == ".parquet":
-            from draglag.tables import frame_of
+            from draglag.analysis.tables import frame_of
 
             frame_of(list(rows), list(columns)).to_parquet(growing)
             return

@@ -19,7 +19,7 @@ def plan(protocol: str, screen_name: str, as_json: bool) -> None:
     Example:
         draglag plan latency-sweep --screen screen-1
     """
-    from draglag.planning import plan as predict
+    from draglag.analysis.planning import plan as predict
 
     found = predict(protocol, screen_name)
     if as_json:

@@ -17,11 +17,11 @@ from typing import Any, cast
 import click
 
 from draglag.errors import DataError, DraglagError
-from draglag.packages import advice, need
-from draglag.presets import load_screen_file
-from draglag.protocols import Protocol, load_protocol
+from draglag.protocol.presets import load_screen_file
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
 from draglag.store import clear_leftovers
+from draglag.system.packages import advice, need
 from draglag_app.cli.common import FiniteRange, Seed
 from draglag_app.cli.window import WINDOW_MODULES, need_display
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError
-from draglag.packages import need
+from draglag.system.packages import need
 from draglag_app.cli.common import Seed, json_option, print_json, progress, table
 
 

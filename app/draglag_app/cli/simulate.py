@@ -79,9 +79,9 @@ def simulate(
 
 def _of_model(screen_name: str, path: Path, chosen: tuple[Effect, ...]) -> tuple[Rig, tuple[Effect, ...], str]:
     """Screen with the model's law, its effects and those given by hand, and a description of both. Raises DataError."""
-    from draglag.correction import realise, size_words
+    from draglag.gap.correction import realise, size_words
     from draglag.gap.replaying.realised import rig_with_law
-    from draglag.model_file import left_unexplained, load_model
+    from draglag.model.file import left_unexplained, load_model
     from draglag.simulation.rig import rig_for_screen
 
     model = load_model(path)

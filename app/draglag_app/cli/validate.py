@@ -24,7 +24,7 @@ from draglag_app.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from draglag.validation import Validation
+    from draglag.validation.misalignment import Validation
 
 BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
 
@@ -51,11 +51,11 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
         draglag validate tuesday.h5 --model model.json
     """
     from draglag.analysis import has_constant_speed, mean_by_protocol
-    from draglag.correction import corrected
+    from draglag.gap.correction import corrected
     from draglag.latency.conduct import kept_runs
     from draglag.latency.estimate import prepare
-    from draglag.model_file import left_unexplained, load_model, other_screen
-    from draglag.validation import validate_run
+    from draglag.model.file import left_unexplained, load_model, other_screen
+    from draglag.validation.misalignment import validate_run
 
     model = load_model(model_path)
     warn(left_unexplained(model))

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError, DraglagError
-from draglag.packages import need
+from draglag.system.packages import need
 from draglag_app.cli.main import OPERATOR_WINDOW, load
 
 WINDOW_MODULES = ("PySide6", "pyqtgraph")

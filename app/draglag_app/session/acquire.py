@@ -7,7 +7,7 @@ from pathlib import Path
 
 import draglag
 from draglag.errors import DataError
-from draglag.protocols import Protocol, expand
+from draglag.protocol.runs import Protocol, expand
 from draglag.recording import LogEntry, Session
 from draglag.store import SessionWriter
 from draglag_app.session import events

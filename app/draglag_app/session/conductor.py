@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from draglag.errors import DraglagError
-from draglag.orientation import WORDS, wrong_way_round
-from draglag.protocols import PlannedRun, Protocol
+from draglag.instruments.orientation import WORDS, wrong_way_round
+from draglag.protocol.runs import PlannedRun, Protocol
+from draglag.protocol.targets import Tap
 from draglag.recording import AxisInfo, Run, empty_laser, empty_touch
-from draglag.targets import Tap
 from draglag_app.session import events
 from draglag_app.session.comparing import Comparisons
 from draglag_app.session.control import Control

@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from draglag.protocol.targets import Target
 from draglag.recording import DisplayTrace
-from draglag.targets import Target
 
 
 class Display(Protocol):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
 from draglag.recording import ClockBounds, FloatArray, IntArray, Run
 from draglag_app.session.machine import Phase
 from draglag_devices.source import Batch

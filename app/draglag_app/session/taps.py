@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from draglag.instruments.taps import LONGEST_S
 from draglag.recording import Taps
-from draglag.taps import LONGEST_S
 from draglag_devices.source import ContactChanges
 
 KIND = {1: "touch", 0: "release"}

@@ -9,7 +9,7 @@ from pathlib import Path
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
 
-from draglag.temporary import sweep
+from draglag.system.temporary import sweep
 from draglag_app.windows.application import install_excepthook, make_application
 from draglag_app.windows.settings import load_settings, settings_path
 from draglag_app.windows.window import OperatorWindow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomli_w
 
-from draglag.protocols import Protocol
+from draglag.protocol.runs import Protocol
 
 
 def to_toml(protocol: Protocol) -> str:

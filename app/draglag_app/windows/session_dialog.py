@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLineEdit, QVBoxLayout, QWidget
 
 from draglag.errors import DataError, DraglagError
-from draglag.presets import load_screen_file
+from draglag.protocol.presets import load_screen_file
 from draglag_app.session.details import GIVEN, STANDARD, check_name, check_template
 from draglag_app.windows.parts.finger_lists import raise_rows
 from draglag_app.windows.parts.flow import Flow

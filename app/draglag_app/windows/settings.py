@@ -12,10 +12,10 @@ import tomli_w
 from platformdirs import user_config_path, user_documents_path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from draglag.calibration import AffineFit
 from draglag.errors import DataError, DraglagError
-from draglag.presets import load_screen_file
-from draglag.protocols import load_protocol
+from draglag.instruments.calibration import AffineFit
+from draglag.protocol.presets import load_screen_file
+from draglag.protocol.runs import load_protocol
 from draglag.reading import parse_toml, read_bytes, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_PX
 from draglag.recording import Beam, Screen, Stylus, TouchCalibration

@@ -9,7 +9,7 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication
 
 from draglag.errors import DraglagError
-from draglag.protocols import Protocol
+from draglag.protocol.runs import Protocol
 from draglag.recording import Screen, TouchCalibration
 from draglag_app.session import SessionOptions
 from draglag_app.session.details import file_name

@@ -13,7 +13,7 @@ from PySide6.QtGui import QUndoCommand, QUndoStack
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.errors import DraglagError
-from draglag.protocols import Protocol, load_protocol
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.store import PARTIAL, add_analysis, read_analyses, read_session

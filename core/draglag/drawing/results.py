@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from draglag.drawing import style
-from draglag.packages import need
+from draglag.system.packages import need
 
 if TYPE_CHECKING:
     from draglag.analysis import Analysis

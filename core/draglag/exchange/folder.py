@@ -34,7 +34,7 @@ from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
 from draglag.store.analysis import StoredAnalysis
 from draglag.store.schema import check_run_id
-from draglag.temporary import temporary_for
+from draglag.system.temporary import temporary_for
 
 # A lab may start its recorder a little early or stop it late; beyond this, its times are on another clock.
 _SLACK_S = 5.0

@@ -16,7 +16,7 @@ from draglag.errors import DataError
 from draglag.recording import Session
 from draglag.store.analysis import StoredAnalysis, result_nodes
 from draglag.store.session_nodes import distinct, session_nodes
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 
 _COMPRESSED_BYTES = 16 * 2**20
 """Columns up to this size are compressed: that holds them in memory twice."""

@@ -12,14 +12,14 @@ import h5py
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.packages import advice
 from draglag.recording import Session
 from draglag.store.analysis import StoredAnalysis, result_nodes
 from draglag.store.build import reason, zero_utc
 from draglag.store.schema import Column, Node
 from draglag.store.session_nodes import distinct, session_nodes
 from draglag.store.stored import blocks
-from draglag.temporary import new_file
+from draglag.system.packages import advice
+from draglag.system.temporary import new_file
 
 
 def write_netcdf(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.compose import Gap, Model, Shrinkage, shown_by_streams, shrinkage, with_one_more
 from draglag.gap.constants import STATED_AT_MOST
@@ -24,6 +23,7 @@ from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, twins_of
+from draglag.system.blas import one_blas_thread
 
 BY_HAND = tuple(effect for effect in EFFECTS if column_of(effect) in COLUMNS)
 OF_THE_STREAMS = (STALLS_FOLLOW, "host_tick")  # detected before any fit, which does not change them

@@ -17,9 +17,9 @@ from draglag.gap.constants import P_EFFECT, STATED_AT_MOST
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.linear import likeliest_levels, linearised, normal
 from draglag.gap.posterior.pool import Pool
+from draglag.instruments.taps import LONGEST_S, summarise_taps
 from draglag.recording import FloatArray, Session, Taps
 from draglag.simulation.effects import Effect
-from draglag.taps import LONGEST_S, summarise_taps
 
 TAP_SD_S = 0.0009  # how far releases lie from the asymptote of a sound rig, from panel to panel (fact sheet on taps)
 INTEREST_S = 0.0015  # tolerated: at 100 mm/s 0.15 mm, and a panel may treat a lift as it likes

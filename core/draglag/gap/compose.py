@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
 from draglag.errors import DataError, EstimateError
 from draglag.gap.constants import DEVIANCE_A_PARAMETER, SHARED, STATED_AT_MOST
+from draglag.gap.correction import without_effects
 from draglag.gap.fitting.heldout import (
     IN_EVERY_FIT,
     floor_mm,
@@ -34,6 +34,7 @@ from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.judge import grown, judged
 from draglag.gap.posterior.pool import Pool, compared
 from draglag.gap.posterior.verdict import answer_of
+from draglag.gap.replaying.realised import made
 from draglag.gap.results import Step
 from draglag.gap.session_check import times_out_of_order
 from draglag.gap.steps import deviance_gained, step_of
@@ -43,6 +44,7 @@ from draglag.gap.traces.run_data import gather
 from draglag.latency.conduct import kept_runs
 from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, known_effects
+from draglag.system.blas import one_blas_thread
 
 
 def shown_by_streams(effect_id: str) -> bool:
@@ -298,9 +300,6 @@ def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, f
     """The session with effects of known size taken out, on the law of a first fit."""
     if not held:
         return session
-    from draglag.correction import without_effects  # the correction itself builds on this package
-    from draglag.gap.replaying.realised import made
-
     law = fit_session(session, gather(session)).law
     return without_effects(session, [made(name, dict(values)) for name, values in held], law)
 

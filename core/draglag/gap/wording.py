@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from draglag.clocks import rate_words, remapped
 from draglag.errors import DataError
 from draglag.gap.constants import SHARED
 from draglag.gap.results import (
@@ -19,6 +18,7 @@ from draglag.gap.results import (
     stated,
     unexplained_in_words,
 )
+from draglag.instruments.clocks import rate_words, remapped
 from draglag.latency.on_clock import nearby
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, title_of

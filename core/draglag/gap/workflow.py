@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
 from draglag.gap.check import checked
 from draglag.gap.constants import MOST_EFFECTS
@@ -23,6 +22,7 @@ from draglag.latency.conduct import kept_runs
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.simulation.effects import effect_class, known_effects
+from draglag.system.blas import one_blas_thread
 
 UNFITTED = (
     "edges that no law can be fitted to: touch or laser misses a large part of most runs, or they are not of one drag"

@@ -15,11 +15,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from draglag.events import BATCHED, median
 from draglag.latency.estimate import Prepared
 from draglag.latency.path import Path
 from draglag.latency.spectrum import LONGEST_FILL, events_of
 from draglag.latency.track import Smoothed, smoothed_of
+from draglag.path.events import BATCHED, median
 from draglag.recording import FloatArray, IntArray, TouchTrace
 
 FEWEST = 200  # events in a stretch: fewer do not show a rhythm

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.beam import fit_lines, sides
+from draglag.instruments.beam import fit_lines, sides
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEW_EDGES, Alignment, Prepared, RunEstimate
-from draglag.motion import local_fit
+from draglag.path.motion import local_fit
 from draglag.recording import FloatArray
 
 # In diameters. Below it, up and down cross the beam at places of their own, and a slope looks like a latency: standard

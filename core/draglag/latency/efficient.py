@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from draglag.beam import Lines, sides, stylus_diameter_mm
-from draglag.events import in_contact
+from draglag.instruments.beam import Lines, sides, stylus_diameter_mm
 from draglag.latency.arrival import Arrival, set_back
 from draglag.latency.common import common_flags, cost_without_shift
 from draglag.latency.edges import Edges
@@ -25,6 +24,7 @@ from draglag.latency.pauses import NONE, Pauses, without_pauses
 from draglag.latency.scan import Scan, scan
 from draglag.latency.track import Track, track_of
 from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
+from draglag.path.events import in_contact
 from draglag.recording import FloatArray
 
 ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.beam import Lines
 from draglag.errors import EstimateError
-from draglag.events import hold_at_rate, last_of_batches, sample_interval_s, usable
+from draglag.instruments.beam import Lines
 from draglag.latency.edges import Edges, clean_edges
+from draglag.path.events import hold_at_rate, last_of_batches, sample_interval_s, usable
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.shown import brief
 

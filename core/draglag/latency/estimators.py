@@ -11,7 +11,7 @@ from draglag.errors import DraglagError, EstimateError
 from draglag.latency.efficient import estimate_efficient
 from draglag.latency.estimate import Prepared, RunEstimate
 from draglag.latency.paper import estimate_paper
-from draglag.plugins import brought
+from draglag.system.plugins import brought
 
 GROUP = "draglag.estimators"
 Estimator = Callable[[Prepared, RunEstimate, tuple[float, float]], RunEstimate]

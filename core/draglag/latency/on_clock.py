@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.clocks import WARN_S, clock_warnings, fit_clocks, remapped_within
 from draglag.errors import DataError
+from draglag.instruments.clocks import WARN_S, clock_warnings, fit_clocks, remapped_within
 from draglag.latency.budget import widened
 from draglag.latency.estimate import WINDOW_S, RunEstimate
 from draglag.latency.run import estimate_run
@@ -67,11 +67,11 @@ def estimate_on_clock(
 def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
     """An estimate whose interval holds what the clock leaves open.
 
-    ``bound_s`` (``draglag.clocks.latency_uncertainty_s``) bounds one shift common to all edges of the run, which
-    more edges do not average away. Each half-width h of the 95 % interval becomes √(h² + bound²): the bound is taken
-    whole, as if it were a half-width itself, since it is one that is never exceeded. The standard error, which weighs
-    the run in the curve, takes the shift as even between the bounds: √(se² + bound²/3). An unknown bound (None: stamps
-    of a clock that was never compared) widens nothing and is flagged.
+    ``bound_s`` (``draglag.instruments.clocks.latency_uncertainty_s``) bounds one shift common to all edges of the run,
+    which more edges do not average away. Each half-width h of the 95 % interval becomes √(h² + bound²): the bound is
+    taken whole, as if it were a half-width itself, since it is one that is never exceeded. The standard error, which
+    weighs the run in the curve, takes the shift as even between the bounds: √(se² + bound²/3). An unknown bound (None:
+    stamps of a clock that was never compared) widens nothing and is flagged.
     """
     if bound_s is None:
         return replace(estimate, clock_uncertainty_s=None, flags=(*estimate.flags, "clock_unknown"))

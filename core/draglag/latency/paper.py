@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.beam import fit_lines, sides, stylus_diameter_mm
-from draglag.events import contact_losses, in_contact
+from draglag.instruments.beam import fit_lines, sides, stylus_diameter_mm
 from draglag.latency.common import alignment_at, common_flags, cost_without_shift
 from draglag.latency.estimate import FEWEST_EDGES, Prepared, RunEstimate
 from draglag.latency.scan import scan
-from draglag.motion import SAVGOL_WINDOW, savitzky_golay
+from draglag.path.events import contact_losses, in_contact
+from draglag.path.motion import SAVGOL_WINDOW, savitzky_golay
 from draglag.recording import FloatArray
 
 STEPS_S = (1e-3, 1e-4, 1e-5)  # the search is narrowed to 10 µs, far below any interval

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.events import in_contact, median
 from draglag.latency.estimate import Prepared
 from draglag.latency.track import Track
+from draglag.path.events import in_contact, median
 from draglag.recording import FloatArray
 
 SLOW = 0.6  # of the run's usual speed: slower is a pause

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.beam import sides
-from draglag.events import contact_losses, in_contact, sample_interval_s
+from draglag.instruments.beam import sides
 from draglag.latency.edges import Edges
 from draglag.latency.path import Path
+from draglag.path.events import contact_losses, in_contact, sample_interval_s
+from draglag.path.savgol import smoothed
 from draglag.recording import FloatArray, TouchTrace
-from draglag.savgol import smoothed
 
 MANY_EDGES = 50
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.fft import rfft
 
-from draglag.events import median, sample_interval_s
+from draglag.path.events import median, sample_interval_s
 from draglag.recording import FloatArray, IntArray
 
 SEGMENT_S = 8.0

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.events import contact_losses
 from draglag.latency.estimate import Prepared
 from draglag.latency.path import INDEPENDENT_S, Path, smooth_path
 from draglag.latency.spectrum import Events, Spectrum, corner_for_mean, corner_of, events_of, spectrum_of
 from draglag.latency.tremor import Tremor, tremor_of
+from draglag.path.events import contact_losses
 from draglag.recording import FloatArray
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dtbtrs
 
-from draglag.events import median
+from draglag.path.events import median
 from draglag.recording import FloatArray
 
 SPEED_SLOPE_SD_S = 0.16  # prior on dL/d(ln v): spans every published curve; keeps uneven speed from biasing L

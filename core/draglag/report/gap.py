@@ -29,7 +29,7 @@ from draglag.provenance import Source, source_of
 from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
 :root{{color-scheme:light dark}}

@@ -20,7 +20,7 @@ from draglag.recording import Session
 from draglag.report import figures
 from draglag.report.notes import citation, note_rows
 from draglag.store.schema import slug
-from draglag.temporary import publish, temporary_for
+from draglag.system.temporary import publish, temporary_for
 
 
 @dataclass(frozen=True)

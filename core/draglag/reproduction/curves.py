@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.curve import CurveFit
 from draglag.errors import EstimateError
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2
 from draglag.simulation import simulate_session

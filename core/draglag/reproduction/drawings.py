@@ -14,12 +14,12 @@ from draglag.curve import CurveFit
 from draglag.curve.ranking import Ranked, Ranking
 from draglag.drawing import style
 from draglag.errors import DataError
+from draglag.model.tracking import TrackingResponse
 from draglag.provenance import Source, joint_source
 from draglag.report.many_curves import MOST_IN_COLOURS, each_figure, ranked_figure
 from draglag.reproduction.measure import Reproduction
 from draglag.reproduction.published import RELEASE_TAP_MS
-from draglag.temporary import new_file
-from draglag.tracking import TrackingResponse
+from draglag.system.temporary import new_file
 
 MARKERS = ((style.BLUE, "s"), (style.VERMILION, "o"), (style.GREEN, "^"), (style.PURPLE, "D"), (style.ORANGE, "v"))
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.inversion import Law
 from draglag.latency.estimate import prepare
-from draglag.protocols import Protocol, RunPlan, load_protocol
+from draglag.path.inversion import Law
+from draglag.protocol.runs import Protocol, RunPlan, load_protocol
 from draglag.recording import FloatArray, Session
 from draglag.reproduction.curves import Row2, effects_of, measured_row, sample_hold_rms_ms
 from draglag.reproduction.further import FurtherSeeds, further_seeds
@@ -17,7 +17,7 @@ from draglag.reproduction.own_gap import OwnGap, own_gap
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2, TABLE_3
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effects
-from draglag.validation import Validation, validate_run
+from draglag.validation.misalignment import Validation, validate_run
 
 Progress = Callable[[float, str], None]
 

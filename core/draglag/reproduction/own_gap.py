@@ -13,7 +13,7 @@ from draglag.errors import DraglagError
 from draglag.gap import GapReport, close_gap
 from draglag.gap.replaying.replay import Replay, replays
 from draglag.gap.results import stated
-from draglag.protocols import Protocol, load_protocol
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.reproduction.published import PLATEAU_MM_S
 from draglag.simulation import simulate_session

@@ -10,6 +10,7 @@ import numpy as np
 
 from draglag.drawing import style
 from draglag.errors import DataError
+from draglag.model.tracking import tracking_response
 from draglag.provenance import Source
 from draglag.report import figures
 from draglag.reproduction.curves import Coefficient
@@ -26,8 +27,7 @@ from draglag.reproduction.further import further_words, table_further
 from draglag.reproduction.measure import Cell3, Reproduction
 from draglag.reproduction.own_gap import gap_figures, gap_words
 from draglag.reproduction.published import PLATEAU_MM_S
-from draglag.temporary import new_file
-from draglag.tracking import tracking_response
+from draglag.system.temporary import new_file
 
 SIMULATED_WORDS = (
     "No touchscreen was measured here: both screens are simulated from the paper's own coefficients. Recovering these "

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from draglag.exchange.header import HeaderPart
-from draglag.model_file import LatencyModel
+from draglag.model.file import LatencyModel
 from draglag.schemas.outputs import AnalyzeOutput, CompareOutput, GapOutput
 from draglag.schemas.session_file import layout_schema, page
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from draglag.protocols import PlannedRun, Protocol, expand, load_protocol
+from draglag.protocol.runs import PlannedRun, Protocol, expand, load_protocol
 from draglag.recording import (
     ClockBounds,
     DisplayTrace,

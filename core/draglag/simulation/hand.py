@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from draglag.protocol.targets import Target
 from draglag.simulation.kinematics import GRID_HZ, FloatArray, Motion, grid, motion_of
-from draglag.targets import Target
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from draglag.errors import DataError
-from draglag.presets import load_screen_file
+from draglag.protocol.presets import load_screen_file
 from draglag.recording import Beam, Screen, Stylus
 from draglag.simulation.law import LatencyLaw
 

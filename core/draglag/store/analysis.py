@@ -29,7 +29,7 @@ from draglag.store.schema import (
     Value,
     encode,
 )
-from draglag.temporary import temporary_for
+from draglag.system.temporary import temporary_for
 
 _SOFTWARE = f"draglag {draglag.__version__}"
 _UNITS = (("_mm_s", "mm/s"), ("_s_per_mm", "s/mm"), ("_mm2", "mm2"), ("_mm", "mm"), ("_ms", "ms"), ("_hz", "Hz"))

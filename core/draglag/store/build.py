@@ -30,7 +30,7 @@ from draglag.store.nexus import mark
 from draglag.store.nodes import merged, separate
 from draglag.store.safely import BROKEN
 from draglag.store.schema import Node
-from draglag.temporary import publish, refuse
+from draglag.system.temporary import publish, refuse
 
 # Rows that are merged before they are written: chunks of HDF5 are then filled at once.
 _BATCH_ROWS = 1 << 16

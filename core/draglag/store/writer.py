@@ -32,7 +32,7 @@ from draglag.store.frames import FrameFile, Locked, sync_folder
 from draglag.store.journal import PARTIAL, RECORDING, nodes, survey
 from draglag.store.nodes import merged, pieces, separate
 from draglag.store.schema import Node
-from draglag.temporary import refuse
+from draglag.system.temporary import refuse
 
 # The session as a whole: said in every record, in full where a run begins and ends.
 _HEADS = ("", "screen", "stylus", "beam", "devices", "details", "calibration")

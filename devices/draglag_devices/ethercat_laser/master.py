@@ -32,7 +32,7 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
         try:
             from draglag_devices.ethercat_laser.runner import live
         except ModuleNotFoundError as missing:
-            from draglag.packages import advice
+            from draglag.system.packages import advice
 
             raise Refusal("no_pysoem", *advice(missing.name or "")) from None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 
-from draglag.packages import advice
+from draglag.system.packages import advice
 from draglag_devices.addresses import Address, parse_address
 from draglag_devices.discovery import Found
 from draglag_devices.evdev_touch.finding import event_devices

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from draglag.packages import advice
 from draglag.recording import AxisInfo
+from draglag.system.packages import advice
 from draglag.touch_events.frames import (
     ABS_MT_POSITION_X,
     ABS_MT_POSITION_Y,

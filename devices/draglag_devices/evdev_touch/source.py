@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from draglag.calibration import SIZE_TOLERANCE
 from draglag.errors import DataError
+from draglag.instruments.calibration import SIZE_TOLERANCE
 from draglag.recording import TouchTrace, empty_touch
 from draglag.touch_events.frames import (
     EV_SYN,

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
+from draglag.protocol.targets import Tap
 from draglag.recording import AxisInfo, FloatArray, Run, Taps, TouchTrace, concatenate
 from draglag.simulation import Human, follow, rig_for_screen, simulate_run, simulate_taps
 from draglag.simulation.effects.base import Effect
-from draglag.targets import Tap
 from draglag.touch_events.frames import Mapping2D
 from draglag_devices.sim.clocks import DeviceClock, random_clock
 from draglag_devices.stage import contact_changes

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from draglag.clocks import LARGEST_DRIFT
+from draglag.instruments.clocks import LARGEST_DRIFT
 from draglag.recording import LaserTrace, Taps, concatenate
 from draglag_devices.addresses import Address
 from draglag_devices.clockmap import OnlineClockMap

@@ -14,7 +14,7 @@ import shiboken6
 from PySide6.QtCore import QCoreApplication, QEvent, QEventLoop, QObject, QThread, QTimer
 from PySide6.QtWidgets import QApplication
 
-from draglag.protocols import Protocol, load_protocol
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_app.windows.application import make_application

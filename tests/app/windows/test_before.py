@@ -10,8 +10,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from draglag.presets import load_screen_file
-from draglag.protocols import expand, first_target_after_s, load_protocol
+from draglag.protocol.presets import load_screen_file
+from draglag.protocol.runs import expand, first_target_after_s, load_protocol
 from draglag.recording import Screen
 from draglag.store import read_session
 from draglag_app.cli.record import session_options

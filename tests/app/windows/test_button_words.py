@@ -21,7 +21,7 @@ _COMMAND = re.compile(rf"draglag (?:{'|'.join(COMMANDS)})\b|(?<![\w-])--[a-z]")
 # What no window asks the library for: recordings of other programs, models read from files, the paper's figures, what
 # is computed on other computers. And what is no sentence: style sheets, arguments of helpers, names of columns.
 _NEVER = (
-    "exchange/importers", "model_file", "reproduction", "draglag_app/cli", "draglag_app/lsl", "draglag_app/parallel",
+    "exchange/importers", "model/file", "reproduction", "draglag_app/cli", "draglag_app/lsl", "draglag_app/parallel",
     "drawing/style", "ethercat_laser/master", "ethercat_laser/source", "store/schema", "report/gap", "windows/wording",
 )  # fmt: skip
 # An unknown form cannot be chosen in a window; a helper's option; the Gap page has its own words for the law.

@@ -10,8 +10,8 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
-from draglag.calibration import target_places
 from draglag.errors import DataError
+from draglag.instruments.calibration import target_places
 from draglag.recording import AxisInfo, Screen, TouchTrace
 from draglag.store import read_session
 from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches, fit_touches, size_mismatch

@@ -12,7 +12,7 @@ import pytest
 from PySide6.QtWidgets import QApplication, QFileDialog
 
 from app.windows.conftest import wait_until
-from draglag.protocols import expand
+from draglag.protocol.runs import expand
 from draglag.recording import Session
 from draglag.store import read_session
 from draglag.store.frames import FrameFile

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QWidget
 
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag_app.session.machine import Phase
 from draglag_app.windows.actions import ELSEWHERE
 from draglag_app.windows.pages.geometry import GeometryPage

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtWidgets import QApplication
 
-from draglag.protocols import PlannedRun, expand, load_protocol
+from draglag.protocol.runs import PlannedRun, expand, load_protocol
 from draglag.recording import Beam, Screen
 from draglag_app.session import SessionOptions, events
 from draglag_app.windows.parts.theme import apply_theme, theme

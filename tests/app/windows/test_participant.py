@@ -12,8 +12,8 @@ from PySide6.QtGui import QCloseEvent, QColor, QFont, QFontMetricsF, QImage, QTo
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
+from draglag.protocol.targets import Circle, Tap
 from draglag.recording import Screen
-from draglag.targets import Circle, Tap
 from draglag_app.windows.participant.screen_display import ScreenDisplay
 from draglag_app.windows.participant.window import BACKGROUND, DONE, PRACTICE, TARGET, ParticipantWindow
 

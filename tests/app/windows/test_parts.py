@@ -26,7 +26,7 @@ from PySide6.QtWidgets import (
 )
 
 from draglag.errors import DataError
-from draglag.protocols import load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag_app.session import events
 from draglag_app.windows.actions import ACTIONS, key_list
 from draglag_app.windows.bridge import SessionBridge

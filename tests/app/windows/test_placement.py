@@ -14,7 +14,7 @@ import pytest
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QApplication, QMessageBox, QWidget
 
-from draglag.calibration import target_places
+from draglag.instruments.calibration import target_places
 from draglag.recording import Screen
 from draglag_app.windows import start
 from draglag_app.windows.main import show_whole
@@ -30,7 +30,7 @@ import json, sys, time
 import numpy as np
 from PySide6.QtGui import QColor, QGuiApplication, QImage
 from draglag.recording import Screen
-from draglag.targets import Tap
+from draglag.protocol.targets import Tap
 from draglag_app.windows.application import make_application
 from draglag_app.windows.participant.window import TARGET, ParticipantWindow
 from draglag_app.windows.participant.screen_display import numbered_screen

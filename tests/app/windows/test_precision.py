@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from draglag.planning import plan
-from draglag.protocols import RunPlan
+from draglag.analysis.planning import plan
+from draglag.protocol.runs import RunPlan
 from draglag_app.windows.window import OperatorWindow
 
 SPEEDS = (102.0, 425.0, 1000.0)

@@ -12,7 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
 from app.session_rigs import NeedsPanel, fast_rig, of_role, protocol
-from draglag.presets import load_screen
+from draglag.protocol.presets import load_screen
 from draglag.store import read_session
 from draglag_app.session import Control, Display, SessionOptions, events, run_session
 from draglag_app.windows.pages import bench

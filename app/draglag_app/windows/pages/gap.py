@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 
 from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
-from draglag.model_file import LatencyModel, save_model
+from draglag.model.file import LatencyModel, save_model
 from draglag_app.in_subprocess import close_gap_of, run_in_subprocess, write_gap_of
 from draglag_app.windows.pages.parts.gap_picture import GapPicture
 from draglag_app.windows.pages.parts.gap_steps import StepPlot, StepTable, remarks, unseen

@@ -7,7 +7,7 @@ from PySide6.QtGui import QGuiApplication, QScreen
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QSpinBox, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
-from draglag.presets import load_screen_file
+from draglag.protocol.presets import load_screen_file
 from draglag.recording import Screen
 from draglag_app.windows.pages.parts.calibration_panel import CalibrationPanel
 from draglag_app.windows.participant.placement import shape_problem, turned_panel

@@ -14,8 +14,8 @@ from PySide6.QtWidgets import (
 )
 
 from draglag.errors import DraglagError
-from draglag.protocols import Protocol, RunPlan, load_protocol
-from draglag.temporary import new_file
+from draglag.protocol.runs import Protocol, RunPlan, load_protocol
+from draglag.system.temporary import new_file
 from draglag_app.windows.pages.parts.plan_editor import PlanEditor
 from draglag_app.windows.pages.parts.plan_preview import PlanPreview
 from draglag_app.windows.pages.parts.precision_preview import PrecisionPreview

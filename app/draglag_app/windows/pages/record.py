@@ -13,7 +13,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from draglag.protocols import first_target_after_s
+from draglag.protocol.runs import first_target_after_s
 from draglag_app.session import events
 from draglag_app.session.machine import Phase
 from draglag_app.session.options import COUNTDOWN_S

@@ -13,8 +13,8 @@ from PySide6.QtGui import QGuiApplication, QScreen
 from PySide6.QtWidgets import QApplication
 
 from draglag.errors import DataError
+from draglag.protocol.targets import Target
 from draglag.recording import DisplayTrace, Screen
-from draglag.targets import Target
 from draglag_app.session.control import Control
 from draglag_app.session.display import Display
 from draglag_app.windows.bridge import Prompted

@@ -21,8 +21,8 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QWidget
 
+from draglag.protocol.targets import Tap, Target
 from draglag.recording import Screen
-from draglag.targets import Tap, Target
 from draglag_app.windows.participant.frame_log import FrameLog
 from draglag_app.windows.participant.full_screen import FullScreen
 from draglag_app.windows.participant.side_by_side import WIDE_PX, place_side_by_side

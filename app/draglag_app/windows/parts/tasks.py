@@ -10,7 +10,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Qt, QThreadPool, Signal
 
 from draglag.errors import DraglagError
-from draglag.packages import missing_package
+from draglag.system.packages import missing_package
 
 Progress = Callable[[float, str], None]
 

@@ -15,7 +15,7 @@ from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
 
 from draglag.errors import DataError
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 
 Column = np.ndarray[Any, Any]
 _DOT_PX, _LINE_PX = 14.0, 8.0

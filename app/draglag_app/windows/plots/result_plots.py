@@ -8,13 +8,13 @@ from html import escape
 import numpy as np
 from PySide6.QtWidgets import QTableWidgetItem, QVBoxLayout, QWidget
 
+from draglag.instruments.taps import TapSummary
 from draglag.latency import RunEstimate, estimate
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import WINDOW_S, Alignment
 from draglag.latency.scan import Scan, scan
 from draglag.recording import Run, Session
-from draglag.taps import TapSummary
-from draglag.validation import Validation
+from draglag.validation.misalignment import Validation
 from draglag_app.windows.parts.tasks import Progress, Tasks
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import table

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 
 from PySide6.QtCore import QCoreApplication, QObject, Signal
 
-from draglag.calibration import target_places
 from draglag.errors import DataError, DraglagError
+from draglag.instruments.calibration import target_places
 from draglag.recording import Screen
 from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches
 from draglag_app.windows.participant.screen_display import numbered_screen

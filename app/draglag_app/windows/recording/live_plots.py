@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtWidgets import QWidget
 
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
 from draglag_app.live import LiveRun
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.plots.plot import Plot, tr

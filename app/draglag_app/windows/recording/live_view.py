@@ -8,7 +8,7 @@ from collections.abc import Callable
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QSplitter
 
-from draglag.protocols import PlannedRun
+from draglag.protocol.runs import PlannedRun
 from draglag_app.live import LiveRun
 from draglag_app.session import events
 from draglag_app.windows.participant.docked import DockedPicture

@@ -13,7 +13,7 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QGuiApplication
 
 from draglag.errors import DataError
-from draglag.protocols import PlannedRun, Protocol, expand, planned_after_s
+from draglag.protocol.runs import PlannedRun, Protocol, expand, planned_after_s
 from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge

@@ -18,9 +18,9 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.exchange.importers.columns import LASER_DEFAULTS, TOUCH_DEFAULTS, ColumnMap, laser_of, touch_of
 from draglag.exchange.importers.xdf_chunks import sound_chunks
-from draglag.packages import advice
 from draglag.reading.files import plain_bytes
 from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
+from draglag.system.packages import advice
 
 # Of one file, in the session's notes: one or two a stream are usual.
 _MOST_WARNINGS = 20

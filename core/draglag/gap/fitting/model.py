@@ -8,11 +8,11 @@ from typing import Self
 import numpy as np
 from scipy.special import expit
 
-from draglag.beam import sides
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import EstimateError
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
+from draglag.instruments.beam import sides
 from draglag.recording import FloatArray
 
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.

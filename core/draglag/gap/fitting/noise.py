@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix, diags, identity
 
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
-from draglag.motion import SPEED_TIMING_S
+from draglag.path.motion import SPEED_TIMING_S
 from draglag.recording import FloatArray, IntArray
 
 EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)

@@ -13,7 +13,7 @@ from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import nearest_eq5
 from draglag.gap.results import GapReport, Step
-from draglag.model_file import LatencyModel, ModelEffect, Provenance, Shape, model_of
+from draglag.model.file import LatencyModel, ModelEffect, Provenance, Shape, model_of
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import effect_class
 

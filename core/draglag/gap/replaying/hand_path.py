@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 
 from draglag.gap.replaying.realised import held_s
 from draglag.gap.traces.run_data import RunData
-from draglag.motion import local_fit
+from draglag.path.motion import local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.digitiser import reporting
 from draglag.simulation.effects.base import Effect

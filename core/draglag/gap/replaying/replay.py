@@ -12,9 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
 from draglag.errors import EstimateError
-from draglag.events import contact_losses, sample_interval_s
 from draglag.gap.fitting.joint import Fit, restrict
 from draglag.gap.fitting.model import residual_mm
 from draglag.gap.fitting.signatures import view_of
@@ -25,12 +23,14 @@ from draglag.gap.streams.evidence import inspect
 from draglag.gap.traces.edges import Placed, place
 from draglag.gap.traces.run_data import RunData, before_events, gather
 from draglag.latency.estimate import RunEstimate
+from draglag.path.events import contact_losses, sample_interval_s
 from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace
 from draglag.simulation.chain import simulate_run
 from draglag.simulation.effects import Effect, effect_class
 from draglag.simulation.kinematics import Motion
 from draglag.simulation.residual import View
 from draglag.simulation.rig import Rig
+from draglag.system.blas import one_blas_thread
 
 Progress = Callable[[float, str], None]
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from draglag.events import sample_interval_s
-from draglag.motion import local_fit
+from draglag.path.events import sample_interval_s
+from draglag.path.motion import local_fit
 from draglag.recording import FloatArray
 
 if TYPE_CHECKING:

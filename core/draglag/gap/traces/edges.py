@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from draglag.events import in_contact, sample_interval_s
 from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay, delayed_speed_difference, delayed_speeds
 from draglag.gap.traces.local_fits import Traces, traces_of
 from draglag.gap.traces.run_data import RunData
-from draglag.inversion import slope_of, stylus_speed, stylus_time_s
-from draglag.motion import speed_half_widths_s
+from draglag.path.events import in_contact, sample_interval_s
+from draglag.path.inversion import slope_of, stylus_speed, stylus_time_s
+from draglag.path.motion import speed_half_widths_s
 from draglag.recording import FloatArray, IntArray
 
 Law = Callable[[FloatArray], FloatArray]

@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from draglag.events import sample_interval_s
 from draglag.gap.traces.run_data import RunData
-from draglag.motion import FitWeights, local_fit
+from draglag.path.events import sample_interval_s
+from draglag.path.motion import FitWeights, local_fit
 from draglag.recording import FloatArray, IntArray
 
 BETWEEN_S = 10.0  # longer than any window

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from draglag.errors import EstimateError
-from draglag.events import contact_losses, sample_interval_s
 from draglag.gap.traces.dewarped import Shown, shown_speed
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.estimate import RunEstimate, prepare
 from draglag.latency.run import estimate_run
-from draglag.motion import best_half_width_s, local_fit, speed_half_widths_s
+from draglag.path.events import contact_losses, sample_interval_s
+from draglag.path.motion import best_half_width_s, local_fit, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from draglag.motion import local_fit
+from draglag.path.motion import local_fit
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData

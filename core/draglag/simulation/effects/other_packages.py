@@ -6,8 +6,8 @@ import re
 from collections.abc import Collection, Iterator
 from typing import cast
 
-from draglag.plugins import brought
 from draglag.simulation.effects.base import Effect
+from draglag.system.plugins import brought
 
 GROUP = "draglag.effects"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtWidgets import QWidget
 
-from draglag.calibration import AffineFit, target_places
 from draglag.errors import DraglagError
+from draglag.instruments.calibration import AffineFit, target_places
 from draglag.recording import Screen
 from draglag_app.calibrating import TARGETS, size_mismatch
 from draglag_app.windows.parts.ask_files import ask_save

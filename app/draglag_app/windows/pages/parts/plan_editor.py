@@ -8,7 +8,7 @@ from typing import Any
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QLineEdit, QSpinBox, QWidget
 
-from draglag.protocols import RunPlan
+from draglag.protocol.runs import RunPlan
 from draglag_app.windows.parts.widgets import Form, Panel, label, restyle
 from draglag_app.windows.wording import words
 

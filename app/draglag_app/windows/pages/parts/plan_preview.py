@@ -8,7 +8,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt
 
 from draglag.errors import DraglagError
-from draglag.protocols import PlannedRun, expand, first_target_after_s
+from draglag.protocol.runs import PlannedRun, expand, first_target_after_s
 from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label, restyle

@@ -9,9 +9,9 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
+from draglag.analysis.planning import Plan, PlannedPrecision, plan
 from draglag.errors import DraglagError
-from draglag.planning import Plan, PlannedPrecision, plan
-from draglag.protocols import Protocol
+from draglag.protocol.runs import Protocol
 from draglag.simulation import Rig, rig_for_screen
 from draglag_app.windows.parts.tasks import Task, Tasks
 from draglag_app.windows.parts.theme import theme

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from draglag.protocols import Protocol
+from draglag.protocol.runs import Protocol
 from draglag_app.windows.parts.widgets import Form, Panel
 from draglag_app.windows.workspace import Workspace
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from draglag.motion import SPEED_TIMING_S
+from draglag.path.motion import SPEED_TIMING_S
 from draglag.recording import FloatArray
 from draglag.simulation.effects.acceleration_lag import ACCEL_UNKNOWN
 from draglag.simulation.effects.base import Confounder, Effect, Parameter

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from draglag.motion import best_half_width_s
+from draglag.path.motion import best_half_width_s
 from draglag.recording import FloatArray
 from draglag.simulation.effects.in_fits import UndoneTrace
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
-from draglag.motion import local_fit
+from draglag.path.motion import local_fit
 from draglag.recording import FloatArray, IntArray, TouchTrace
 from draglag.simulation.effects.sample_hold.ages import uneven_age_s
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from draglag.motion import local_fit
+from draglag.path.motion import local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, stack_runs, track_histories

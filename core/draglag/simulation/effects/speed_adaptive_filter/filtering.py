@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_banded
 
-from draglag.events import contact_losses
+from draglag.path.events import contact_losses
 from draglag.recording import FloatArray
 
 DERIVATIVE_HZ = 1.0  # cut-off of the low-pass on the velocity, as published

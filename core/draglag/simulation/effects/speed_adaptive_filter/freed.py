@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy.sparse import identity
 
-from draglag.events import sample_interval_s
-from draglag.motion import local_fit
+from draglag.path.events import sample_interval_s
+from draglag.path.motion import local_fit
 from draglag.simulation.effects.in_fits import UndoneTrace
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.clocks import remapped, remapped_within
 from draglag.errors import DataError
-from draglag.events import sample_interval_s, usable
 from draglag.gap.replaying.realised import made
 from draglag.gap.streams.evidence import inspect
-from draglag.inversion import Law, stylus_path
+from draglag.instruments.clocks import remapped, remapped_within
 from draglag.latency.on_clock import nearby
-from draglag.model_file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
+from draglag.model.file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
+from draglag.path.events import sample_interval_s, usable
+from draglag.path.inversion import Law, stylus_path
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
 from draglag.simulation.effects import EFFECTS, Edges, Effect
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion

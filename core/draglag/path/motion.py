@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from draglag.events import sample_interval_s
+from draglag.path.events import sample_interval_s
+from draglag.path.savgol import smoothed
 from draglag.recording import FloatArray, IntArray, TouchTrace
-from draglag.savgol import smoothed
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.events import contact_losses, in_contact, sample_interval_s, usable
-from draglag.inversion import Law, stylus_path, stylus_speed, stylus_time_s
-from draglag.motion import local_fit
+from draglag.path.events import contact_losses, in_contact, sample_interval_s, usable
+from draglag.path.inversion import Law, stylus_path, stylus_speed, stylus_time_s
+from draglag.path.motion import local_fit
 from draglag.recording import FloatArray, TouchTrace
 from draglag.shown import brief
 

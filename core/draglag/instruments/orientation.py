@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from draglag.protocol.targets import Target
 from draglag.recording import FloatArray, Screen, TouchTrace
-from draglag.targets import Target
 
 Orientation = Literal["turned", "left_right", "top_bottom"]
 

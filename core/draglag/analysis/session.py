@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
-from draglag.clocks import remapped
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
+from draglag.instruments.clocks import remapped
+from draglag.instruments.taps import TapSummary, summarise_taps
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
 from draglag.latency.conduct import why_excluded, with_conduct
@@ -21,9 +21,9 @@ from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
 from draglag.shown import table_html
-from draglag.taps import TapSummary, summarise_taps
-from draglag.validation import Validation, validate_run
-from draglag.verification import (
+from draglag.system.blas import one_blas_thread
+from draglag.validation.misalignment import Validation, validate_run
+from draglag.validation.sanity_checks import (
     AsymptoteCheck,
     ClockDrift,
     WidthCheck,
@@ -113,7 +113,7 @@ class Analysis:
 
     def _repr_html_(self) -> str:
         """The runs as a notebook shows them, and the curve."""
-        from draglag.tables import run_rows
+        from draglag.analysis.tables import run_rows
 
         keys = ["run", "speed_mm_s", "latency_ms", "latency_low_ms", "latency_high_ms", "n_edges", "flags"]
         rows = [[row[key] for key in keys] for row in run_rows(self)]
@@ -121,11 +121,11 @@ class Analysis:
         return table_html(f"Analysis of {self.session}", keys, rows) + curve
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame with a row for each run: the columns of ``draglag.tables.RUN_COLUMNS``.
+        """A pandas DataFrame with a row for each run: the columns of ``draglag.analysis.tables.RUN_COLUMNS``.
 
         Raises DraglagError where pandas is not installed.
         """
-        from draglag.tables import RUN_COLUMNS, frame_of, run_rows
+        from draglag.analysis.tables import RUN_COLUMNS, frame_of, run_rows
 
         return frame_of(run_rows(self), list(RUN_COLUMNS))
 
@@ -134,7 +134,7 @@ class Analysis:
 
         Raises DraglagError where xarray is not installed.
         """
-        from draglag.tables import dataset_of
+        from draglag.analysis.tables import dataset_of
 
         return dataset_of(self)
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.inversion import Law
+from draglag.path.inversion import Law
+from draglag.protocol.targets import MULTISINE_AMPLITUDE, MULTISINE_INDEX, MULTISINE_PERIOD_S, MultiSine
 from draglag.recording import FloatArray
-from draglag.targets import MULTISINE_AMPLITUDE, MULTISINE_INDEX, MULTISINE_PERIOD_S, MultiSine
 
 GRID_HZ = 800.0
 

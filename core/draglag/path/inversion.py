@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from draglag.events import sample_interval_s
-from draglag.motion import local_fit
+from draglag.path.events import sample_interval_s
+from draglag.path.motion import local_fit
+from draglag.path.savgol import smoothed
 from draglag.recording import FloatArray, IntArray
-from draglag.savgol import smoothed
 
 Law = Callable[[FloatArray], FloatArray]
 

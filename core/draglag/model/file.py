@@ -18,7 +18,7 @@ from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
-from draglag.temporary import new_file
+from draglag.system.temporary import new_file
 
 VERSION = 1
 MADE_BY = "Give a file made by analyze --save-model or gap --save-model"

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from draglag.packages import need
+from draglag.system.packages import need
 
 if TYPE_CHECKING:
-    from draglag.analysis import Analysis
+    from draglag.analysis.session import Analysis
 
 # Columns of a run with what they are; the unit ends the name.
 RUN_COLUMNS = {

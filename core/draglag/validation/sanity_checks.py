@@ -9,9 +9,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from draglag.curve import CurveFit
+from draglag.instruments.taps import TapSummary
 from draglag.latency import RunEstimate
 from draglag.recording import Session
-from draglag.taps import TapSummary
 
 MARGIN_S = 0.003  # the mean least noticeable drag latency is 6 ms (the paper, Section I): half of it
 DRIFT_LIMIT_MS_PER_MIN = 1.0  # what the paper demands of a clock

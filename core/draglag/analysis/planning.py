@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.blas import one_blas_thread
 from draglag.curve.forms import FORMS
 from draglag.latency import estimate_on_clock, with_systematics
 from draglag.latency.bound import HandSpectrum, TouchNoise, latency_bound_s
-from draglag.protocols import PlannedRun, Protocol, expand, load_protocol
+from draglag.protocol.runs import PlannedRun, Protocol, expand, load_protocol
 from draglag.recording import FloatArray
 from draglag.simulation import Human, Rig, follow, rig_for_screen, simulate_run
+from draglag.system.blas import one_blas_thread
 
 FORM = "double_exponential"
 GRID_HZ = 1000.0

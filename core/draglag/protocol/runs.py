@@ -15,10 +15,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from draglag.presets import Length, Positive, Strict, load_screen, load_screen_file, read_toml
+from draglag.protocol.presets import Length, Positive, Strict, load_screen, load_screen_file, read_toml
+from draglag.protocol.targets import SIDEWAYS_PX_S, Chirp, Circle, MultiSine, Step, Target, check_on_screen
 from draglag.reading.limits import RUNS, SIZE_MM, WHOLE_MOST
 from draglag.recording import Beam, Screen
-from draglag.targets import SIDEWAYS_PX_S, Chirp, Circle, MultiSine, Step, Target, check_on_screen
 
 __all__ = ["PlannedRun", "Protocol", "RunPlan", "expand", "load_protocol", "load_screen", "load_screen_file"]
 

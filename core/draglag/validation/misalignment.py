@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.beam import Lines, fit_lines, sides
 from draglag.errors import EstimateError
-from draglag.events import contact_losses, in_contact
-from draglag.inversion import Law, StylusPath, stylus_path
+from draglag.instruments.beam import Lines, fit_lines, sides
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
-from draglag.motion import savitzky_golay
+from draglag.path.events import contact_losses, in_contact
+from draglag.path.inversion import Law, StylusPath, stylus_path
+from draglag.path.motion import savitzky_golay
 from draglag.recording import FloatArray
 from draglag.shown import brief
 
