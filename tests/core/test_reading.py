@@ -86,6 +86,16 @@ def test_deep_json_is_refused(text: str) -> None:
         parse_json(text, "a.json")
 
 
+@pytest.mark.parametrize("text", ['{"form": "double\\ud800"}', '{"\\udfff": 1}', '[["\\ud800"]]'])
+def test_half_a_character_is_refused(text: str) -> None:
+    with pytest.raises(DataError, match="half a character"):
+        parse_json(text, "a.json")
+
+
+def test_a_character_of_two_escapes_is_read() -> None:
+    assert parse_json('"\\ud83d\\ude00"', "a.json") == "\U0001f600"
+
+
 def test_json_as_deep_as_allowed_is_read() -> None:
     assert parse_json("[" * DEPTH + "]" * DEPTH, "a.json")
 

@@ -11,6 +11,7 @@ from typing import Any
 from draglag.errors import DataError
 from draglag.reading.limits import DEPTH, KEY_PARTS, WHOLE_MOST
 
+_HALF = re.compile("[\ud800-\udfff]")  # of a character beyond U+FFFF
 # A part begins where no other character of a part stands before it, so that every stretch is looked at once.
 _LONG_KEY = re.compile(
     r"(?<![\w\-\"'])(?:(?:\"[^\"\n]{0,99}\"|'[^'\n]{0,99}'|[\w-]{1,99})[ \t]*\.[ \t]*)" + f"{{{KEY_PARTS}}}"
@@ -46,18 +47,22 @@ def parse_toml(text: str, where: Path | str, remedy: str = "Correct the file at 
 
 
 def checked(value: Any, where: Path | str, remedy: str = "Correct the file") -> Any:
-    """The value itself. Raises DataError where it is nested too deep or holds a whole number that is too long."""
+    """The value itself. Raises DataError where it is nested too deep, holds a whole number that is too long, or half a
+    character (JSON can escape one of a pair alone), which no file and no message could hold."""
     waiting: list[tuple[Any, int, str]] = [(value, 0, "")]
     while waiting:
         item, depth, key = waiting.pop()
         if depth > DEPTH:
             raise _too_deep(where, remedy)
         if isinstance(item, dict):
+            waiting.extend((name, depth, "") for name in item)
             waiting.extend((inner, depth + 1, str(name)) for name, inner in item.items())
         elif isinstance(item, list):
             waiting.extend((inner, depth + 1, key) for inner in item)
         elif isinstance(item, int) and not -WHOLE_MOST <= item <= WHOLE_MOST:
             raise DataError(f"{where}: {key[:40]}: holds a number that is too long", remedy)
+        elif isinstance(item, str) and _HALF.search(item):
+            raise DataError(f"{where}: holds half a character (an escape of D800 to DFFF alone)", remedy)
     return value
 
 
