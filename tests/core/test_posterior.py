@@ -48,7 +48,7 @@ def linear(rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Mem
         at,
         Noise((noise,)),
         False,
-        cast("LawParameters", None),
+        LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03),
     )  # type: ignore[arg-type]
 
 
@@ -81,6 +81,20 @@ def test_the_size_of_a_member_is_that_of_its_share_of_the_residual() -> None:
     search = searched(seen, (normal(seen, LEVELS),))
     assert search.names(search.best) == ("one",)
     assert sizes_mm(search, search.best)["one"] == pytest.approx(0.4, abs=4 * 0.15 / np.sqrt(200))
+
+
+@pytest.mark.parametrize(("name", "left"), [("?x:offset", 0.3), ("named", 0.9)])
+def test_of_what_has_no_name_counts_what_the_law_and_the_beam_cannot_be(name: str, left: float) -> None:
+    rng = np.random.default_rng(3)
+    n = 200
+    shape = np.sqrt(0.9**2 - 0.3**2) + 0.3 * rng.standard_normal(n)  # most of it is the constant that the base has
+    members = (Member(name, (), shape[:, None], np.log(0.02)),)
+    seen = replace(linear(rng, shape + 0.05 * rng.standard_normal(n), members), precision=np.array([1e8]))
+    search = searched(seen, (normal(seen, LEVELS),))
+    # Known to the noise of 0.14 mm over the root of 200; the spread of the draw to 1 / sqrt(400).
+    assert sizes_mm(search, search.best)[name] == pytest.approx(
+        left, abs=4 * (0.14 / np.sqrt(n) + 0.3 / np.sqrt(2 * n))
+    )
 
 
 def test_a_curve_of_another_form_has_a_nearest_eq_5_and_a_remainder() -> None:

@@ -93,7 +93,7 @@ def _latency(again: Replay) -> Statistic | None:
 
 
 def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """The stylus' width, mean over the runs."""
+    """The stylus' width, mean over the runs: surely apart by more than the size of interest, or not."""
     rows = [
         (a.stylus_diameter_mm, b.stylus_diameter_mm, a.stylus_diameter_se_mm or 0.0, b.stylus_diameter_se_mm or 0.0)
         for a, b in both
@@ -104,7 +104,7 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
     measured, simulated, one, other = np.array(rows, float).T
     sd = float(np.sqrt(np.sum(one**2 + other**2 + WIDTH_SD_MM**2))) / len(rows)
     apart = abs(float(np.mean(measured - simulated)))
-    agrees = apart < max(SIZE_OF_INTEREST_MM, SURELY_SD * sd)
+    agrees = apart < SIZE_OF_INTEREST_MM + SURELY_SD * sd
     return Statistic("stylus width", "kind_of_edge", float(measured.mean()), float(simulated.mean()), "mm", agrees)
 
 

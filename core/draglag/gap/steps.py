@@ -92,10 +92,14 @@ class Link:
 
 def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
     """The chain up to the first effect with which held-out runs neither shrink nor are predicted better, and what that
-    effect follows."""
-    for k, link in enumerate(chain[1:], start=1):
-        if not shrinks_or_predicts(link.before, link.after):
-            return chain[:k], effect_class(link.effect).follows
+    effect follows. Effects that hide each other, as a late and an early edge do, are judged together with the next."""
+    k = 1
+    while k < len(chain):
+        together = (m for m in range(k, len(chain)) if shrinks_or_predicts(chain[k].before, chain[m].after))
+        last = next(together, None)
+        if last is None:
+            return chain[:k], effect_class(chain[k].effect).follows
+        k = last + 1
     return chain, None
 
 

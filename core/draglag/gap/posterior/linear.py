@@ -49,6 +49,11 @@ class Linear:
     unsure_ages: bool
     law: LawParameters
 
+    @property
+    def model(self) -> FloatArray:
+        """Columns (m, k) of Eq. 5 and the beam, the first of the base."""
+        return self.base[:, : len(self.law.step_sd) + 2]
+
 
 @dataclass(frozen=True)
 class Normal:

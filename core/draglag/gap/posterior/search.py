@@ -196,7 +196,8 @@ def log_evidence(search: Search, explanation: Explanation) -> FloatArray:
 
 
 def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
-    """Posterior mean size of each member, mm RMS over the edges, under the likeliest levels."""
+    """Posterior mean size of each member, mm RMS over the edges, under the likeliest levels; of one without a name what
+    Eq. 5 and a straight beam would leave of it, for they may be what it is."""
     linear = search.linear
     at, scale = columns_of(linear, explanation)
     if not at.size:
@@ -208,6 +209,8 @@ def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
     for i in explanation.members:
         own = linear.at[i]
         moved = linear.columns[:, own] @ mean[k : k + own.size]
+        if not linear.members[i].named:
+            moved = moved - linear.model @ np.linalg.lstsq(linear.model, moved, rcond=None)[0]
         out[linear.members[i].name] = float(np.sqrt(np.mean(moved**2)))
         k += own.size
     return out
