@@ -296,3 +296,10 @@ def test_what_the_law_undoes_is_not_reported_as_left_in(model: LatencyModel, dri
     held = model.model_copy(update={"effects": (plateau,)})
     words = corrected_touch(touch.t_s, touch.x_mm, touch.y_mm, held)[3].words()
     assert words == "low_speed_plateau is part of the latency law, which undoes it"
+
+
+def test_a_model_of_more_runs_than_any_session_has_is_refused(model: LatencyModel, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(model.model_dump(mode="json") | {"n_points": 2**100}), "utf-8")
+    with pytest.raises(DataError, match="n_points"):
+        load_model(path)

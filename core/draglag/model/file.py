@@ -15,7 +15,7 @@ from draglag.curve import FORMS, CurveFit
 from draglag.errors import DataError
 from draglag.provenance import Source
 from draglag.reading import parse_json, read_text
-from draglag.reading.limits import DOCUMENT_BYTES
+from draglag.reading.limits import DOCUMENT_BYTES, RUNS
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
 from draglag.system.temporary import new_file
@@ -82,7 +82,7 @@ class LatencyModel(_Table):
     parameters: dict[str, Finite]
     covariance: tuple[tuple[Finite, ...], ...]
     speed_range_mm_s: tuple[Finite, Finite]
-    n_points: Annotated[int, Field(ge=0)]
+    n_points: Annotated[int, Field(ge=0, le=RUNS)]
     rms_ms: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     between_runs_ms: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     tied_asymptote_ms: Finite | None = None
