@@ -13,9 +13,11 @@ from core import sound_sessions
 from draglag.errors import EstimateError
 from draglag.gap import close_gap
 from draglag.gap.correction import corrected
+from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import _not_far
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.replaying.realised import effects_of_fit
+from draglag.gap.traces.edges import place
 from draglag.gap.traces.law_speed import before_s, delayed_speeds
 from draglag.gap.traces.run_data import RunData, as_shown, gather, undone
 from draglag.protocol.runs import load_protocol
@@ -235,6 +237,19 @@ def test_a_chirps_speed_is_followed_where_the_laws_slope_changes_with_it(asked: 
     assert np.std(np.interp(at_s, *data.quick) - true) > 2.5
     assert np.std(off_mm_s) < 1.0  # of which noise through a window of 0.26 s is 0.35
     assert np.abs(np.mean(off_mm_s)) < 0.3
+
+
+@pytest.mark.parametrize("delay_s", [0.1, -0.1])
+def test_an_edge_whose_laws_speed_no_trace_shows_is_left_out(sound: Session, delay_s: float) -> None:
+    runs = gather(sound)
+    law = LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03)
+    now, then = place(runs, law), place(runs, law, delay=(0.0, delay_s))
+    moment_s = then.t_s + then.latency_s - delay_s
+    ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in runs])[then.run]
+    outside = (moment_s < ends_s[:, 0]) | (moment_s > ends_s[:, 1])
+    assert np.count_nonzero(now.ok & outside) > 0
+    assert not then.ok[outside].any()
+    assert np.mean(then.ok[now.ok & ~outside]) > 0.99
 
 
 def test_an_edge_of_a_stylus_that_stands_nearly_still_is_no_level_of_its_own() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from draglag.gap.traces.dewarped import DewarpedKinematics
-from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay, delayed_speed_difference, delayed_speeds
+from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay, before_s, delayed_speed_difference, delayed_speeds
 from draglag.gap.traces.local_fits import Traces, traces_of
 from draglag.gap.traces.run_data import RunData
 from draglag.path.events import in_contact, sample_interval_s
@@ -125,7 +125,10 @@ def place(
     ok &= np.abs(at_s - made[:, 0]) < NEAR_S
     ok &= (sudden == 0) & (np.abs(v_mm_s[:, 1]) > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
     run, t_s = traces.run, edge_s - traces.shift_s[traces.run]
-    first_s = np.array([data.t_s[0] for data in runs])
+    first_s, last_s = np.array([data.t_s[[0, -1]] for data in runs]).reshape(-1, 2).T
+    # What speed the law is asked at before a trace begins, or after its end, is not known.
+    moment_s = t_s + latency - before_s(delay, latency)
+    ok &= (moment_s >= first_s[run]) & (moment_s <= last_s[run])
     judged = ok & traces.steady
     count = np.bincount(run[judged], None, len(runs))
     mean = np.bincount(run[judged], speed[judged], len(runs)) / np.maximum(count, 1)
