@@ -93,7 +93,7 @@ def _latency(again: Replay) -> Statistic | None:
 
 
 def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """The stylus' width, mean over the runs: surely apart by more than the size of interest, or not."""
+    """The stylus' width, mean over the runs, weighted by what each run knows of it."""
     rows = [
         (a.stylus_diameter_mm, b.stylus_diameter_mm, a.stylus_diameter_se_mm or 0.0, b.stylus_diameter_se_mm or 0.0)
         for a, b in both
@@ -102,10 +102,10 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
     if len(rows) < FEWEST_RUNS:
         return None
     measured, simulated, one, other = np.array(rows, float).T
-    sd = float(np.sqrt(np.sum(one**2 + other**2 + WIDTH_SD_MM**2))) / len(rows)
-    apart = abs(float(np.mean(measured - simulated)))
-    agrees = apart < SIZE_OF_INTEREST_MM + SURELY_SD * sd
-    return Statistic("stylus width", "kind_of_edge", float(measured.mean()), float(simulated.mean()), "mm", agrees)
+    weight = 1 / (one**2 + other**2 + WIDTH_SD_MM**2)
+    means = float(np.average(measured, weights=weight)), float(np.average(simulated, weights=weight))
+    agrees = abs(means[0] - means[1]) < max(SIZE_OF_INTEREST_MM, SURELY_SD / float(np.sqrt(weight.sum())))
+    return Statistic("stylus width", "kind_of_edge", *means, "mm", agrees)
 
 
 def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:

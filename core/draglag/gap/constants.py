@@ -27,6 +27,10 @@ P_EFFECT = 0.02
 P_LAW_FORM = 0.2
 """Prior probability that the curve is not Eq. 5. Judgement: one screen in five."""
 
+OWN_FORM = 0.5
+"""Probability from which on the curve is said not to be Eq. 5, and fits have its own form. Derived: what is more
+probable than not."""
+
 P_FALLING = 0.5
 """Prior probability that a smooth form of the curve falls with speed all along. Derived: the order of magnitude, which
 weighs ln 2 nats."""

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import clock_offset, creep_of, shares_by_edges
-from draglag.gap.constants import SHARED, STATED_AT_MOST
+from draglag.gap.constants import OWN_FORM, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
@@ -117,7 +117,7 @@ def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
 def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
     """Whether Eq. 5 describes the curve."""
     p = judgement.pool.probability_of(LAW_FORM)
-    return LawStatement(p < 0.5, p, remainder_rms_s(fit.law, fit.view.speed))
+    return LawStatement(p < OWN_FORM, p, remainder_rms_s(fit.law, fit.view.speed))
 
 
 def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> list[Link]:

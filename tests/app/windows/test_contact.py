@@ -1,4 +1,4 @@
-"""Whether the stylus is on the screen, and that the participant is told where it is not."""
+"""Whether the stylus is on the screen, and that the participant is asked to put it back."""
 
 from __future__ import annotations
 

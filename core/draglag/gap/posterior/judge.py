@@ -19,7 +19,6 @@ from draglag.gap.proposing.proposals import refits_with, shown_by_edges, shown_b
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, effect_class
 
-OWN_FORM = 0.5  # probability from which on fits have the curve's own form
 DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
 PROPOSED = 3  # effects that are then refitted
 PROMISING = 5.0  # nats that one of those gains alone
@@ -53,7 +52,7 @@ def judged(
     inside = effects_in(first)
     fits: dict[Names, Fit] = {inside: first}
     pool = compared([first], allowed, unsure_ages, most=most_effects)
-    if not inside and pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > OWN_FORM:
+    if not inside and pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.OWN_FORM:
         fits = {inside: with_own_form(session, first)}
         pool = compared(list(fits.values()), allowed, unsure_ages, most=most_effects)
     barred: set[str] = set()
