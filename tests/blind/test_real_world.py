@@ -140,7 +140,7 @@ def test_warm_up_saturates():
         tau = truth.variants.get("warm_up", {}).get("time_constant_s")
     for run in truth.rig.plan:
         middle = run.start_s + run.duration_s / 2
-        expected = 0.02 * (1 - np.exp(-middle / tau))
+        expected = 0.02 * np.exp(-middle / tau)
         assert late["warm"][run.id] - late["cold"][run.id] == pytest.approx(expected, abs=3e-4)
 
 

@@ -123,8 +123,8 @@ def latency(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, own_s: float, 
 
 
 def warmed(size_s: float, where: dict, t_s: np.ndarray) -> np.ndarray:
-    """Latency (n,) that a screen has gained since it was switched on, at the start of the session."""
-    return np.asarray(size_s * -np.expm1(-np.maximum(t_s, 0.0) / where["time_constant_s"]))
+    """Latency (n,) that a screen has yet to lose; it is switched on at the start of the session."""
+    return np.asarray(size_s * np.exp(-np.maximum(t_s, 0.0) / where["time_constant_s"]))
 
 
 def _mode_active(where: dict, motion: Motion, seed: int, run_id: str) -> np.ndarray:

@@ -63,8 +63,8 @@ EFFECTS: dict[str, Hidden] = {
     ),
     "prediction": Hidden(0.015, "s", "reports extrapolated by this much; taps are not", realistic_only=True),
     "deadband": Hidden(0.3, "mm", "small movements are held back", realistic_only=True),
-    "warm_up": Hidden(0.012, "s", "latency gained as the screen gets warm", signed=True, realistic_only=True),
-    "beam_bow": Hidden(0.55, "mm", "the beam is higher by this at both sides", signed=True, realistic_only=True),
+    "warm_up": Hidden(0.012, "s", "latency lost as the screen gets warm", signed=True, realistic_only=True),
+    "beam_bow": Hidden(0.55, "mm", "the beam is lower by this in the middle", signed=True, realistic_only=True),
     "poll_grid": Hidden(0.008, "s", "stamps wait for the host's next poll", realistic_only=True),
     "first_order_iir": Hidden(0.045, "s", "a first-order low-pass", in_library=False, realistic_only=True),
     "moving_average_by_speed": Hidden(

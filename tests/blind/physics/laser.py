@@ -34,8 +34,8 @@ def _off_axis(rig: Rig, panel: Panel, motion: Motion) -> tuple[np.ndarray, np.nd
     across = motion.x_mm / rig.screen[1] - 0.5
     height = rig.beam_intercept_mm + rig.beam_slope * motion.x_mm
     bow = rig.beam_bow_mm + e.get("beam_bow", 0.0)
-    if bow:  # its height at the screen's sides over that in the middle
-        height = height + bow * (2 * across) ** 2
+    if bow:  # y, which grows downwards, in the middle over the line through its places at the screen's sides
+        height = height + bow * (1 - (2 * across) ** 2)
     if "beam_sway" in e:
         w = v["beam_sway"]
         height = height + e["beam_sway"] * np.sin(2 * np.pi * motion.t_s / w["period_s"] + w["phase"])
