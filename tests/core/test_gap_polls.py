@@ -65,6 +65,16 @@ def test_a_poll_is_seen_although_contact_is_lost_now_and_then(sound: Session) ->
     assert [f.effect for f in inspect(with_touch(sound, lossy))[0]] == ["poll_grid"]
 
 
+@pytest.mark.parametrize(("rate_hz", "period_s"), [(60, 0.016), (133, 0.008)])
+def test_a_poll_is_seen_although_single_frames_are_lost(sound: Session, rate_hz: float, period_s: float) -> None:
+    def lossy(touch: TouchTrace) -> TouchTrace:
+        frames = at_rate(touch, rate_hz)
+        kept = np.random.default_rng(3).uniform(size=frames.t_s.size) > 0.006  # some fill what the beat leaves empty
+        return after(TouchTrace(frames.t_s[kept], frames.x_mm[kept], frames.y_mm[kept]), f"poll_grid={period_s}")
+
+    assert [f.effect for f in inspect(with_touch(sound, lossy))[0]] == ["poll_grid"]
+
+
 @pytest.mark.parametrize("rate_hz", [100, 133, 240])
 def test_frames_have_their_own_times_again(sound: Session, rate_hz: float) -> None:
     waited = with_touch(sound, lambda touch: after(at_rate(touch, rate_hz), "poll_grid=0.008"))

@@ -104,7 +104,8 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
     measured, simulated, one, other = np.array(rows, float).T
     weight = 1 / (one**2 + other**2 + WIDTH_SD_MM**2)
     means = float(np.average(measured, weights=weight)), float(np.average(simulated, weights=weight))
-    agrees = abs(means[0] - means[1]) < max(SIZE_OF_INTEREST_MM, SURELY_SD / float(np.sqrt(weight.sum())))
+    of_interest_mm = 2 * SIZE_OF_INTEREST_MM  # both edges move by half of what a width changes
+    agrees = abs(means[0] - means[1]) < max(of_interest_mm, SURELY_SD / float(np.sqrt(weight.sum())))
     return Statistic("stylus width", "kind_of_edge", *means, "mm", agrees)
 
 

@@ -28,6 +28,7 @@ WINDOWS = (64, 512)  # events over which the panel's clock keeps its phase
 FEWEST, ENOUGH = 16, 8000  # events of a window that counts; events that are enough
 PHASES = np.linspace(-1.3, 0.3, 48)  # of the first event of a window, in ticks
 JITTERS = (0.01, 0.03, 0.1, 0.25)  # of the panel's own frames, in ticks
+LOST = (0.003, 0.01, 0.03)  # share of the panel's frames that may not arrive, where counting them begins
 P_OUTLIER = 1e-3  # share of events that may be anywhere
 MIN_LOG_RATIO = 10.0  # nats
 FAR = 12.0  # robust standard deviations, within which an arrival is one of the usual
@@ -171,9 +172,22 @@ def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
     windows = [window for grid in grids for window in _windows(grid.tick, int(np.ceil(usual)) + 1, longest)]
     if not windows or np.mean(steps == np.median(steps)) == 1:
         return -np.inf, usual
-    whole = np.array([[w[-1] - w[0], w.size - 1] for w in windows]).sum(axis=0)
-    windows = windows[:: int(np.ceil(whole[1] / ENOUGH))]
-    frame = float(whole[0] / whole[1])
+    windows = windows[:: int(np.ceil(sum(w.size for w in windows) / ENOUGH))]
+    ticks, steps_taken = np.array([[w[-1] - w[0], w.size - 1] for w in windows]).sum(axis=0)
+    apart = float(ticks / steps_taken)
+    whole = [windows, *([p for w in windows for p in _without_lost(w, apart * (1 - lost))] for lost in LOST)]
+    return max((_beat_of(parts) for parts in whole if parts), key=lambda found: found[0])
+
+
+def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
+    """Stretches between two events of which frames are missing, if frames are so many ticks apart."""
+    parts = np.split(tick, np.flatnonzero(np.diff(_frames(tick, frame)) > 1) + 1)
+    return [part for part in parts if part.size >= FEWEST]
+
+
+def _beat_of(windows: Sequence[IntArray]) -> tuple[float, float]:
+    """The same of stretches in which no frame is missing."""
+    frame = float(sum(w[-1] - w[0] for w in windows) / sum(w.size - 1 for w in windows))
     by_beat = max(sum(_of_beat(w, frame, jitter) for w in windows) for jitter in JITTERS)
     return by_beat - _of_neighbours(windows), frame
 
