@@ -164,7 +164,7 @@ def _tried(
     try:
         with changed(constant, value):
             now, seconds = reports_of(folders)
-    except Exception as problem:  # noqa: BLE001 - a value that cannot be is a finding of its own
+    except Exception as problem:
         return Change(label, value, 0, (), 0.0, 1.0, 1.0, f"{type(problem).__name__}: {problem}")
     outcomes = [judge(*k, r) for k, r in zip(known, now, strict=True)]
     different = tuple(
