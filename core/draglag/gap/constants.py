@@ -100,10 +100,6 @@ incomplete. Calibrated: 7 of 14 of 171 sessions (the benchmark's seeds 52901 and
 TOLERATED_SETTINGS = 4
 """Settings of an effect whose columns are tolerated, evenly over its grid. Derived: neighbours are alike."""
 
-DETAIL = 0.35
-"""Share of a named effect's size below which an unnamed term of the same covariate is a detail of it. Calibrated:
-effects' columns are true to first order, on 28 plain single effects (fact sheet on the gap's evidence)."""
-
 DEVIANCE_A_PARAMETER = 6.0
 """Deviance that one more parameter must save before a change by hand is reported to shrink the gap. Derived: a
 likelihood ratio of 20."""
