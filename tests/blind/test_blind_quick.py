@@ -31,7 +31,7 @@ def test_the_promised_rates_are_met(summary):
 
 @pytest.mark.parametrize("seed", [1056727220, 1329026291])
 def test_a_drift_in_no_library_is_not_taken_for_one_that_settles(seed):
-    """A latency that settles differs from a straight line by a twentieth of its size: more than noise, and named it was."""
+    """A latency that settles differs from a straight line by a twentieth of its size: more than noise."""
     excluded = ("clock_drift", "thermal_drift")
     outcome = run_task(Task("left_out", "clock_drift", 1.0, seed, {"clock_drift": 31.0}, excluded, floor=False))
     assert (outcome.answer, outcome.unexplained_by, outcome.spurious) == ("unexplained", "session_time", ())
