@@ -18,7 +18,7 @@ from draglag_app.session import events
 from draglag_app.session.machine import Phase
 from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.bridge import Prompted
-from draglag_app.windows.pages.parts.between_runs import rest_words, session_left, verdict_words
+from draglag_app.windows.pages.parts.between_runs import comes_again, rest_words, session_left, verdict_words
 from draglag_app.windows.pages.parts.live_facts import LiveFacts
 from draglag_app.windows.pages.parts.run_table import RunTable
 from draglag_app.windows.pages.parts.state_band import StateBand, plain_row
@@ -244,16 +244,12 @@ class RecordPage(QWidget):
         if self._ended is None:
             return "", "", ""
         run_id, outcome = self._ended
+        control, planned = self._space.recording.control, self._space.recording.planned(run_id)
+        queued = control is not None and planned is not None and planned.id in control.queued
         if outcome != "complete":
-            control, planned = self._space.recording.control, self._space.recording.planned(run_id)
-            queued = control is not None and planned is not None and planned.id in control.queued
-            return (
-                "bad",
-                f"✕ {words.outcome_name(outcome)}",
-                self.tr("comes again at the end, unless Ctrl+Z") if queued else "",
-            )
+            return "bad", f"✕ {words.outcome_name(outcome)}", comes_again() if queued else ""
         found = next((one for one in live.known if one.id == run_id), None)
-        return ("", "", "") if found is None else (*verdict_words(found, found.id in live.preliminary), "")
+        return ("", "", "") if found is None else verdict_words(found, found.id in live.preliminary, queued)
 
     def _run_queued(self, event: events.RunQueued) -> None:
         """A run that went wrong comes again at the end; Ctrl+Z takes it from there."""
