@@ -121,7 +121,7 @@ class Conductor:
             yield partial(self._once_more, self._control.queued[0])
         if taps is not None and taps.when in ("end", "both"):
             yield lambda: self._taps(taps.count, taps.interval_s)
-        if check is not None:
+        if check is not None and self._protocol.checks_clocks_twice:
             yield lambda: self._clock_check(check.duration_s)
 
     def _between(self) -> bool:

@@ -404,7 +404,9 @@ class TestGap:
         page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
         page.add_button.click()
         assert opened.space.tasks.running
+        chosen = page.choice.currentText()
         opened.ask("undo")
+        assert opened.notice_text.text() == f"Undone: add effect {chosen}"
         until(lambda: not opened.space.tasks.running)
         assert page.table.rowCount() == 1
         assert "explains the gap" in page.verdict.text()
@@ -434,6 +436,7 @@ class TestGap:
         page.remove_button.click()
         until(lambda: not opened.space.tasks.running)
         opened.ask("undo")
+        assert opened.notice_text.text() == "Undone: remove effect low-speed plateau"
         until(lambda: not opened.space.tasks.running)
         assert asked == [frozenset(), frozenset({"low_speed_plateau"}), frozenset()]
         assert page.explain_button.isEnabled()

@@ -19,6 +19,7 @@ from draglag.system.temporary import new_file
 from draglag_app.windows.pages.parts.plan_editor import PlanEditor
 from draglag_app.windows.pages.parts.plan_preview import PlanPreview
 from draglag_app.windows.pages.parts.precision_preview import PrecisionPreview
+from draglag_app.windows.pages.parts.preset_menu import PresetMenu
 from draglag_app.windows.pages.parts.protocol_form import ProtocolForm
 from draglag_app.windows.parts.ask_files import ask_open, ask_save
 from draglag_app.windows.parts.flow import Flow
@@ -29,7 +30,6 @@ from draglag_app.windows.parts.widgets import LARGE_TEXT, Panel, Scrolled, butto
 from draglag_app.windows.protocol_text import to_toml
 from draglag_app.windows.wording import words
 from draglag_app.windows.workspace import Workspace
-from draglag_resources import presets
 
 # Heights; that of a plot is for large text.
 _TABLE_PX, _PLOT_PX = 140, 160
@@ -93,13 +93,7 @@ class ProtocolPage(QWidget):
         row.setSpacing(8)
         # A menu, not a box: the arrow keys of a closed box would load every preset they pass.
         self.preset = button(self.tr("Preset…"))
-        menu = LetterMenu(self.preset)
-        menu.setToolTipsVisible(True)
-        for name in presets("protocols"):
-            entry = menu.addAction(name)
-            entry.setToolTip(plain(words.preset_meaning(load_protocol(name).description)))
-            entry.triggered.connect(lambda checked=False, name=name: self._preset_chosen(name))
-        self.preset.setMenu(menu)
+        self.preset.setMenu(PresetMenu(self.preset, lambda: self._space.settings.panel, self._preset_chosen))
         row.addWidget(self.preset)
         self.file_buttons: dict[str, QPushButton] = {}
         for text, action in (
