@@ -68,7 +68,8 @@ def test_every_preset_has_its_sentence_and_says_when_its_first_target_moves(open
         assert page.meaning.text() == protocol.description
         assert protocol.description.split(":")[0] in entries[name].toolTip()
         sentence, duration = entries[name].text().removeprefix(f"{name}: ").split("\t")
-        assert protocol.description.startswith(sentence.removesuffix("…")) and len(sentence) > 40
+        assert protocol.description.startswith(sentence.removesuffix("…"))
+        assert len(sentence) > 40
         assert f"about {duration.removesuffix(' min')} in all" in page.preview.words.text()
         said = window.record.small.text()
         if not protocol.runs:

@@ -22,6 +22,7 @@ from draglag_app.windows.pages.parts.precision_preview import PrecisionPreview
 from draglag_app.windows.pages.parts.preset_menu import PresetMenu
 from draglag_app.windows.pages.parts.protocol_form import ProtocolForm
 from draglag_app.windows.parts.ask_files import ask_open, ask_save
+from draglag_app.windows.parts.columns import Columns
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.letter_menu import LetterMenu
 from draglag_app.windows.parts.plain import plain
@@ -48,8 +49,7 @@ class ProtocolPage(QWidget):
         outer.addLayout(self._file_row())
         self.meaning = label("", "hint", wrap=True)
         outer.addWidget(self.meaning)
-        across = QHBoxLayout()
-        across.setSpacing(10)
+        across = Columns()
         left = QVBoxLayout()
         left.setSpacing(10)
         runs = self._list()
@@ -66,7 +66,7 @@ class ProtocolPage(QWidget):
                 left.addWidget(widget)
             left.setStretchFactor(runs, 0)
             left.addStretch(1)
-            across.addWidget(Scrolled(left), 3)
+            across.add_column(Scrolled(left), 3)
         else:
             plots = QHBoxLayout()
             plots.setSpacing(10)
@@ -74,7 +74,10 @@ class ProtocolPage(QWidget):
             plots.addWidget(self.precision, 1)
             left.addLayout(plots, 3)
             left.addWidget(self.precision.words)
-            across.addLayout(left, 3)
+            column = QWidget()
+            left.setContentsMargins(0, 0, 0, 0)
+            column.setLayout(left)
+            across.add_column(column, 3)
         right = QVBoxLayout()
         right.setSpacing(10)
         self.editor = PlanEditor()
@@ -83,7 +86,7 @@ class ProtocolPage(QWidget):
         right.addWidget(self.editor)
         right.addWidget(self.form)
         right.addStretch(1)
-        across.addWidget(Scrolled(right), 2)
+        across.add_column(Scrolled(right), 2)
         outer.addLayout(across, 1)
         workspace.protocol_changed.connect(self.refresh)
         self.refresh()

@@ -29,7 +29,6 @@ class PlanPreview(QObject):
         self.plot = Plot(
             tr("Order of the runs"), tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol"
         )
-        self.plot.setMinimumHeight(130)
         workspace.settings_changed.connect(self.refresh)
 
     def refresh(self) -> None:
