@@ -163,6 +163,10 @@ class ResultsPage(QWidget):
         self.show_alternatives = QCheckBox(self.tr("Show alternative fits"))
         self.show_alternatives.clicked.connect(self._fit_alternatives)
         row.addWidget(self.show_alternatives)
+        self.show_residuals = QCheckBox(self.tr("Show residuals"))
+        self.show_residuals.setToolTip(self.tr("Latency less the curve: the 95 % band is wide enough to see there"))
+        self.show_residuals.clicked.connect(self._draw_curve)
+        row.addWidget(self.show_residuals)
         self.exclude_button = button(self.tr("Exclude…"))
         self.exclude_button.clicked.connect(self._toggle_chosen)
         self.keep = button(self.tr("Keep results"), tip=self.tr("Store them in the session's file"))
@@ -217,6 +221,7 @@ class ResultsPage(QWidget):
             self.form,
             self.fix_asymptote,
             self.show_alternatives,
+            self.show_residuals,
         ):
             widget.setEnabled(analysis is not None)
         if session is None:
@@ -245,8 +250,9 @@ class ResultsPage(QWidget):
         analysis = self._space.analysis
         if analysis is not None:
             self.curve.draw(
-                analysis.runs, analysis.curve, analysis.excluded, self._alternatives, clicked=self.table.select
-            )
+                analysis.runs, analysis.curve, analysis.excluded, self._alternatives, self.table.select,
+                self.show_residuals.isChecked(),
+            )  # fmt: skip
 
     # --- choices --------------------------------------------------------------------------------------------
 
