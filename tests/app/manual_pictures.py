@@ -1,4 +1,4 @@
-"""The pictures of the manual, one a page and one plot: ``./run screenshots --manual``. Light, 1280×800 made smaller, few colours."""
+"""The manual's pictures, one a page and one plot: ``./run screenshots --manual``. Light, made smaller, few colours."""
 
 from __future__ import annotations
 

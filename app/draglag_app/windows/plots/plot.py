@@ -17,7 +17,6 @@ from draglag_app.windows.plots.plot_frame import PlotFrame
 from draglag_app.windows.plots.plot_frame import tr as tr
 from draglag_app.windows.plots.plot_values import Column, Series, near
 
-
 # Of 255: a band is seen on both themes, and lines and grid through it.
 _SHADE = 80
 _BROAD_PX = 10
