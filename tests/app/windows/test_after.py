@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QWidget
 
 from draglag.gap import close_gap
 from draglag.store import read_analyses
@@ -25,17 +26,45 @@ def idle(window: OperatorWindow) -> Callable[[], bool]:
     return lambda: not window.space.tasks.running
 
 
-def drop(window: OperatorWindow, path: Path) -> bool:
-    """Drag a file onto the window and let it go; whether the window took it."""
+def drop(window: OperatorWindow, *paths: Path, on: QWidget | None = None) -> bool:
+    """Drag files onto the window, or something in it, and let them go; whether they were taken.
+
+    As file managers do, which give the path as text too.
+    """
     data = QMimeData()
-    data.setUrls([QUrl.fromLocalFile(str(path))])
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    data.setText(str(paths[0]))
     copy, left, none = Qt.DropAction.CopyAction, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
     enter = QDragEnterEvent(QPoint(10, 10), copy, data, left, none)
     enter.ignore()
-    QApplication.sendEvent(window, enter)
+    QApplication.sendEvent(on or window, enter)
     if enter.isAccepted():
-        QApplication.sendEvent(window, QDropEvent(QPointF(10, 10), copy, data, left, none))
+        QApplication.sendEvent(on or window, QDropEvent(QPointF(10, 10), copy, data, left, none))
     return enter.isAccepted()
+
+
+def test_a_session_dropped_on_a_field_or_a_plot_opens_and_nothing_is_written_there(
+    opened: OperatorWindow, session_file: Path, until: Callable
+) -> None:
+    page = opened.pages["results"][1]
+    opened.go("results")
+    for below in (page.filter, page.curve.viewport()):
+        page.filter.setText("run-01")
+        assert drop(opened, session_file, on=below)
+        until(lambda: opened.space.path == session_file and not opened.space.tasks.running)
+        assert page.filter.text() == ""  # words for the runs of another session
+        assert not page.table.isRowHidden(0)
+        opened.space.path = None
+
+
+def test_several_dropped_sessions_are_compared(
+    opened: OperatorWindow, session_file: Path, tmp_path: Path, until: Callable
+) -> None:
+    other = Path(shutil.copy(session_file, tmp_path / "other.h5"))
+    assert not drop(opened, session_file, tmp_path)
+    assert drop(opened, session_file, other)
+    until(lambda: opened.pages["compare"][1].table.rowCount() == 2 and not opened.space.tasks.running)
+    assert opened.page == "compare"
 
 
 def test_a_dropped_session_opens_and_is_remembered(

@@ -177,6 +177,7 @@ class ResultsPage(QWidget):
 
     def _session_changed(self) -> None:
         self._chosen, self._alternatives = "", []
+        self.filter.clear()  # words for another session's runs would hide those of this one
         self.flags.hide()
         self.table.clear_runs()
         for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps):
