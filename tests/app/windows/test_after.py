@@ -6,19 +6,20 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QWidget
 
 from draglag.gap import close_gap
+from draglag.shown import matched
 from draglag.store import read_analyses
 from draglag_app.windows import exports
 from draglag_app.windows.pages import gap
 from draglag_app.windows.parts.recent_menu import MOST, remembered
 from draglag_app.windows.settings import load_settings
 from draglag_app.windows.window import OperatorWindow
-from draglag_app.windows.wording.equation import matched
 from draglag_app.windows.workspace import kept_comments
 
 
@@ -155,9 +156,12 @@ def test_the_session_leaves_in_every_form(opened: OperatorWindow, until: Callabl
 
 
 def test_the_equation_has_its_coefficients_with_matched_digits(opened: OperatorWindow) -> None:
-    text = opened.pages["results"][1].equation.text()
+    text, curve = opened.pages["results"][1].equation.text(), opened.space.analysis.curve
     assert text.startswith("L(v) = ")
-    assert "±" in text
+    # As of all that the windows show: half a 95 % interval.
+    low_s, high_s = curve.band_s(np.array([1e6]))
+    asymptote = matched(1e3 * (low_s + high_s)[0] / 2, 1e3 * (high_s - low_s)[0] / 2)
+    assert f" = {asymptote}" in text.replace("&nbsp;±&nbsp;", " ± ")
     assert matched(123.456, 1.23) == "123.5 ± 1.2"
     assert matched(0.018143, 0.00085) == "0.01814 ± 0.00085"
     assert matched(419.3, 37.0) == "419 ± 37"

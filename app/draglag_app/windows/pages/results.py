@@ -51,6 +51,7 @@ class ResultsPage(QWidget):
         outer.addWidget(self.summary)
         self.equation = label("", wrap=True)
         self.equation.setTextFormat(Qt.TextFormat.RichText)
+        self.equation.setToolTip(self.tr("Every ± is half a 95 % interval"))
         self.equation.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         outer.addLayout(self._choices())
         outer.addWidget(self.equation)
