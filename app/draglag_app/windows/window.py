@@ -38,6 +38,7 @@ from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
 from draglag_app.windows.parts.finger_lists import raise_rows
+from draglag_app.windows.parts.finger_scroll import scroll_by_finger
 from draglag_app.windows.parts.keyed_buttons import show_keys
 from draglag_app.windows.parts.page_stack import ColumnScroll, PageScroll, PageStack
 from draglag_app.windows.parts.recent_menu import RecentMenu
@@ -74,6 +75,7 @@ class OperatorWindow(QMainWindow):
         self.setCentralWidget(self._frame())
         FieldKeys(self)
         raise_rows(self)
+        scroll_by_finger(self)
         Drops(self)
         record = self.pages["record"][1]
         assert isinstance(record, RecordPage)

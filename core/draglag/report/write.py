@@ -158,7 +158,8 @@ def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
     if curve is None:
         return []
     half = curve.half_intervals
-    named = [(symbol_html(str(escape(name))), matched(value, half[name])) for name, value in curve.parameters.items()]
+    values = sorted(curve.parameters.items())
+    named = [(symbol_html(str(escape(name))), matched(value, half[name])) for name, value in values]
     return [(Markup(symbol), value, unit) for (symbol, unit), value in named]
 
 

@@ -12,14 +12,17 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
+    QAbstractScrollArea,
     QAbstractSpinBox,
     QApplication,
     QCheckBox,
     QComboBox,
+    QGraphicsView,
     QLineEdit,
     QMenu,
     QPushButton,
     QScrollArea,
+    QScroller,
     QTabBar,
     QTableWidget,
     QWidget,
@@ -584,6 +587,16 @@ def test_lists_that_drop_down_have_rows_for_a_finger(open_window: Callable) -> N
         if box.count():
             box.view().ensurePolished()
             assert box.view().sizeHintForRow(0) >= 44, box.accessibleName()
+
+
+def test_a_finger_scrolls_pages_and_lists_and_moves_plots(open_window: Callable) -> None:
+    areas = open_window().findChildren(QAbstractScrollArea)
+    plots = [area for area in areas if isinstance(area, QGraphicsView)]
+    others = [area for area in areas if not isinstance(area, QGraphicsView)]
+    assert plots
+    assert others
+    assert all(QScroller.hasScroller(area.viewport()) for area in others)
+    assert not any(QScroller.hasScroller(area.viewport()) for area in plots)
 
 
 def test_menus_are_large_enough_for_a_finger(open_window: Callable) -> None:

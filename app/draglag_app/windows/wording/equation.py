@@ -26,7 +26,7 @@ EQUATIONS = {
 def equation_html(curve: CurveFit) -> str:
     """The curve's form and its coefficients with half their 95 % intervals; another package's form has no equation."""
     half, parts = curve.half_intervals, []
-    for name, value in curve.parameters.items():
+    for name, value in sorted(curve.parameters.items()):
         symbol, unit = symbol_html(escape(name))
         parts.append(f"{symbol} = {matched(value, half[name])}&nbsp;{unit}".replace(" ± ", "&nbsp;±&nbsp;"))
     return " &nbsp; ".join(part for part in (EQUATIONS.get(curve.form, ""), ", ".join(parts)) if part)
