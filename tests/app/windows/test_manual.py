@@ -42,7 +42,7 @@ def test_every_picture_of_the_manual_is_shown_as_wide_as_the_text(open_window: C
         window.resize(width, 800)
         qapp.processEvents()
         shown = manual.pictures()
-        assert len(shown) == len(set(shown)) == 8
+        assert len(shown) == len(set(shown)) == 9
         for file, wide, high in shown:
             natural = QImage(file)
             assert not natural.isNull(), file

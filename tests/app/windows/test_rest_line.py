@@ -7,11 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from PySide6.QtWidgets import QApplication
 
 from draglag.latency import RunEstimate
+from draglag.latency.flags import MEANING
 from draglag_app.session.machine import Phase
 from draglag_app.windows.pages.parts.between_runs import verdict_words
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import use_language
 
 RUN_S, REST_S = 60.0, 600.0
 
@@ -81,8 +84,39 @@ def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
     until(lambda: not window.space.recording.active)
 
 
-def test_a_run_with_several_flags_names_them_all_in_the_largest_letters() -> None:
-    one = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, flags=("few_edges",))
-    several = replace(one, flags=("few_edges", "off_speed"))
-    assert verdict_words(one, preliminary=False) == ("warning", "▲ few edges: repeat? F7")
-    assert verdict_words(several, preliminary=False) == ("warning", "▲ few edges, off speed")
+ONE = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, flags=("few_edges",))
+
+
+def test_a_run_with_several_flags_names_them_all() -> None:
+    several = replace(ONE, flags=("few_edges", "off_speed"))
+    four = replace(ONE, latency_s=None, flags=("few_edges", "unidentifiable", "little_travel", "alias"))
+    assert verdict_words(ONE, preliminary=False) == ("warning", "▲ few edges: repeat? F7", "")
+    assert verdict_words(several, preliminary=False) == ("warning", "▲ few edges, off speed", "")
+    assert verdict_words(four, preliminary=False, queued=True) == (
+        "bad",
+        "✕ few edges and 3 more",
+        "also unidentifiable, little travel, alias · comes again at the end, unless Ctrl+Z",
+    )
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_the_largest_letters_are_whole_whatever_the_flags(
+    open_window: Callable, qapp: QApplication, language: str
+) -> None:
+    flags = tuple(MEANING)
+    try:
+        window = open_window(language=language)
+        window.go("record")
+        window.resize(1280, 800)
+        window.record.set_recording(True)
+        window.record.band.enable(resting=True, running=False, any_run=True)
+        for k in range(len(flags)):
+            for n in (1, 2, 4):
+                found = replace(ONE, latency_s=None, flags=(flags + flags)[k : k + n])
+                level, large, more = verdict_words(found, preliminary=False)
+                window.record.band.say(large, more, level)
+                qapp.processEvents()
+                assert window.record.big.shown() == large
+        window.record.set_recording(False)
+    finally:
+        use_language(qapp, "en")

@@ -8,7 +8,7 @@ from PySide6.QtCore import QCoreApplication
 
 from draglag.curve import FORMS
 from draglag.latency import RunEstimate
-from draglag.latency.conduct import excluded_because
+from draglag.latency.conduct import is_usable
 from draglag.latency.flags import MEANING
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -117,13 +117,16 @@ def latency_text(estimate: RunEstimate) -> str:
 
 def verdict(estimate: RunEstimate) -> tuple[str, str]:
     """(level, words) of an estimate: "ok", "warning" or "bad"."""
-    if estimate.latency_s is None:
-        return "bad", ", ".join(flag_name(flag) for flag in estimate.flags) or say("no latency")
-    if excluded_because(estimate):
-        return "bad", ", ".join(flag_name(flag) for flag in estimate.flags)
-    if estimate.flags:
-        return "warning", ", ".join(flag_name(flag) for flag in estimate.flags)
-    return "ok", say("good")
+    level, names = verdict_parts(estimate)
+    return level, ", ".join(names)
+
+
+def verdict_parts(estimate: RunEstimate) -> tuple[str, list[str]]:
+    """(level, words) of an estimate: "ok", "warning" or "bad", and its flags one by one, the first what weighs most."""
+    names = [flag_name(flag) for flag in estimate.flags]
+    if not is_usable(estimate):
+        return "bad", names or [say("no latency")]
+    return ("warning", names) if names else ("ok", [say("good")])
 
 
 def flag_name(flag: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 
+from draglag_app.windows.parts.full_texts import whole_text
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label
 from draglag_app.windows.plots.plot import Plot, tr
@@ -45,6 +46,10 @@ AXES = (
 )
 
 
+# Of what is chosen; the rest is in the tooltip, for narrow windows.
+_LETTERS = 14
+
+
 class GapPicture(QWidget):
     """The plot and its two choices. ``show_overlay`` takes what ``overlay_numbers`` of the library makes."""
 
@@ -59,6 +64,9 @@ class GapPicture(QWidget):
         self.kind.setAccessibleName(self.tr("What the picture shows"))
         for key, words, _, _ in KINDS:
             self.kind.addItem(tr(words), key)
+        self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.kind.setMinimumContentsLength(_LETTERS)
+        whole_text(self.kind)
         self.which = QComboBox()
         self.which.setAccessibleName(self.tr("Before or after"))
         for key, words in (

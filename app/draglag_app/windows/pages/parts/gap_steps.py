@@ -75,6 +75,8 @@ class StepTable(QTableWidget):
 _LETTERS, _LETTERS_IN_ALL = 14, 48
 # Above, between and below the names and the axis' title.
 _AROUND_PX = 14
+# Of the plot's height; names of two lines take half of it.
+_LEAST_PX = 210
 _WIDE = 0.62  # of a bar, in places
 # An effect less probable than that is in the model because somebody put it there.
 _PROBABLE = 0.5
@@ -113,6 +115,7 @@ class StepPlot(Plot):
     def __init__(self, parent: QWidget | None = None) -> None:
         title = say("Residual on runs held out of the fit")
         super().__init__(title, tr("effects in the model"), tr("gap (mm RMS)"), "gap", parent)
+        self.setMinimumHeight(_LEAST_PX)
 
     def show_report(self, report: dict[str, Any]) -> None:
         self.clear_all()
