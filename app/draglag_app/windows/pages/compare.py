@@ -45,7 +45,7 @@ class ComparePage(QWidget):
         row.addStretch(1)
         for text, action, role in (
             (self.tr("Add sessions…"), self._ask, "primary"),
-            (self.tr("Add the one at hand"), self._add_present, ""),
+            (self.tr("Add open session"), self._add_present, ""),
             (self.tr("Remove"), self._remove, ""),
         ):
             made = button(text, role)
