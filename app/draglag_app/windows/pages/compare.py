@@ -28,6 +28,8 @@ from draglag_app.windows.wording import words
 from draglag_app.windows.workspace import Workspace
 
 SPEEDS_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)
+# Above the curves, of their height, so that the legend covers none of them.
+_FOR_LEGEND = 0.35
 
 
 class ComparePage(QWidget):
@@ -123,6 +125,11 @@ class ComparePage(QWidget):
         self.empty.setVisible(len(self._shown) < 2)
         for k, (analysis, file) in enumerate(self._shown):
             self._show_one(k, analysis, file)
+        values = [column for columns in self.apart.drawn.values() for column in columns[1:]]
+        if values:
+            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+            span = max(high - low, 1e-3)
+            self.apart.setYRange(low - 0.05 * span, high + _FOR_LEGEND * span, padding=0)
 
     def _show_one(self, k: int, analysis: Analysis, file: str) -> None:
         colour, symbol = theme().series[k % len(theme().series)], SYMBOLS[k % len(SYMBOLS)]

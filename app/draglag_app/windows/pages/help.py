@@ -9,7 +9,6 @@ from PySide6.QtGui import QFocusEvent, QTextBlockFormat, QTextCursor, QTextDocum
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLineEdit,
-    QListView,
     QListWidget,
     QListWidgetItem,
     QTextBrowser,
@@ -55,7 +54,8 @@ class HelpPage(QWidget):
         self.contents = QListWidget()
         self.contents.setAccessibleName(self.tr("Contents"))
         self.contents.setWordWrap(True)
-        self.contents.setResizeMode(QListView.ResizeMode.Adjust)
+        # Always there: an entry is wrapped for the width that it has before the bar comes.
+        self.contents.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
         self.contents.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.contents.currentItemChanged.connect(lambda item, before: self._section_chosen(item))
         left.addWidget(self.search)
