@@ -64,7 +64,7 @@ class TestFromTheParticipantsWindow:
         until(lambda: "repeated next" in window.record.small.text())
         QTest.keyClick(participant, Key.Key_F8)
         until(lambda: table.rowCount() == 1 and window.record.big.text() == "✕ aborted")
-        assert "comes once more" in window.record.small.text()
+        assert "repeated next" in window.record.small.text()
         QTest.keyClick(participant, Key.Key_F6)
         until(lambda: window.record._phase is Phase.RECORDING)
         QTest.keyClick(participant, Key.Key_Escape)

@@ -125,11 +125,7 @@ class ComparePage(QWidget):
         self.empty.setVisible(len(self._shown) < 2)
         for k, (analysis, file) in enumerate(self._shown):
             self._show_one(k, analysis, file)
-        values = [column for columns in self.apart.drawn.values() for column in columns[1:]]
-        if values:
-            low, high = float(np.nanmin(values)), float(np.nanmax(values))
-            span = max(high - low, 1e-3)
-            self.apart.setYRange(low - 0.05 * span, high + _FOR_LEGEND * span, padding=0)
+        self.apart.leave_room_above(_FOR_LEGEND)
 
     def _show_one(self, k: int, analysis: Analysis, file: str) -> None:
         colour, symbol = theme().series[k % len(theme().series)], SYMBOLS[k % len(SYMBOLS)]
