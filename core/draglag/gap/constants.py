@@ -15,8 +15,7 @@ TOLERANCE_MM = 0.02
 interest, so that two and a half of it are of interest."""
 
 NAMED_TOLERANCE_MM = 0.02
-"""mm RMS. The same for the columns of effects and for the curve's own form: sound rigs have each of them to such a
-size, which is the systematic part of the interval of a size. Judgement."""
+"""mm RMS. The same for the columns of effects and for the curve's own form. Judgement."""
 
 SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
 """mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: twice the size of interest to
