@@ -184,7 +184,7 @@ class OperatorWindow(QMainWindow):
     def _redo(self) -> None:
         what = self.space.undo.redoText()
         self.space.undo.redo()
-        self.notify("info", self.tr("Done again: {what}").format(what=what))
+        self.notify("info", self.tr("Redone: {what}").format(what=what))
 
     def ask(self, action: str) -> None:
         """Do the action of that id, as its key would."""

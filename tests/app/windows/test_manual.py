@@ -21,7 +21,7 @@ def test_the_manual_tells_what_the_window_can_do_by_the_names_it_has_there(open_
     there = {one.text() for one in window.findChildren(QPushButton)}
     named = {
         "Look for devices", "Show the bar", "Correct", "Rotate 90°", "Save…", "Keep results", "Explain the gap",
-        "Remove effect", "Add effect", "Save model…", "Add the one at hand", "Add sessions…",
+        "Remove effect", "Add effect", "Save model…", "Add open session", "Add sessions…",
     }  # fmt: skip
     assert named <= there
     dutch = table_of("nl")

@@ -341,12 +341,12 @@ class TestGap:
     def test_report_is_shown_step_by_step(self, page: QWidget) -> None:
         page.show_report(self.REPORT)
         assert page.verdict.text() == (
-            "Low-speed plateau or sample and hold 118 mm/s (112 … 124; probability 0.97) explains the gap: "
+            "Low-speed plateau or sample and hold 118 mm/s (112 to 124; probability 0.97) explains the gap: "
             "0.62 → 0.16 mm, noise 0.15."
         )
         row = [page.table.item(0, column).text() for column in range(5)]
         assert row[:2] == ["low-speed plateau or sample and hold", "0.97"]
-        assert row[3] == "speed 118 mm/s (112 … 124)"
+        assert row[3] == "speed 118 mm/s (112 to 124)"
         assert page.table.chosen() == (-1, "")
         page.table.selectRow(0)
         assert page.table.chosen() == (0, "low_speed_plateau")  # files and commands call it by its id
@@ -534,7 +534,7 @@ class TestGapByHand:
         drawn = picture.plot.drawn
         assert drawn["simulated, before"][1].tolist() == [5.0]
         assert drawn["simulated, after"][1].tolist() == [0.2]
-        assert "5.00 ms (4.90 … 5.10)" in picture.words.text()
+        assert "5.00 ms (4.90 to 5.10)" in picture.words.text()
         picture.which.setCurrentIndex(picture.which.findData("after"))
         assert "simulated, before" not in picture.plot.drawn
         for k in range(picture.kind.count()):

@@ -67,6 +67,16 @@ def test_a_band_is_seen_between_its_curves_in_both_themes(plot: Plot, qapp: QApp
         apply_theme(qapp, "dark")
 
 
+def test_names_above_a_narrow_plot_stay_legible(plot: Plot) -> None:
+    plot.resize(260, 300)
+    plot.name_above("run-01", [("x", "#fff", name) for name in ("not corrected", "top, shifted", "bottom, shifted")])
+    QApplication.processEvents()
+    title = plot.getPlotItem().titleLabel
+    assert title.item.sceneBoundingRect().width() <= plot.width()
+    assert float(title.opts["size"].removesuffix("pt")) >= 7.5
+    assert "bottom, shifted" in title.item.toPlainText()
+
+
 def test_residuals_show_the_band_as_wide_as_the_runs(opened: OperatorWindow) -> None:
     opened.go("results")
     page = opened.pages["results"][1]

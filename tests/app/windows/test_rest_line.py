@@ -57,7 +57,7 @@ def test_the_time_left_counts_the_run_that_is_about_to_start_and_no_run_twice(
     abort_in(window, Phase.COUNTDOWN, until)
     window.ask("proceed")
     until(lambda: window.record._phase is Phase.RECORDING)
-    assert "once more" in window.record.small.text()  # the first of the two that were aborted
+    assert "repeated" in window.record.small.text()  # the first of the two that were aborted
     assert left_s(window) < 2 * RUN_S + 1.1 * REST_S
     window.ask("stop")
     until(lambda: not window.space.recording.active)
@@ -75,7 +75,7 @@ def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
     assert not window.record.progress.isVisible()  # its room is that of the words
     parts = window.record.small.text().split(" · ")
     assert re.fullmatch(r"Rest \d+:\d\d", parts[0])
-    assert parts[1] == "comes again at the end, unless Ctrl+Z"
+    assert parts[1] == "recorded again at the end; Ctrl+Z cancels that"
     assert parts[2].endswith("left in the session")
     assert "left in the session" in window.record.small.shown()
     window.ask("undo")
@@ -95,7 +95,7 @@ def test_a_run_with_several_flags_names_them_all() -> None:
     assert verdict_words(four, preliminary=False, queued=True) == (
         "bad",
         "✕ few edges and 3 more",
-        "also unidentifiable, little travel, alias · comes again at the end, unless Ctrl+Z",
+        "also unidentifiable, little travel, alias · recorded again at the end; Ctrl+Z cancels that",
     )
 
 

@@ -173,7 +173,7 @@ class ProtocolPage(QWidget):
                 (
                     words.target_name(plan.kind),
                     speeds or self.tr("varies"),
-                    f"{plan.duration_s:g}" if plan.duration_s else self.tr("usual"),
+                    f"{plan.duration_s:g}" if plan.duration_s else self.tr("default"),
                     str(plan.repeats),
                     self.tr("practice") if plan.practice else "",
                 )

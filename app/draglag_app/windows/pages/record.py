@@ -202,7 +202,7 @@ class RecordPage(QWidget):
             if planned.practice:
                 self._what += " · " + self.tr("practice")
             if event.run_id != planned.id:
-                self._what += " · " + self.tr("once more")
+                self._what += " · " + self.tr("repeated")
             self._run_s = planned.duration_s
         if event.phase is Phase.PREPARING:
             self.live.prepare(event.run_id, self._space.recording.order, planned)
@@ -264,7 +264,7 @@ class RecordPage(QWidget):
     def _show_state(self) -> None:
         self._resting = False
         left_s, control = self._due_s - time.monotonic(), self._space.recording.control
-        again = " · " + self.tr("once more afterwards") if control is not None and control.repeating else ""
+        again = " · " + self.tr("repeated next") if control is not None and control.repeating else ""
         to_come_s = self._run_s if self._phase is Phase.COUNTDOWN else 0.0
         session = session_left(max(0.0, left_s) + to_come_s + self._space.recording.left_s(self._number))
         if self._phase is Phase.COUNTDOWN:

@@ -140,7 +140,7 @@ class ResultsPage(QWidget):
         self.estimator.addItem(self.tr("As published"), "paper")
         self.rate = QComboBox()
         for rate in _RATES:
-            text = self.tr("Kernel stamps") if rate is None else self.tr("Held at {hz:.0f} Hz").format(hz=rate)
+            text = self.tr("Kernel stamps") if rate is None else self.tr("Sampled at {hz:.0f} Hz").format(hz=rate)
             self.rate.addItem(text, rate)
         self.form = QComboBox()
         self.form.addItem(self.tr("Best form"), "best")
@@ -148,7 +148,10 @@ class ResultsPage(QWidget):
             self.form.addItem(words.form_name(name), name)
         for box, tip in (
             (self.estimator, self.tr("How the latency of a run is estimated")),
-            (self.rate, self.tr("Which touch events: as stamped, or as a loop of that rate sees them")),
+            (
+                self.rate,
+                self.tr("Touch events as the kernel stamps them, or sampled by a program at that rate"),
+            ),
             (self.form, self.tr("Shape of the curve")),
         ):
             whole_text(box, tip)

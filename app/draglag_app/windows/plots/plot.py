@@ -163,6 +163,16 @@ class Plot(PlotFrame):
         self._keep(name, item)
         self._numbers[name] = (np.array([at]),)
 
+    def leave_room_above(self, share: float) -> None:
+        """Room for a legend above lines and bands, as a share of their height."""
+        heights = [np.asarray(column, float) for columns in self._numbers.values() for column in columns[1:]]
+        values = np.concatenate(heights) if heights else np.empty(0)
+        values = values[np.isfinite(values)]
+        if values.size:
+            low, high = float(values.min()), float(values.max())
+            span = max(high - low, 1e-3)
+            self.setYRange(low - 0.05 * span, high + share * span, padding=0)
+
     def _keep(self, name: str, item: Any) -> None:
         first = not self._items
         self._items.setdefault(name, []).append(item)

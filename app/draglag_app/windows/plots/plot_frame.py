@@ -26,6 +26,9 @@ def tr(text: str) -> str:
 
 
 _MARGIN_PX = 16
+# Between the names in a title. Letters smaller than so many points are not read; a plot so high has room for lines.
+_APART = " &nbsp; "
+_LEGIBLE_PT, _HIGH_PX = 7.5, 220
 # Smaller than this, axes and titles leave nothing for what is drawn.
 _LEAST_PX = (200, 150)
 # The keyboard was with a menu or with another window in the meantime.
@@ -112,12 +115,12 @@ class PlotFrame(pg.PlotWidget):
         self.restyle()
         self._show_emptiness()
 
-    def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = " &nbsp; ") -> None:
+    def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = _APART) -> None:
         """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend.
 
         Title and words are HTML.
         """
-        words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
+        words = _APART.join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
         self.title_lines(f"{title}{apart}{words}".split("<br>"))
 
     def title_lines(self, lines: Sequence[str]) -> None:
@@ -128,18 +131,29 @@ class PlotFrame(pg.PlotWidget):
     def _write_title(self) -> None:
         """As large as there is room for now: a title that asks for more would push the plot out of sight."""
         plot, lines = self.getPlotItem(), self._title
-        # A title has no width of its own to centre lines in; a table has.
-        rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
-        text = f"<table cellspacing='0'>{rows}</table>" if len(lines) > 1 else "".join(lines)
-        plot.setTitle(text, color=theme().text, size=points(10))
-        asked = plot.titleLabel.item.boundingRect().width()
         room = self.width() - plot.getAxis("left").width() - _MARGIN_PX
-        if asked > room:
-            plot.setTitle(text, color=theme().text, size=points(max(4.0, 9.8 * room / asked)))
+        size_pt = self._set_title(lines, room)
+        if size_pt < _LEGIBLE_PT and self.height() >= _HIGH_PX:  # every name in a line of its own
+            lines = tuple(part for line in lines for part in line.split(_APART))
+            self._set_title(lines, room)
         if len(lines) > 1:
             high = QFontMetrics(self._tick_font()).height() * len(lines) + 12
             plot.titleLabel.setMaximumHeight(high)
             plot.layout.setRowFixedHeight(0, high)
+
+    def _set_title(self, lines: Sequence[str], room_px: float) -> float:
+        """These lines in letters that fit; their size in points."""
+        plot = self.getPlotItem()
+        # A title has no width of its own to centre lines in; a table has.
+        rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
+        text = f"<table cellspacing='0'>{rows}</table>" if len(lines) > 1 else "".join(lines)
+        plot.setTitle(text, color=theme().text, size=points(10))
+        asked = float(plot.titleLabel.item.boundingRect().width())
+        if asked <= room_px:
+            return 10.0
+        size_pt = max(4.0, 9.8 * room_px / asked)
+        plot.setTitle(text, color=theme().text, size=points(size_pt))
+        return size_pt
 
     def _fit_titles(self) -> None:
         """Write the titles for the room there is now."""

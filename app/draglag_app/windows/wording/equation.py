@@ -8,6 +8,8 @@ from draglag.curve import CurveFit
 from draglag.curve.symbols import symbol_html
 from draglag.shown import matched
 
+# After it no line begins: "s/mm" stays in one.
+_JOINER = "\u2060"
 # Form → L(v), with subscripts and exponents as HTML has them.
 EQUATIONS = {
     "constant": "L = a<sub>7</sub>",
@@ -28,5 +30,6 @@ def equation_html(curve: CurveFit) -> str:
     half, parts = curve.half_intervals, []
     for name, value in sorted(curve.parameters.items()):
         symbol, unit = symbol_html(escape(name))
+        unit = unit.replace("/", f"/{_JOINER}")
         parts.append(f"{symbol} = {matched(value, half[name])}&nbsp;{unit}".replace(" ± ", "&nbsp;±&nbsp;"))
     return " &nbsp; ".join(part for part in (EQUATIONS.get(curve.form, ""), ", ".join(parts)) if part)

@@ -86,9 +86,14 @@ def number(value: float | None, digits: int = 1) -> str:
     return DASH if value is None or value != value else f"{value:.{digits}f}"
 
 
+def between(low: str, high: str) -> str:
+    """The ends of an interval."""
+    return say("{low} to {high}").format(low=low, high=high)
+
+
 def chance(p_value: float) -> str:
-    """A probability; none is nothing, however small the computer's numbers get."""
-    return f"p = {p_value:.2g}" if p_value > 0.0 else "p < 1e-300"
+    """A p-value; smaller ones are not to be read more exactly."""
+    return "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
 
 
 def per_second(rate_hz: float) -> str:

@@ -57,7 +57,7 @@ def _largest(mark: str, reasons: Sequence[str], queued: bool) -> tuple[str, int]
 
 def comes_again() -> str:
     """What is said of a run that went wrong and is queued."""
-    return tr("comes again at the end, unless Ctrl+Z")
+    return tr("recorded again at the end; Ctrl+Z cancels that")
 
 
 def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, more: str = "") -> str:
@@ -71,7 +71,7 @@ def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, m
     if more:
         parts.append(more)
     if again:
-        parts.append(tr("the last run comes once more; F6 begins it now"))
+        parts.append(tr("the last run is repeated next; F6 begins it now"))
     parts.append(session_left(session_left_s))
     if first and not again:
         parts.append(tr("F6 begins the first run now"))

@@ -12,6 +12,7 @@ from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+from draglag_app.windows.wording.words import between
 
 # What to show: key, words, and the titles of its axes.
 KINDS = (
@@ -135,7 +136,7 @@ class GapPicture(QWidget):
             inside, of = model["runs_that_agree"]
             lines.append(
                 self.tr(
-                    "{name}: edges off by {rms} ms ({low} … {high}); latency agrees in {inside} of {of} runs"
+                    "{name}: edges off by {rms} ms ({low} to {high}); latency agrees in {inside} of {of} runs"
                 ).format(
                     name=name,
                     rms=f"{model['edge_rms_ms']:.2f}",
@@ -164,7 +165,7 @@ class GapPicture(QWidget):
         for k, (name, model, colour, symbol) in enumerate(compared):
             rows = sorted(model["edges"], key=lambda row: row[1])
             table = np.array([row[1:] for row in rows], float).reshape(-1, 4)
-            words = [f"{row[0]}\n{row[2]:+.2f} ms ({row[3]:+.2f} … {row[4]:+.2f})" for row in rows]
+            words = [f"{row[0]}\n{row[2]:+.2f} ms ({between(f'{row[3]:+.2f}', f'{row[4]:+.2f}')})" for row in rows]
             x = table[:, 0] * (1 + 0.01 * k)
             self.plot.dots(name, x, table[:, 1], colour, symbol, error=0.5 * (table[:, 3] - table[:, 2]), words=words)
 

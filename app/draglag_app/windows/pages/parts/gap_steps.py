@@ -27,7 +27,7 @@ from draglag_app.windows.wording.gap_words import (
     tolerated_words,
 )
 from draglag_app.windows.wording.library_words import in_words
-from draglag_app.windows.wording.words import flag_name
+from draglag_app.windows.wording.words import between, flag_name
 
 EFFECT, PROBABILITY = 0, 1
 """Columns of the table."""
@@ -132,7 +132,9 @@ class StepPlot(Plot):
             if chosen:
                 low = np.array([bars[k].low_mm for k in chosen])
                 high = np.array([bars[k].high_mm for k in chosen])
-                tips = [f"{bars[k].name}\n{bars[k].low_mm:.3f} … {bars[k].high_mm:.3f} mm" for k in chosen]
+                tips = [
+                    f"{bars[k].name}\n{between(f'{bars[k].low_mm:.3f}', f'{bars[k].high_mm:.3f}')} mm" for k in chosen
+                ]
                 self.bars(
                     names[kind], np.array(chosen, float), high - low, _WIDE, colour, low, kind == "provisional", tips
                 )
