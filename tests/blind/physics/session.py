@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from . import hand, host, laser
-from .digitiser import Panel, draw_variants, scan
+from .digitiser import Panel, scan
 from .filters import FILTERS
 from .motion import Motion
 from .real import moves
 from .real.rig import draw_real_rig
 from .rig import Profile, Rig, RunPlan, draw_rig, stream
+from .variants import draw_variants
 
 
 @dataclass(frozen=True)
