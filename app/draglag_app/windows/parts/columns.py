@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QRect, QSize, Qt
-from PySide6.QtWidgets import QLayout, QLayoutItem, QWidget
+from PySide6.QtWidgets import QLayoutItem, QWidget
 
+from draglag_app.windows.parts.item_list import ItemList
 from draglag_app.windows.parts.widgets import Scrolled
 
 
-class Columns(QLayout):
+class Columns(ItemList):
     """Each column is a widget with its share of the width. Below each other, all are as high as they need."""
 
     def __init__(self, spacing_px: int = 10) -> None:
-        super().__init__()
-        self._items: list[QLayoutItem] = []
+        super().__init__(spacing_px)
         self._shares: list[int] = []
-        self.setContentsMargins(0, 0, 0, 0)
-        self.setSpacing(spacing_px)
 
     def add_column(self, widget: QWidget, share: int) -> None:
         """The next column to the right, or below; without a share it is as narrow as it can be."""
@@ -29,23 +27,8 @@ class Columns(QLayout):
 
     # --- what a layout must know ----------------------------------------------------------------------------
 
-    def addItem(self, item: QLayoutItem) -> None:
-        self._items.append(item)
-
-    def count(self) -> int:
-        return len(self._items)
-
-    def itemAt(self, index: int) -> QLayoutItem | None:
-        return self._items[index] if 0 <= index < len(self._items) else None
-
-    def takeAt(self, index: int) -> QLayoutItem | None:
-        return self._items.pop(index) if 0 <= index < len(self._items) else None
-
     def expandingDirections(self) -> Qt.Orientation:
         return Qt.Orientation.Horizontal | Qt.Orientation.Vertical
-
-    def hasHeightForWidth(self) -> bool:
-        return True
 
     def heightForWidth(self, width: int) -> int:
         if self.stacked(width):

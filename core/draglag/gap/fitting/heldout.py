@@ -121,10 +121,16 @@ def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
 def grows(before: Fit, after: Fit) -> bool:
     """Whether the mean square on held-out runs is larger than before by more than runs differ in that, at 95 %."""
     both = before.use & after.use
-    more = held_out_residual_mm(after)[both[after.use]] ** 2 - held_out_residual_mm(before)[both[before.use]] ** 2
-    run = np.where(folds(before) == IN_EVERY_FIT, -1, before.run_index)[both[before.use]]
-    by_run = np.bincount(run[run >= 0], more[run >= 0])[np.unique(run[run >= 0])]
-    return bool(by_run.sum() > Z95 * np.sqrt(by_run.size) * np.std(by_run, ddof=1)) if by_run.size > 1 else False
+    old, new = squares_by_run(before, both), squares_by_run(after, both)
+    more_mm2 = np.array([new[run][0] - old[run][0] for run in old])
+    return more_mm2.size > 1 and bool(more_mm2.sum() > Z95 * np.sqrt(more_mm2.size) * np.std(more_mm2, ddof=1))
+
+
+def squares_by_run(fit: Fit, edges: np.ndarray | None = None) -> dict[int, tuple[float, int]]:
+    """Sum of squares, mm², and number of the held-out residuals of each run. edges: as for ``gap_mm``."""
+    counted = _counted(fit, edges)
+    residual_mm, run = held_out_residual_mm(fit)[counted], fit.run_index[counted]
+    return {int(k): (float(np.sum(residual_mm[run == k] ** 2)), int(np.sum(run == k))) for k in np.unique(run)}
 
 
 def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
