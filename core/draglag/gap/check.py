@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from draglag.errors import DraglagError
 from draglag.gap.constants import (
@@ -17,7 +17,6 @@ from draglag.gap.constants import (
     MOST_SCATTER,
     REPEATS_AS_OFTEN,
     SIZE_OF_INTEREST_MM,
-    SURELY_SD,
     UNLIKELY,
     WIDTH_SD_MM,
 )
@@ -105,7 +104,8 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
     weight = 1 / (one**2 + other**2 + WIDTH_SD_MM**2)
     means = float(np.average(measured, weights=weight)), float(np.average(simulated, weights=weight))
     of_interest_mm = 2 * SIZE_OF_INTEREST_MM  # both edges move by half of what a width changes
-    agrees = abs(means[0] - means[1]) < max(of_interest_mm, SURELY_SD / float(np.sqrt(weight.sum())))
+    surely_mm = float(norm.isf(0.5 * UNLIKELY)) / float(np.sqrt(weight.sum()))
+    agrees = abs(means[0] - means[1]) < max(of_interest_mm, surely_mm)
     return Statistic("stylus width", "kind_of_edge", *means, "mm", agrees)
 
 

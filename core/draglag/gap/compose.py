@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from draglag.errors import DataError, EstimateError
-from draglag.gap.constants import DEVIANCE_A_PARAMETER, SHARED, STATED_AT_MOST
+from draglag.gap.constants import PREDICTS_NATS, SHARED, STATED_AT_MOST
 from draglag.gap.correction import without_effects
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks, squares_by_run
 from draglag.gap.fitting.joint import Fit, effects_in, fit_session
@@ -147,7 +147,7 @@ class Shrinkage:
     def verdict(self) -> str:
         low, high = self.change_ci95_mm
         # Runs may agree by chance on an effect that their edges do not ask for at all.
-        if self.improves and high < 0 and not self.deviance_gained < DEVIANCE_A_PARAMETER:
+        if self.improves and high < 0 and not 0.5 * self.deviance_gained < PREDICTS_NATS:
             return "shrinks"
         return "grows" if low > 0 else "open"
 

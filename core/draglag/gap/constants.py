@@ -11,11 +11,8 @@ SIZE_OF_INTEREST_MM = 0.05
 millimetre peak to peak, below what any compensation of a drag can use."""
 
 TOLERANCE_MM = 0.02
-"""mm RMS. Prior standard deviation of every smooth shape that is too small to matter. Judgement: 0.4 of the size of
-interest, so that two and a half of it are of interest."""
-
-NAMED_TOLERANCE_MM = 0.02
-"""mm RMS. The same for the columns of effects and for the curve's own form. Judgement."""
+"""mm RMS. Prior standard deviation of every smooth shape, and of the columns of effects, that are too small to matter.
+Judgement: 0.4 of the size of interest, so that two and a half of it are of interest."""
 
 SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
 """mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: twice the size of interest to
@@ -84,10 +81,7 @@ ROUNDS = 6
 """Refits and new linearisations until the most probable set stays. Derived: cost; three are usual."""
 
 LEAST_EDGES = 0.85
-"""Share of the edges that a refit may not lose. Judgement: one that cannot place them is no rival."""
-
-LEAST_EDGES_OF_THE_LAW = 0.93
-"""The same for the curve's own form. Judgement."""
+"""Share of the edges that a refit has to place. Judgement: one that loses more is no rival."""
 
 STATED_AT_MOST = 0.99
 """No probability is stated beyond it: fewer than a hundred sessions of a kind have been counted. Calibrated."""
@@ -99,17 +93,13 @@ incomplete. Calibrated: 7 of 14 of 171 sessions (the benchmark's seeds 52901 and
 TOLERATED_SETTINGS = 4
 """Settings of an effect whose columns are tolerated, evenly over its grid. Derived: neighbours are alike."""
 
-DEVIANCE_A_PARAMETER = 6.0
-"""Deviance that one more parameter must save before a change by hand is reported to shrink the gap. Derived: a
-likelihood ratio of 20."""
-
 SHRINKS_BY = 0.02
 """Share by which the RMS on held-out runs must fall before a gap has shrunk. Judgement: a fiftieth is what a session's
 own scatter moves it by."""
 
 PREDICTS_NATS = 3.0
-"""nats of log predictive density on held-out runs from which on a model predicts them better. Derived: a ratio of
-20."""
+"""nats of log predictive density on held-out runs from which on a model predicts them better; of log-likelihood that a
+change by hand must gain before it is reported to shrink the gap. Derived: a ratio of 20."""
 
 FEWEST_RUNS = 4
 """Runs below which the predictive check is not made. Derived: a mean of fewer has no useful standard error."""
@@ -117,9 +107,6 @@ FEWEST_RUNS = 4
 UNLIKELY = 1e-4
 """Probability of a statistic's value under the simulation below which the two disagree. Judgement: one session in
 ten thousand by chance."""
-
-SURELY_SD = 4.0
-"""Standard deviations from which on a mean disagrees. Derived: as unlikely, for a normal mean."""
 
 WIDTH_SD_MM = 0.02
 """mm. By how much the stylus' width differs from run to run by itself. Physical (fact sheet on real screens)."""

@@ -97,7 +97,7 @@ def with_own_form(session: Session, first: Fit) -> Fit:
         fit = fit_session(session, first.runs, (), False, None, law)
     except (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError):
         return first
-    enough = np.count_nonzero(fit.use) >= constants.LEAST_EDGES_OF_THE_LAW * np.count_nonzero(first.use)
+    enough = np.count_nonzero(fit.use) >= constants.LEAST_EDGES * np.count_nonzero(first.use)
     return fit if enough else first
 
 

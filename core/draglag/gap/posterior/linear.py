@@ -138,7 +138,7 @@ def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
             by_name.setdefault(member.name, []).append(member)
     for settings in by_name.values():
         step = max(1, len(settings) // constants.TOLERATED_SETTINGS)
-        blocks += [(of_unit_rms(m.columns), constants.NAMED_TOLERANCE_MM) for m in settings[::step]]
+        blocks += [(of_unit_rms(m.columns), constants.TOLERANCE_MM) for m in settings[::step]]
     columns = np.column_stack([sd * c for c, sd in blocks])
     left, size, _ = np.linalg.svd(columns, full_matrices=False)
     leading = size > constants.LEAST_DIRECTION_MM * np.sqrt(columns.shape[0])
