@@ -29,6 +29,15 @@ def test_the_promised_rates_are_met(summary):
     assert summary["failures"] == []
 
 
+def test_behind_a_causal_low_pass_no_law_follows_another_moment():
+    """The law is of the speed that the stylus has when the low-pass shows it: nothing of that is left for a name."""
+    sizes = {"smoothing_shrink": 0.037015410441269}
+    outcome = run_task(
+        Task("single", "smoothing_shrink", 1.0, 1712356866, sizes, floor=False, world="realistic", law_form="double")
+    )
+    assert (outcome.named, outcome.unexplained_by) == (("smoothing_shrink",), None)
+
+
 @pytest.mark.parametrize("seed", [1056727220, 1329026291])
 def test_a_drift_in_no_library_is_not_taken_for_one_that_settles(seed):
     """A latency that settles differs from a straight line by a twentieth of its size: more than noise."""

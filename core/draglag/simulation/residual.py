@@ -43,6 +43,7 @@ class View:
     speed: FloatArray
     accel: FloatArray
     a_across: FloatArray
+    turn_rad_s: FloatArray  # of the direction, in runs of constant speed; else 0
     since_start_s: FloatArray
     in_run_s: FloatArray
     steady: np.ndarray  # (m,) bool, in a run of constant speed
@@ -109,6 +110,13 @@ class Signature:
         if self.offset is not None:
             parts.append(self.offset)
         return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+
+
+def bent(view: View, per_s2: FloatArray | float) -> Signature:
+    """Of a displacement by ``per_s2`` (m,) s² times the shown acceleration, as of a smoothed path: the displacement,
+    and the latency that the law has at the stylus' own speed instead of the one that the bent path shows."""
+    slower_mm_s = per_s2 * view.turn_rad_s**2 * view.speed
+    return Signature(column(view.law_slope * slower_mm_s), column(per_s2 * view.a_across))
 
 
 def column(values: FloatArray) -> FloatArray:

@@ -42,6 +42,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
         speed,
         placed.accel_apart_mm_s2,
         placed.a_mm_s2[:, 1],
+        placed.turn_rad_s,
         t,
         placed.in_run_s,
         placed.steady,

@@ -12,7 +12,7 @@ from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base
 from draglag.gap.fitting.noise import timing_mm, touch_variances
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.traces.edges import Placed, place
-from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay
+from draglag.gap.traces.law_speed import SpeedDelay
 from draglag.gap.traces.run_data import RunData
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, effect_class
@@ -70,8 +70,7 @@ def linearise(
     before: State | None,
 ) -> State:
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
-    delays = (effect_class(t.effect).speed_delay(t.theta) for t in terms)
-    when = next((one for one in delays if one is not None), NO_DELAY)
+    when = _speed_delay(terms)
     placed = _placed_by_law(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
     view = view_of(placed, law, geometry, width_mm)
     for term in terms:
@@ -97,6 +96,13 @@ def linearise(
 def _placed_by_law(runs: tuple[RunData, ...], law: LawParameters, delay: SpeedDelay) -> Placed:
     """Cached by law: many sets of terms are tried with one."""
     return place(runs, law, delay=delay)
+
+
+def _speed_delay(terms: Sequence[Term]) -> SpeedDelay:
+    """Of which moment the law's speed is: delays in time add up, a share of the latency stands alone."""
+    delays = [one for t in terms if (one := effect_class(t.effect).speed_delay(t.theta)) is not None]
+    shares = [one for one in delays if one[0]]
+    return shares[0] if shares else (0.0, sum(delay_s for _, delay_s in delays))
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:

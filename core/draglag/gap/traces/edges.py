@@ -21,7 +21,6 @@ from draglag.recording import FloatArray, IntArray
 Law = Callable[[FloatArray], FloatArray]
 STRAIGHT_S = 0.001  # so near, a velocity and its rate of change predict a new fit
 NEAR_S = 0.004  # further, they do not
-FEW_TO_BEND = 8  # edges of a run, below which its median curvature is less accurate than each edge's own
 ROUNDS, STEPS = 8, 6  # a step is at most 20 ms: a law may lie far off where a fit begins
 EXACT_S = 2e-5
 FEW = 0.002  # of all edges
@@ -36,7 +35,8 @@ class Placed:
         run's. steady: in a run of constant speed. falling: light→dark. latency_s: L at the edge. speed_mm_s: the
         stylus' own speed.
         xy_mm, v_mm_s, a_mm_s2: (m, 2) shown by the trace at t + L. accel_mm_s2: along the motion, in own time.
-        accel_apart_mm_s2: the same with an error that is not the position's.
+        accel_apart_mm_s2: the same with an error that is not the position's. turn_rad_s: how fast the direction of
+        steady runs turns; 0 in others.
         slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
         stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
         ok: placed well enough to judge by. trace: where on the traces the edges lie.
@@ -56,6 +56,7 @@ class Placed:
     a_mm_s2: FloatArray
     accel_mm_s2: FloatArray
     accel_apart_mm_s2: FloatArray
+    turn_rad_s: FloatArray
     slope_s2_mm: FloatArray
     uneven_mm_s: FloatArray
     stretch: FloatArray
@@ -119,7 +120,7 @@ def place(
     ratio = np.maximum(speed, 1e-6) / shown
     along = np.einsum("mk,mk->m", v_mm_s, a_mm_s2) / shown * ratio**2
     # For the columns: with the fit's own, position noise would look like an effect.
-    _, change, sudden = traces.changes.at(at_s, np.zeros(at_s.size), traces.edges).T
+    _, change, turn, sudden = traces.changes.at(at_s, np.zeros(at_s.size), traces.edges).T
     apart = ratio**2 * change
     ok = (there[:, 7] > 0) & (made[:, 7] > 0) & in_contact(traces.t_s, at_s, traces.losses_s) & (there[:, 8] < 1.5)
     ok &= np.abs(at_s - made[:, 0]) < NEAR_S
@@ -130,6 +131,7 @@ def place(
     moment_s = t_s + latency - before_s(delay, latency)
     ok &= (moment_s >= first_s[run]) & (moment_s <= last_s[run])
     judged = ok & traces.steady
+    turn = shown * _curvatures(run, judged, turn / shown, len(runs))
     count = np.bincount(run[judged], None, len(runs))
     mean = np.bincount(run[judged], speed[judged], len(runs)) / np.maximum(count, 1)
     return Placed(
@@ -143,9 +145,10 @@ def place(
         speed_mm_s=speed,
         xy_mm=xy_mm,
         v_mm_s=v_mm_s,
-        a_mm_s2=_run_acceleration(run, ok & traces.steady, v_mm_s, a_mm_s2, change, len(runs)),
+        a_mm_s2=np.where(judged[:, None], _accelerations(v_mm_s, change, turn), a_mm_s2),
         accel_mm_s2=along,
         accel_apart_mm_s2=apart,
+        turn_rad_s=turn,
         slope_s2_mm=slope,
         uneven_mm_s=np.where(traces.steady & (count > 0)[run], speed - mean[run], 0.0),
         stretch=1 / np.clip(1 - slope * apart, 0.7, 1.5),
@@ -158,24 +161,25 @@ def place(
     )
 
 
-def _run_acceleration(
-    run: IntArray, steady: np.ndarray, v_mm_s: FloatArray, a_mm_s2: FloatArray, change_mm_s2: FloatArray, n_runs: int
-) -> FloatArray:
-    """Accelerations (m, 2) of steady runs from the trace's change of speed and the run's median curvature.
+def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int) -> FloatArray:
+    """Median curvature of the run of each judged edge, (m,) rad/mm; 0 at others.
 
-    A single fit's own acceleration errs together with its position: a column of it takes position noise for a bend.
+    From directions apart, which a window does not flatten as it does a bent position, and whose errors are not those of
+    the edge's position: a column of that would take position noise for a bend.
     """
-    out = a_mm_s2.copy()
-    shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
-    ahead = v_mm_s / shown[:, None]
-    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-    bend = np.einsum("mk,mk->m", a_mm_s2, aside) / shown**2
+    out = np.zeros(run.size)
     for k in range(n_runs):
-        own = (run == k) & steady
-        if np.count_nonzero(own) >= FEW_TO_BEND:
-            across = np.median(bend[own]) * shown[own] ** 2
-            out[own] = change_mm_s2[own, None] * ahead[own] + across[:, None] * aside[own]
+        own = (run == k) & judged
+        if own.any():
+            out[own] = np.median(each[own])
     return out
+
+
+def _accelerations(v_mm_s: FloatArray, change_mm_s2: FloatArray, turn_rad_s: FloatArray) -> FloatArray:
+    """Accelerations (m, 2) mm/s² of a path whose speed and direction change so fast."""
+    shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
+    aside = np.column_stack([-v_mm_s[:, 1], v_mm_s[:, 0]])
+    return np.asarray((change_mm_s2 / shown)[:, None] * v_mm_s + turn_rad_s[:, None] * aside)
 
 
 def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:

@@ -133,10 +133,11 @@ class Traces:
 
     @cached_property
     def changes(self) -> Kept:
-        """By edge: at_s, change of speed (mm/s²), whether next to a sudden start or stop."""
+        """By edge: at_s, change of speed (mm/s²), turn of the direction (rad/s), whether next to a sudden start or
+        stop."""
 
         def make(at_s: FloatArray, _: FloatArray, edges: IntArray) -> FloatArray:
-            return np.column_stack([at_s, self._change(at_s, edges), self._catching_up(at_s, edges)])
+            return np.column_stack([at_s, *self._changes(at_s, edges), self._catching_up(at_s, edges)])
 
         return Kept(make, self.edge_t_s, CHANGE_STEP_S)
 
@@ -167,8 +168,9 @@ class Traces:
             sudden.append(max(0.045, 4.5 * interval_s))
         return np.array(scales)[self.run], np.array(widths)[self.run], np.array(sudden)[self.run]
 
-    def _change(self, at_s: FloatArray, edges: IntArray) -> FloatArray:
-        """Change of speed about each time, (q,) mm/s², as the trace shows it, with an error that is not the position's.
+    def _changes(self, at_s: FloatArray, edges: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Change of speed about each time, (q,) mm/s², as the trace shows it, with an error that is not the position's,
+        and how fast its direction turns, (q,) rad/s, positive from x to y.
 
         Taken from speeds, not from bent positions, which a fast circle bends far more; each from a window apart from
         the position's, so that the two share no noise, and smooth enough that a tremor, which the law turns into an
@@ -178,7 +180,10 @@ class Traces:
         later, earlier = (
             local_fit(self.t_s, self.xy_mm, at_s + side * apart_s, width_s, degree=2, roundness=3) for side in (1, -1)
         )
-        return np.where(later.ok & earlier.ok, (later.speed_mm_s - earlier.speed_mm_s) / (2 * apart_s), 0.0)
+        known, after, before = later.ok & earlier.ok, later.v_mm_s @ [1, 1j], earlier.v_mm_s @ [1, 1j]
+        changes = np.abs(after) - np.abs(before), np.angle(after * np.conj(before))
+        speed, direction = (np.where(known, change / (2 * apart_s), 0.0) for change in changes)
+        return speed, direction
 
     def _catching_up(self, at_s: FloatArray, edges: IntArray) -> np.ndarray:
         """Times close to a sudden start or stop, where fresh positions overtake late ones and no law holds, (q,) bool.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -13,7 +13,7 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
 from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
 from draglag.simulation.kinematics import Kinematics
-from draglag.simulation.residual import LineGains, Signature, View, column
+from draglag.simulation.residual import LineGains, Signature, View, bent
 
 if TYPE_CHECKING:
     from draglag.gap.fitting.joint import Fit
@@ -65,16 +65,22 @@ class SmoothingShrink(Effect):
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
         # A first-order low-pass with time constant τ whose delay the law already holds leaves ½ τ² of acceleration.
-        return [Signature(offset=column(0.5 * view.a_across))]
+        return [bent(view, 0.5)]
 
     @classmethod
     def signature_at(cls, theta: Theta, view: View) -> Signature:
-        return Signature(offset=column(0.5 * view.a_across), theta=theta)
+        return replace(bent(view, 0.5), theta=theta)
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
         setting = Setting.of(term.theta)
         return Sharpening(setting) if setting is not None and setting.lag_s else None, term
+
+    @classmethod
+    def speed_delay(cls, theta: Theta) -> tuple[float, float] | None:
+        """Behind a causal low-pass the law is of the speed that the stylus has by then."""
+        setting = Setting.of(theta)
+        return None if setting is None or setting.even else (0.0, -setting.lag_s)
 
     @classmethod
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:

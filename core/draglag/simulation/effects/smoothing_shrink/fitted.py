@@ -16,6 +16,11 @@ from draglag.simulation.kinematics import Kinematics
 class CausalWindow(FittedShape):
     """value: its time constant, s."""
 
+    def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
+        """Behind the low-pass, of the speed that the stylus has by then."""
+        t = k.motion.t_s
+        return np.interp(t + self.value, t, speed_mm_s)
+
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         return low_passed(x_mm, self.value, k.step_s), low_passed(y_mm, self.value, k.step_s)
 

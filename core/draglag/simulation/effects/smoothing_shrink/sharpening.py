@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy.sparse import csr_matrix, identity
 
-from draglag.path.motion import local_fit
+from draglag.path.motion import LocalFit, local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.in_fits import UndoneTrace
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
+
+
+SOME = 50  # events of a run by which the flattening of its circles is known: they differ in their times only
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,22 @@ def _sharpened(
     a moving average is: u = y − ½ τ² ÿ.
     """
     fit = local_fit(t_s, xy_mm, t_s, half_width_s)
-    moved = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
+    weights = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
+    moved = weights / _gain(fit, t_s, even)
     spread = (identity(t_s.size, format="csr") + fit.rows(moved, t_s.size))[fit.ok]
     return t_s[fit.ok] + (0.0 if even else lag_s), spread @ xy_mm, spread
+
+
+def _gain(fit: LocalFit, t_s: FloatArray, even: bool) -> float:
+    """Share of the velocity, or of the acceleration (``even``), that local fits show of a path which turns as theirs:
+    a window that is wide enough for the noise flattens a quick circle by percents."""
+    v, judged = (fit.v_mm_s @ [1, 1j])[fit.ok], np.flatnonzero(fit.ok)
+    if v.size < 2:
+        return 1.0
+    turn_rad_s = float(np.median(np.angle(v[1:] * np.conj(v[:-1])) / np.diff(t_s[judged])))
+    some = judged[:: max(judged.size // SOME, 1)]
+    weights = (fit.by_event.acceleration if even else fit.by_event.velocity)[some]
+    at = np.minimum(fit.first[some, None] + np.arange(weights.shape[1]), t_s.size - 1)
+    turned = np.sum(weights * np.exp(1j * turn_rad_s * (t_s[at] - t_s[some, None])), axis=1)
+    true = -(turn_rad_s**2) if even else 1j * turn_rad_s
+    return float(np.median((turned / true).real)) if turn_rad_s else 1.0
