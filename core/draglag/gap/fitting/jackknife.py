@@ -18,7 +18,7 @@ def jackknife_sd(fit: Fit) -> FloatArray:
     The fit's covariance knows of runs only its components; a latency that follows the place or the hour from
     run to run, or noise that lasts for a whole pass, is in here too. Zero with too few runs.
     """
-    white = fit.whiteners[fit.best]
+    white = fit.white
     a, b = white.apply(fit.design), white.apply(fit.residual_mm)
     information, moment = a.T @ a + np.diag(fit.prior), a.T @ b
     spread = np.linalg.pinv(information, hermitian=True)

@@ -225,7 +225,7 @@ def replay(
         fit.placed.v_mm_s[fit.use, 1],
         Overlay(reference.residual_mm, reference.run_index.astype(np.int64), reference.view),
         _overlay(again_runs, reference),
-        fit.whiteners[fit.best].components.run_s,
+        fit.white.components.run_s,
     )
 
 
