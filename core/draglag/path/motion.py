@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 SAVGOL_ORDER = 4  # the paper, Section III.A
 SAVGOL_WINDOW = 61
-IN_CACHE = 8192  # numbers that are worked on at once
+IN_CACHE = 16384  # numbers that are worked on at once
 SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
 FEW_MATRICES = 250  # of which each is inverted by itself in less time
 DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at the centre of a window
