@@ -34,13 +34,12 @@ ROUNDS = 2  # over the levels
 class Linear:
     """One linearisation on m edges.
 
-    Attributes: edges: mask over all placed edges, those to judge by; None: the fit's. residual_mm (m,): of what is no
-    member; base (m, p): A and T, with prior precision (p,); columns (m, q): of all members, 1 mm RMS each; at: each
-    member's columns; law: Eq. 5 about which the base is linear. whole: the same on all edges of the fit.
+    Attributes: residual_mm (m,): of what is no member; base (m, p): A and T, with prior precision (p,); columns (m, q):
+    of all members, 1 mm RMS each; at: each member's columns; law: Eq. 5 about which the base is linear. edges: mask
+    over all placed edges, those to judge by; None: the fit's. whole: the same on all edges of the fit.
     """
 
     fit: Fit
-    edges: np.ndarray | None
     members: tuple[Member, ...]
     residual_mm: FloatArray
     base: FloatArray
@@ -50,6 +49,7 @@ class Linear:
     noise: Noise
     unsure_ages: bool
     law: LawParameters
+    edges: np.ndarray | None
     whole: Whole
 
     def on(self, edges: np.ndarray) -> Linear:
@@ -112,7 +112,6 @@ def _restricted(whole: Whole, edges: np.ndarray | None) -> Linear:
     ends = np.cumsum([0, *(member.columns.shape[1] for member in whole.members)])
     return Linear(
         fit,
-        edges,
         whole.members,
         whole.residual_mm[keep],
         whole.base[keep],
@@ -122,6 +121,7 @@ def _restricted(whole: Whole, edges: np.ndarray | None) -> Linear:
         noise_of(parts, fit.placed.t_s[fit.use][keep]),
         whole.unsure_ages,
         whole.law,
+        edges,
         whole,
     )
 
