@@ -1,4 +1,4 @@
-"""Sessions without an effect that several tests compare with, and their reports, each made once."""
+"""Sessions that several tests judge or compare with, and their reports, each made once: nobody changes them."""
 
 from __future__ import annotations
 
@@ -21,6 +21,12 @@ def recorded() -> Session:
 
 
 @lru_cache
+def with_plateau() -> Session:
+    """A recorded session whose law has a plateau."""
+    return read_exchange(SAMPLES / "low_speed_plateau")
+
+
+@lru_cache
 def demo(seed: int = 5) -> Session:
     """The demo protocol on the simulated Screen 1."""
     return simulate_session("screen-1", load_protocol("demo"), seed=seed)
@@ -29,6 +35,11 @@ def demo(seed: int = 5) -> Session:
 @lru_cache
 def report_of_recorded() -> GapReport:
     return close_gap(recorded())
+
+
+@lru_cache
+def report_of_plateau() -> GapReport:
+    return close_gap(with_plateau())
 
 
 @lru_cache

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core import sound_sessions
 from draglag.errors import DataError
-from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.by_hand import add_by_hand
 from draglag.gap.fitting.signatures import shape_free
@@ -22,8 +20,6 @@ from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.hand import Human
-
-SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +62,7 @@ def test_a_tremor_is_not_taken_for_a_lag(screen: str) -> None:
 
 
 def test_a_plateau_is_found_named_sized_and_closed() -> None:
-    report = close_gap(read_exchange(SAMPLES / "low_speed_plateau"))
+    report = sound_sessions.report_of_plateau()
     assert report.verdict == "explained"
     assert [s.effect for s in report.steps] == ["low_speed_plateau"]
     assert report.steps[0].p_value <= 0.01

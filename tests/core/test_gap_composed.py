@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from core import sound_sessions
 from draglag.errors import DataError
-from draglag.exchange import read_exchange
 from draglag.gap import Gap, GapReport, Model, close_gap, find, name, shrinkage
 from draglag.gap.provisional import provisional_term
 from draglag.protocol.runs import load_protocol
@@ -16,17 +16,15 @@ from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
-SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
-
 
 @pytest.fixture(scope="module")
 def session() -> Session:
-    return read_exchange(SAMPLE)
+    return sound_sessions.with_plateau()
 
 
 @pytest.fixture(scope="module")
-def whole(session: Session) -> GapReport:
-    return close_gap(session)
+def whole() -> GapReport:
+    return sound_sessions.report_of_plateau()
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from draglag.errors import EstimateError
-from draglag.gap import close_gap, find
+from draglag.gap import GapReport, close_gap, find
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
@@ -71,14 +71,19 @@ def test_edges_that_give_no_latency_are_not_blamed_on_the_speeds(sound: Session)
     assert report.missing[0].startswith(said)
 
 
-def test_a_sound_session_misses_nothing(sound: Session) -> None:
-    assert close_gap(sound, max_effects=0).missing == ()
+@pytest.fixture(scope="module")
+def report(sound: Session) -> GapReport:
+    return close_gap(sound, max_effects=0)
 
 
-def test_a_run_of_which_touch_saw_next_to_nothing_costs_only_itself(sound: Session) -> None:
+def test_a_sound_session_misses_nothing(report: GapReport) -> None:
+    assert report.missing == ()
+
+
+def test_a_run_of_which_touch_saw_next_to_nothing_costs_only_itself(sound: Session, report: GapReport) -> None:
     touch = sound.runs[0].touch
     few = replace(
         touch, t_s=touch.t_s[:20], x_mm=touch.x_mm[:20], y_mm=touch.y_mm[:20], contact_id=touch.contact_id[:20]
     )
-    report = close_gap(replace(sound, runs=(replace(sound.runs[0], touch=few), *sound.runs[1:])), max_effects=0)
-    assert report.verdict == close_gap(sound, max_effects=0).verdict
+    other = close_gap(replace(sound, runs=(replace(sound.runs[0], touch=few), *sound.runs[1:])), max_effects=0)
+    assert other.verdict == report.verdict

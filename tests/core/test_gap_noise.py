@@ -29,7 +29,7 @@ def test_edges_scatter_at_slow_drags_and_at_quick_ones_as_the_noise_says(screen:
     slow, fast = [], []
     for seed in range(SESSIONS):
         fit = fitted(screen, seed)
-        white = fit.whiteners[fit.best].apply(fit.residual_mm)
+        white = fit.white.apply(fit.residual_mm)
         speed = fit.view.speed
         slow.append(white[speed < 120.0] ** 2)
         fast.append(white[speed > 400.0] ** 2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
@@ -12,7 +11,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from draglag.exchange import read_exchange
+from core import sound_sessions
 from draglag.gap import GapReport, close_gap, constants
 from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, remainder_rms_s
 from draglag.gap.fitting.model import LawParameters
@@ -25,7 +24,6 @@ from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
-SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 LEVELS = Levels(edge_mm=0.1, late_s=0.0005)
 
 
@@ -49,6 +47,8 @@ def linear(rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Mem
         Noise((noise,)),
         False,
         LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03),
+        None,
+        cast("object", SimpleNamespace()),
     )  # type: ignore[arg-type]
 
 
@@ -147,13 +147,13 @@ def test_no_probability_is_stated_beyond_what_was_counted(drifting: GapReport) -
 
 
 def test_a_sound_session_is_quiet() -> None:
-    found = close_gap(read_exchange(SAMPLES / "none-A"))
+    found = sound_sessions.report_of_recorded()
     assert (found.verdict, found.steps) == ("no_gap", ())
     assert found.gap_last_mm == found.gap_first_mm
 
 
 def test_a_session_without_data_says_what_it_lacks() -> None:
-    session = read_exchange(SAMPLES / "none-A")
+    session = sound_sessions.recorded()
     poor = close_gap(replace(session, runs=session.runs[:2]))
     assert poor.verdict is None
     assert any("at least 5 are needed" in words for words in poor.missing)

@@ -106,7 +106,7 @@ def _added(fit: Fit, covariate: str, role: str, probability: float, columns: Flo
     prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
     design = np.column_stack([fit.design, columns])
     after = replace(fit, design=design, prior=prior)
-    white = fit.whiteners[fit.best]
+    white = fit.white
     a, b = white.apply(design), white.apply(fit.residual_mm)
     spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
     own = slice(fit.design.shape[1], None)

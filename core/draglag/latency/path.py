@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpbtrf, dpbtrs
 from scipy.sparse import csc_array
 
 from draglag.latency.spectrum import NOISE_UP_TO_HZ, Events, penalty, penalty_at_corner
@@ -88,8 +88,7 @@ class Path:
 
     def like(self, values: FloatArray) -> Path:
         """The same smoother put on other values of the same events, (n, 2)."""
-        solved = cho_solve_banded((self.factor, True), self.gather @ values, check_finite=False)
-        return replace(self, coefficients=solved)
+        return replace(self, coefficients=_solved(self.factor, self.gather @ values))
 
     def by_lag(self, lag_s: FloatArray) -> FloatArray:
         """Covariance of the errors of one coordinate at two times that far apart, away from ends and gaps, mm²."""
@@ -104,8 +103,7 @@ class Path:
             basis = np.zeros((self.coefficients.shape[0], near.size), order="F")
             for j in range(4):
                 basis[first + j, np.arange(near.size)] = weights[j]
-            solved = cho_solve_banded((self.factor, True), basis, check_finite=False)
-            variance = self.noise_mm**2 * (basis * solved).sum(0)
+            variance = self.noise_mm**2 * (basis * _solved(self.factor, basis)).sum(0)
             scale[near] = np.sqrt(np.maximum(variance / self._by_lag[0], 1.0))
         return scale
 
@@ -163,6 +161,11 @@ def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[In
     return first, [low, b, 1 - low - b - u3 / 6, u3 / 6]
 
 
+def _solved(factor: FloatArray, values: FloatArray) -> FloatArray:
+    """Solutions (k, c) of the normal equations, by LAPACK itself: scipy's checks would take longer than a short run."""
+    return np.asarray(dpbtrs(factor, values, lower=1)[0], float)
+
+
 def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power: float) -> Path:
     """The penalised B-spline with that rhythm and corner. noise_power: mm²/Hz, one-sided, at the corner."""
     step_s = 1 / (KNOTS_PER_PERIOD * corner_hz)
@@ -185,11 +188,13 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
         for a in range(taps.size - k):
             bands[k, a : a + rows] += strength * taps[a] * taps[a + k]
     bands[0] += 1e-10 * step_s / events.dt_s
-    factor = cholesky_banded(bands, lower=True, check_finite=False)
+    factor, bad = dpbtrf(np.asfortranarray(bands), lower=1, overwrite_ab=1)
+    if bad:
+        raise np.linalg.LinAlgError("the path's normal equations are not positive definite")
     column = first[:, None] + np.arange(4)
     row_starts = np.arange(0, 4 * t_s.size + 1, 4)
     gather = csc_array((np.stack(weights, axis=1).ravel(), column.ravel(), row_starts), shape=(n, t_s.size))
-    coefficients = cho_solve_banded((factor, True), gather @ events.xy_mm, check_finite=False)
+    coefficients = _solved(factor, gather @ events.xy_mm)
     noise_mm = float(np.sqrt(noise_power / (2 * events.dt_s)))
     # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.
     noise_dof = 0.5 * max(NOISE_UP_TO_HZ - corner_hz, 1.0) * float(t_s[-1] - t_s[0])

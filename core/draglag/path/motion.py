@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 SAVGOL_ORDER = 4  # the paper, Section III.A
 SAVGOL_WINDOW = 61
-IN_CACHE = 8192  # numbers that are worked on at once
+IN_CACHE = 16384  # numbers that are worked on at once
 SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
+FEW_MATRICES = 250  # of which each is inverted by itself in less time
 DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at the centre of a window
 
 
@@ -133,13 +134,13 @@ def local_fit(
     last = np.searchsorted(t_s, at_s + width_s, side="left")
     middle, count = np.searchsorted(t_s, at_s), last - first
     w = max(int(np.max(count, initial=1)), degree + 1)
-    weighted = np.empty((degree + 1, m, w))
-    normal, moment = np.empty((m, degree + 1, degree + 1)), np.empty((m, degree + 1, 2))
-    rows = max(IN_CACHE // w, 1)
+    weighted, both = np.empty((degree + 1, m, w)), np.empty((m, degree + 1, degree + 3))
+    rows, place, (x_mm, y_mm) = max(IN_CACHE // w, 1), np.arange(w), xy_mm.T.copy()
     for part in (slice(begin, begin + rows) for begin in range(0, m, rows)):
-        index = np.minimum(first[part, None] + np.arange(w), t_s.size - 1)
-        u = (t_s[index] - at_s[part, None]) / width_s[part, None]
-        kernel = np.maximum(1 - u * u, 0.0) * (np.arange(w) < count[part, None])
+        index = np.minimum(first[part, None] + place, t_s.size - 1)
+        u = (t_s.take(index) - at_s[part, None]) / width_s[part, None]
+        kernel = np.maximum(1 - u * u, 0.0)
+        kernel *= place < count[part, None]
         # Powers and both coordinates side by side: one product of matrices gives the normal ones and the moments.
         sides, own = np.empty((degree + 3, *u.shape)), weighted[:, part]
         sides[0], own[0] = 1.0, kernel
@@ -148,15 +149,15 @@ def local_fit(
         for order in range(degree):
             np.multiply(sides[order], u, out=sides[order + 1])
             np.multiply(own[order], u, out=own[order + 1])
-        sides[-2], sides[-1] = xy_mm[:, 0][index], xy_mm[:, 1][index]
-        both = np.swapaxes(own, 0, 1) @ np.moveaxis(sides, 0, 2)
-        normal[part], moment[part] = both[:, :, :-2], both[:, :, -2:]
+        sides[-2], sides[-1] = x_mm.take(index), y_mm.take(index)
+        both[part] = own.transpose(1, 0, 2) @ sides.transpose(1, 2, 0)
     # Inside a window of half width h the events must reach to both sides, or the fit extrapolates.
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
+    normal = both[:, :, :-2]
     normal[~ok] = np.eye(degree + 1)
-    normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(degree + 1)
-    solution = np.asarray(np.linalg.inv(normal), float)
-    coefficients = solution @ moment  # (m, p, 2)
+    normal += (1e-12 * np.trace(normal, axis1=1, axis2=2))[:, None, None] * np.eye(degree + 1)
+    solution = inverse(normal)
+    coefficients = solution @ both[:, :, -2:]  # (m, p, 2)
     return LocalFit(
         at_s,
         coefficients[:, 0],
@@ -166,6 +167,28 @@ def local_fit(
         FitWeights(solution, weighted, width_s),
         ok,
     )
+
+
+def inverse(matrices: FloatArray) -> FloatArray:
+    """Inverses (m, p, p) of symmetric positive definite matrices (m, p, p); many of them by elimination (sweeps), all
+    together."""
+    m, p, _ = matrices.shape
+    if m < FEW_MATRICES:
+        return np.asarray(np.linalg.inv(matrices), float)
+    a = {(i, j): matrices[:, i, j].copy() for i in range(p) for j in range(i, p)}
+    for k in range(p):
+        others = [i for i in range(p) if i != k]
+        column = {i: a[min(i, k), max(i, k)] for i in others}
+        scaled = {i: column[i] / a[k, k] for i in others}
+        for i, j in ((i, j) for i in others for j in others if i <= j):
+            a[i, j] -= column[i] * scaled[j]
+        for i in others:
+            a[min(i, k), max(i, k)] = scaled[i]
+        a[k, k] = -1 / a[k, k]
+    out = np.empty((m, p, p))
+    for (i, j), values in a.items():
+        out[:, i, j] = out[:, j, i] = -values
+    return out
 
 
 def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -22,6 +22,10 @@ class Trace(Protocol):
     def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
         """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
         ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's own smoothing of the speed."""
+        ...
+
+    def accelerated(self, lag_s3_mm: float, window_s: float) -> Self:
+        """The same with ``acceleration`` at this setting known."""
         ...
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -84,7 +84,7 @@ def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: 
     # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
     likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (search.components,), rounds=1)
     components = replace(likely, run_s=min(likely.run_s, MOST_RUN_S), run_mm=min(likely.run_mm, MOST_RUN_MM))
-    return Search.at(runs, state, use, components)
+    return Search(state, use, components, whitener(parts, components))
 
 
 def _next(

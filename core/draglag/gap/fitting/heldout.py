@@ -53,7 +53,7 @@ def noise_variance_mm2(fit: Fit) -> FloatArray:
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     noise_mm = np.where(fit.placed.steady[fit.use], parts.uneven_mm, 0.0)
     parts = replace(parts, loose_s=np.zeros(len(fit.runs)), uneven_mm=noise_mm)
-    variance = whitener(parts, fit.whiteners[fit.best].components).variance_mm2.copy()
+    variance = whitener(parts, fit.white.components).variance_mm2.copy()
     fold = folds(fit)
     a, _ = _white(fit)
     for k in np.unique(fold[fold != IN_EVERY_FIT]):
@@ -63,7 +63,7 @@ def noise_variance_mm2(fit: Fit) -> FloatArray:
 
 
 def _white(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    white = fit.whiteners[fit.best]
+    white = fit.white
     return white.apply(fit.design), white.apply(fit.residual_mm)
 
 
@@ -97,7 +97,7 @@ def predictive_gain(before: Fit, after: Fit) -> float:
 def _log_predictive(fit: Fit, edges: np.ndarray) -> float:
     keep = edges[fit.use]
     parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
-    white = whitener(parts, fit.whiteners[fit.best].components)
+    white = whitener(parts, fit.white.components)
     return -0.5 * (float(np.sum(white.apply(held_out_residual_mm(fit)[keep]) ** 2)) + white.log_det)
 
 

@@ -18,16 +18,15 @@ def jackknife_sd(fit: Fit) -> FloatArray:
     The fit's covariance knows of runs only its components; a latency that follows the place or the hour from
     run to run, or noise that lasts for a whole pass, is in here too. Zero with too few runs.
     """
-    white = fit.whiteners[fit.best]
+    white = fit.white
     a, b = white.apply(fit.design), white.apply(fit.residual_mm)
     information, moment = a.T @ a + np.diag(fit.prior), a.T @ b
     spread = np.linalg.pinv(information, hermitian=True)
-    off, known = [], []
-    for k in np.unique(fit.run_index):
-        own = fit.run_index == k
-        without = np.linalg.pinv(information - a[own].T @ a[own], hermitian=True)
-        off.append((without @ (moment - a[own].T @ b[own])) - spread @ moment)
-        known.append(np.diag(without) < ALONE * np.diag(spread))
+    each = [(a[own].T @ a[own], a[own].T @ b[own]) for own in (fit.run_index == k for k in np.unique(fit.run_index))]
+    less, moved = (np.array(parts) for parts in zip(*each, strict=True))
+    without = np.linalg.pinv(information - less, hermitian=True)
+    off = np.einsum("rpq,rq->rp", without, moment - moved) - spread @ moment
+    known = np.diagonal(without, axis1=1, axis2=2) < ALONE * np.diag(spread)
     telling = np.sum(known, axis=0)
     square = np.sum(np.where(known, off, 0.0) ** 2, axis=0) * (telling - 1) / np.maximum(telling, 1)
     return np.asarray(np.where(telling >= LEAST_RUNS, np.sqrt(np.maximum(square, 0.0)), 0.0))

@@ -32,8 +32,8 @@ class Fit:
     """A converged joint fit.
 
     Attributes (m used edges): use: mask over placed; residual_mm; design (m, p): columns that explain residuals, base
-    then terms; view: restricted to the used edges; whiteners: one a grid point; best: index of the likeliest; only:
-    mask over placed of the edges that the fit was to judge by, None for all.
+    then terms; view: restricted to the used edges; white: under the likeliest of the ``noises``, a grid of what is
+    common to a run; only: mask over placed of the edges that the fit was to judge by, None for all.
     """
 
     runs: tuple[RunData, ...]
@@ -47,8 +47,8 @@ class Fit:
     prior: FloatArray
     covariance: FloatArray
     view: View
-    whiteners: tuple[Whitener, ...]
-    best: int
+    white: Whitener
+    noises: tuple[Components, ...]
     log_likelihood: float
     width_mm: float
     blur_mm: FloatArray
@@ -139,15 +139,16 @@ def _concluded(
     parts = scatter(runs, state.placed, use, state.blur_mm)
     begun = [components, replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])]
     if start is not None:
-        begun.append(start.whiteners[start.best].components)  # or the larger model may seem the less likely one
+        begun.append(start.white.components)  # or the larger model may seem the less likely one
     residual, design, prior = state.residual[use], state.design[use], state.prior.copy()
     components = likeliest(parts, residual, design, state.prior, begun)
-    whiteners = tuple(whitener(parts, replace(components, run_s=a, run_mm=b)) for a, b in BETWEEN)
+    noises = tuple(replace(components, run_s=a, run_mm=b) for a, b in BETWEEN)
     prior[: base_prior(state.law).size] = base_prior(state.law)
     prior[: state.law.at_bounds.size][state.law.at_bounds] = FIXED  # what cannot move must not be credited for it
     value = likelihoods(parts, residual, design, prior)
-    values = [value(w.components) for w in whiteners]
+    values = [value(one) for one in noises]
     best = int(np.argmax(values))
+    white = whitener(parts, noises[best])
     return Fit(
         runs=runs,
         placed=state.placed,
@@ -158,10 +159,10 @@ def _concluded(
         residual_mm=residual,
         design=design,
         prior=prior,
-        covariance=profile(whiteners[best], residual, design, prior)[1],
+        covariance=profile(white, residual, design, prior)[1],
         view=restrict(state.view, use),
-        whiteners=whiteners,
-        best=best,
+        white=white,
+        noises=noises,
         log_likelihood=float(values[best]),
         width_mm=width_mm,
         blur_mm=state.blur_mm,
@@ -198,7 +199,7 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
     parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
     keep = edges[fit.use]
     value = likelihoods(parts, fit.residual_mm[keep], fit.design[keep], fit.prior)
-    return max(value(w.components) for w in fit.whiteners)
+    return max(value(one) for one in fit.noises)
 
 
 def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:
@@ -208,7 +209,7 @@ def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tu
     n_base = base_prior(start.law).size
     design = np.column_stack([start.design[:, :n_base], new])
     # The tightest scatter between runs: what the terms are to explain must not count as noise here.
-    white = start.whiteners[0]
+    white = whitener(scatter(start.runs, start.placed, start.use, start.blur_mm), start.noises[0])
     a, b = white.apply(design), white.apply(start.residual_mm)
     prior = np.concatenate([start.prior[:n_base], np.full(new.shape[1], 1e-12)])
     sizes = (np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True) @ (a.T @ b))[n_base:]

@@ -13,7 +13,7 @@ from draglag.simulation.residual import LineGains
 
 def line_gains(fit: Fit, parts: Scatter) -> LineGains:
     """Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
-    white = fit.whiteners[fit.best]
+    white = fit.white
     design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])
     target = np.append(white.apply(fit.residual_mm), np.zeros(fit.prior.size))
     left = fit.residual_mm - fit.design @ np.linalg.lstsq(design, target, rcond=None)[0]

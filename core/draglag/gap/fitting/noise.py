@@ -8,11 +8,9 @@ latency and a random offset of each run. Those three are estimated, over a grid,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags, identity
 
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
@@ -58,42 +56,6 @@ LOCAL: tuple[tuple[Sizes, ...], ...] = (  # kinds that trade places are sought t
     tuple({"run_s": s, "run_mm": b} for s, b in product(RUN_S, RUN_MM)),
 )
 BETWEEN = tuple(product(RUN_S, RUN_MM))
-
-
-def touch_variances(runs: tuple[RunData, ...], placed: Placed) -> FloatArray:
-    """Variance (mm²) of every placed edge from the touch noise alone, (m,)."""
-    across, along = _touch_rows(runs, placed, np.ones(placed.run.size, bool))
-    return np.asarray((across.power(2) + along.power(2)).sum(axis=1), float).ravel()
-
-
-def _touch_rows(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> tuple[csr_matrix, csr_matrix]:
-    """By how many mm each event's own error moves each used edge, for errors in y and in x; (m, events of all runs)."""
-    velocity = placed.v_mm_s
-    shown = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-6)
-    # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
-    leverage = velocity[:, 1] * placed.slope_s2_mm * placed.stretch
-    along_y, along_x = (leverage * velocity[:, axis] / shown for axis in (1, 0))
-    place = diags(placed.traces.noise_mm[use]) @ placed.position_rows[use]
-    across, along = (
-        diags((placed.traces.noise_mm * cosine)[use]) @ placed.velocity_rows[use] for cosine in (along_y, along_x)
-    )
-    rows = place + across, along
-    spread = _spread(runs)
-    return rows if spread is None else (rows[0] @ spread, rows[1] @ spread)
-
-
-@lru_cache(maxsize=1)
-def _spread(runs: tuple[RunData, ...]) -> csr_matrix | None:
-    """By how much each event shown of all runs moves each of theirs; None where traces are as shown."""
-    if all(data.spread is None for data in runs):
-        return None
-    each = [identity(d.t_s.size, format="csr") if d.spread is None else d.spread for d in runs]
-    # scipy's block_diag goes through coordinates, and is slow.
-    columns, values = (np.cumsum([0, *sizes]) for sizes in ([e.shape[1] for e in each], [e.nnz for e in each]))
-    ends = [e.indptr[1:] + before for e, before in zip(each, values, strict=False)]
-    index = [e.indices + before for e, before in zip(each, columns, strict=False)]
-    parts = np.concatenate([e.data for e in each]), np.concatenate(index), np.concatenate([[0], *ends])
-    return csr_matrix(parts, shape=(sum(e.shape[0] for e in each), int(columns[-1])))
 
 
 @dataclass(frozen=True)
@@ -144,19 +106,15 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
     inside &= run[later] == run
     apart_s = np.where(inside, t_s[later] - t_s, np.inf)
 
-    def band(values: FloatArray, memory_s: float) -> FloatArray:
-        return np.asarray(values[later] * values * np.exp(-apart_s / memory_s))
+    def band(values: FloatArray, fades: FloatArray) -> FloatArray:
+        return np.asarray(values[later] * values * fades)
 
-    fixed = np.zeros((reach, m))
-    for rows in _touch_rows(runs, placed, use):
-        pairs = (rows @ rows.T).tocoo()
-        # Windows are shorter than the memory of a speed, so that edges that share events are within the band.
-        below = (pairs.row >= pairs.col) & (pairs.row - pairs.col < reach)
-        np.add.at(fixed, (pairs.row[below] - pairs.col[below], pairs.col[below]), pairs.data[below])
+    fixed = placed.touch_noise.band_mm2(use, reach)
     fixed[0] += timing_mm(placed)[use] ** 2 + 1e-6
     if blur_mm[use].any():
-        fixed += band(blur_mm[use], ACCEL_MEMORY_S)
-    share, tremor = band(follows * speed, SPEED_MEMORY_S), band(follows, SPEED_MEMORY_S)
+        fixed += band(blur_mm[use], np.exp(-apart_s / ACCEL_MEMORY_S))
+    fades = np.exp(-apart_s / SPEED_MEMORY_S)
+    share, tremor = band(follows * speed, fades), band(follows, fades)
     return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s)
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
-from draglag.gap.fitting.noise import timing_mm, touch_variances
+from draglag.gap.fitting.noise import timing_mm
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.traces.edges import Placed, place
 from draglag.gap.traces.law_speed import SpeedDelay
@@ -153,7 +153,7 @@ def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
     placed = state.placed
     use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
-    local = touch_variances(runs, placed) + state.blur_mm**2
+    local = placed.touch_variance_mm2 + state.blur_mm**2
     sd = np.sqrt(local + 0.05**2 + (0.02 * follows * placed.speed_mm_s) ** 2 + timing_mm(placed) ** 2)
     use &= sd < FAR_MM
     # A run that mostly starts and stops is no evidence on a law: its few edges left would stand for those excluded.

@@ -184,8 +184,8 @@ def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]
     own, whichever explanation leads by columns. Those that the touch events show by themselves are among them."""
     gains = _gains(pool, allowed)
     least = max(PROMISING, HOPELESS * max(gains.values(), default=0.0))
-    changing = (name for name, gain in gains.items() if gain > least and refit_module(name) is not None)
-    return tuple(dict.fromkeys((*changing, *(name for name in gains if shown_by_traces(first, name)))))
+    changing = [name for name, gain in gains.items() if gain > least and refit_module(name) is not None]
+    return (*changing, *(name for name in gains if name not in changing and shown_by_traces(first, name)))
 
 
 def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]) -> list[str]:

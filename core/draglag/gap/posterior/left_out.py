@@ -12,7 +12,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import residual_mm
-from draglag.gap.fitting.noise import timing_mm, touch_variances
+from draglag.gap.fitting.noise import timing_mm
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.fitting.state import term_signature, total
 from draglag.gap.proposing.left_open import open_mm
@@ -54,8 +54,8 @@ def _residual_mm(fit: Fit) -> FloatArray:
 
 def _sd_mm(fit: Fit) -> FloatArray:
     """Standard deviation of every placed edge by itself, (m,) mm."""
-    placed, levels = fit.placed, fit.whiteners[fit.best].components
+    placed, levels = fit.placed, fit.white.components
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
-    variance = touch_variances(fit.runs, placed) + timing_mm(placed) ** 2 + levels.edge_mm**2 + levels.run_mm**2
+    variance = placed.touch_variance_mm2 + timing_mm(placed) ** 2 + levels.edge_mm**2 + levels.run_mm**2
     variance += (follows * np.hypot(levels.speed * placed.speed_mm_s, levels.tremor_mm_s)) ** 2
     return np.sqrt(variance + (levels.run_s * placed.v_mm_s[:, 1]) ** 2)

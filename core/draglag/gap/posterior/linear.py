@@ -18,7 +18,7 @@ from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import FlexibleLaw, nearest_eq5
 from draglag.gap.fitting.model import LawParameters, base_prior
-from draglag.gap.fitting.noise import scatter
+from draglag.gap.fitting.noise import Scatter, scatter
 from draglag.gap.posterior.covariance import Noise, noise_of
 from draglag.gap.posterior.levels import PARTS, Levels, log_prior
 from draglag.gap.posterior.members import Member, members_of, of_unit_rms, smooth_columns
@@ -35,7 +35,8 @@ class Linear:
     """One linearisation on m edges.
 
     Attributes: residual_mm (m,): of what is no member; base (m, p): A and T, with prior precision (p,); columns (m, q):
-    of all members, 1 mm RMS each; at: each member's columns; law: Eq. 5 about which the base is linear.
+    of all members, 1 mm RMS each; at: each member's columns; law: Eq. 5 about which the base is linear. edges: mask
+    over all placed edges, those to judge by; None: the fit's. whole: the same on all edges of the fit.
     """
 
     fit: Fit
@@ -48,6 +49,13 @@ class Linear:
     noise: Noise
     unsure_ages: bool
     law: LawParameters
+    edges: np.ndarray | None
+    whole: Whole
+
+    def on(self, edges: np.ndarray) -> Linear:
+        """The same on edges that a mask over all placed edges has."""
+        same = self.edges is not None and np.array_equal(self.edges, edges)
+        return self if same else _restricted(self.whole, edges)
 
     @property
     def model(self) -> FloatArray:
@@ -66,35 +74,55 @@ class Normal:
     base: float
 
 
+@dataclass(frozen=True)
+class Whole:
+    """A linearisation on all edges of a fit, before some of them are chosen. Attributes: as of ``Linear``."""
+
+    fit: Fit
+    members: tuple[Member, ...]
+    residual_mm: FloatArray
+    base: FloatArray
+    precision: FloatArray
+    parts: Scatter
+    unsure_ages: bool
+    law: LawParameters
+
+
 def linearised(
     fit: Fit, allowed: Sequence[str] | frozenset[str], unsure_ages: bool = False, edges: np.ndarray | None = None
 ) -> Linear:
     """The session linearised about a fit. edges: mask over all placed edges, those to judge by; None: the fit's."""
-    keep = np.ones(fit.residual_mm.size, bool) if edges is None else edges[fit.use]
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     possible = members_of(fit, parts, allowed)
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
-    members = [*(member for member in _own(fit) if member.name not in listed), *possible]
+    members = (*(member for member in _own(fit) if member.name not in listed), *possible)
     base, prior, residual, law = _without_members(fit)
     tolerance = _tolerance(fit, members)
-    precision = np.concatenate([prior, np.ones(tolerance.shape[1])])
+    precision = np.maximum(np.concatenate([prior, np.ones(tolerance.shape[1])]), LEAST_PRECISION)
+    whole = Whole(fit, members, residual, np.column_stack([base, tolerance]), precision, parts, unsure_ages, law)
+    return _restricted(whole, edges)
+
+
+def _restricted(whole: Whole, edges: np.ndarray | None) -> Linear:
+    """The linearisation on some edges of the fit."""
+    fit, parts = whole.fit, whole.parts
+    keep = np.ones(fit.residual_mm.size, bool) if edges is None else edges[fit.use]
     if not keep.all():
-        whole = np.zeros(fit.use.size, bool)
-        whole[np.flatnonzero(fit.use)[keep]] = True
-        parts = scatter(fit.runs, fit.placed, whole, fit.blur_mm)
-    widths = [m.columns.shape[1] for m in members]
-    ends = np.cumsum([0, *widths])
+        parts = scatter(fit.runs, fit.placed, fit.use & edges, fit.blur_mm)
+    ends = np.cumsum([0, *(member.columns.shape[1] for member in whole.members)])
     return Linear(
         fit,
-        tuple(members),
-        residual[keep],
-        np.column_stack([base, tolerance])[keep],
-        np.maximum(precision, LEAST_PRECISION),
-        np.column_stack([of_unit_rms(m.columns[keep]) for m in members]),
+        whole.members,
+        whole.residual_mm[keep],
+        whole.base[keep],
+        whole.precision,
+        np.column_stack([of_unit_rms(member.columns[keep]) for member in whole.members]),
         tuple(np.arange(a, b) for a, b in pairwise(ends)),
         noise_of(parts, fit.placed.t_s[fit.use][keep]),
-        unsure_ages,
-        law,
+        whole.unsure_ages,
+        whole.law,
+        edges,
+        whole,
     )
 
 

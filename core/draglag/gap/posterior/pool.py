@@ -14,7 +14,7 @@ from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.posterior.law_shape import falling_share
 from draglag.gap.posterior.left_out import freedom_nats
 from draglag.gap.posterior.levels import Levels
-from draglag.gap.posterior.linear import Linear, Normal, likeliest_levels, linearised, normal
+from draglag.gap.posterior.linear import Linear, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.search import Explanation, Search, log_evidence, one_law, searched
 
@@ -36,11 +36,11 @@ class Found:
 class Pool:
     """Fits of one session, and what every set of names is worth at the best of them.
 
-    Attributes: linears: one a fit. edges: mask over all placed edges, shared by all. levels: of the noise, under which
+    Attributes: searches: one a fit. edges: mask over all placed edges, shared by all. levels: of the noise, under which
     all are compared. found: sorted names → the explanation.
     """
 
-    linears: tuple[Linear, ...]
+    searches: tuple[Search, ...]
     edges: np.ndarray
     levels: tuple[Levels, ...]
     found: dict[Names, Found]
@@ -100,25 +100,27 @@ def compared(
     before: a pool of some of these fits, whose levels of the noise are taken over.
     """
     edges = np.logical_and.reduce([fit.use for fit in fits])
-    known = {} if before is None else {id(linear.fit): linear for linear in before.linears}
-    alike = before is not None and np.array_equal(before.edges, edges)
+    made = () if before is None else before.searches
+    known = {id(search.linear.fit): search.linear for search in made}
     linears = [
-        known[id(fit)] if alike and id(fit) in known else linearised(fit, frozenset(allowed), unsure_ages, edges)
+        known[id(fit)].on(edges) if id(fit) in known else linearised(fit, frozenset(allowed), unsure_ages, edges)
         for fit in fits
     ]
     levels: dict[Levels, None] = {} if before is None else dict.fromkeys(before.levels)
     for linear in linears:
         if id(linear.fit) not in known:
-            levels |= dict.fromkeys(_likely_levels(linear, without, tuple(levels), most))
+            likely, search = _likely_levels(linear, without, tuple(levels), most)
+            levels |= dict.fromkeys(likely)
+            made = (*made, search)
     found: dict[Names, Found] = {}
-    searches = [searched(linear, _normals(linear, tuple(levels)), without, most) for linear in linears]
+    searches = tuple(_searched(linear, tuple(levels), without, most, made) for linear in linears)
     for search in searches:
         open_nats = freedom_nats(search.linear.fit, fits[0])
         for names, one in _by_names(search, open_nats).items():
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
     kept = tuple(_that_matter(found, tuple(levels)))
-    return Pool(tuple(linears), edges, kept, found, unsure_ages)
+    return Pool(searches, edges, kept, found, unsure_ages)
 
 
 def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[Levels]:
@@ -131,19 +133,21 @@ def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[
 
 def _likely_levels(
     linear: Linear, without: Collection[str], seeds: tuple[Levels, ...], most: int
-) -> tuple[Levels, ...]:
-    """Levels that are likely with no member, and with the best explanation under them; of sound rigs too."""
+) -> tuple[tuple[Levels, ...], Search]:
+    """Levels that are likely with no member, and with the best explanation under them; of sound rigs too. And the
+    search that this explanation is of."""
     out: dict[Levels, None] = dict.fromkeys(seeds)
     if not out:
         found = likeliest_levels(linear)
         # A single run that lies off makes all runs seem to scatter: it is judged where the others scatter little, too.
         sound = found.at(run_s=min(found.run_s, Levels().run_s))
         out |= dict.fromkeys((*_and_sound(linear, found), *_and_sound(linear, sound)))
-    best = _own_best(searched(linear, _normals(linear, tuple(out)), without, most))
+    search = _searched(linear, tuple(out), without, most)
+    best = _own_best(search)
     if best is not None and best.members:
         levels = likeliest_levels(linear, best.members, best.scales_mm, next(iter(out)))
         out |= dict.fromkeys(_and_sound(linear, levels))
-    return tuple(out)
+    return tuple(out), search
 
 
 def _and_sound(linear: Linear, levels: Levels) -> tuple[Levels, ...]:
@@ -152,14 +156,23 @@ def _and_sound(linear: Linear, levels: Levels) -> tuple[Levels, ...]:
     return levels, likeliest_levels(linear, start=levels, sound=True)
 
 
-def _normals(linear: Linear, levels: Sequence[Levels]) -> tuple[Normal, ...]:
-    return tuple(normal(linear, one) for one in levels)
+def _searched(
+    linear: Linear, levels: tuple[Levels, ...], without: Collection[str], most: int, made: Sequence[Search] = ()
+) -> Search:
+    """The search under these levels; of those made before, the same one or its normal equations."""
+    made = [search for search in made if search.linear is linear]
+    for search in made:
+        if (search.levels, search.without, search.most) == (levels, frozenset(without), most):
+            return search
+    known = {one.levels: one for search in made for one in search.normals}
+    normals = (known[one] if one in known else normal(linear, one) for one in levels)
+    return searched(linear, tuple(normals), without, most)
 
 
 def _own_best(search: Search) -> Explanation | None:
     """The best explanation with all effects of the fit."""
     inside = set(effects_in(search.linear.fit)) - set(effects_in_law(search.linear.fit))
-    own = [e for e in search.explanations if inside <= set(search.names(e))]
+    own = [e for e in search.explanations if not inside or inside <= set(search.names(e))]
     return max(own, key=lambda e: e.log_mass, default=None)
 
 
@@ -173,21 +186,26 @@ def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
     falls = _falling(search)
     masses: dict[Names, float] = {}
     best: dict[Names, Explanation] = {}
-    for explanation in search.explanations:
-        names = tuple(sorted((*search.names(explanation), *of_law)))
-        if not inside <= set(names) or not one_law(names):
+    name_of = [member.name for member in search.linear.members]
+    for explanation in search.explanations:  # thousands
+        names = tuple(sorted([*(name_of[i] for i in explanation.members), *of_law]))
+        if not (inside.issubset(names) and one_law(names)):
             continue
         for named, log_share in _by_shape(names, falls):
             mass = explanation.log_mass + log_share
-            masses[named] = float(np.logaddexp(masses.get(named, -np.inf), mass))
-            if named not in best or explanation.log_mass > best[named].log_mass:
+            if named not in best:
+                masses[named], best[named] = mass, explanation
+                continue
+            masses[named] = float(np.logaddexp(masses[named], mass))
+            if explanation.log_mass > best[named].log_mass:
                 best[named] = explanation
     return {names: Found(mass + prior, search, best[names]) for names, mass in masses.items()}
 
 
 def _falling(search: Search) -> float:
     """Probability that the curve falls with speed, given the most probable explanation with a form of its own."""
-    own = [e for e in search.explanations if LAW_FORM in search.names(e)]
+    forms = {i for i, member in enumerate(search.linear.members) if member.name == LAW_FORM}
+    own = [e for e in search.explanations if not forms.isdisjoint(e.members)]
     if not own:
         return 1.0
     best = max(own, key=lambda e: e.log_mass)

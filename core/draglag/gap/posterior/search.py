@@ -6,6 +6,7 @@ set: all members and all their scales are weighed at once.
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
@@ -14,6 +15,7 @@ from scipy.special import logsumexp
 
 from draglag.gap import constants
 from draglag.gap.fitting.law_form import LAW_FORM
+from draglag.gap.posterior.levels import Levels
 from draglag.gap.posterior.linear import Linear, Normal
 from draglag.gap.posterior.members import Member
 from draglag.recording import FloatArray, IntArray
@@ -38,11 +40,18 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Search:
-    """All explanations looked at from one linearisation, under some levels of the noise."""
+    """All explanations looked at from one linearisation, under some levels of the noise. without: names that were
+    impossible; most: effects that might be named."""
 
     linear: Linear
     normals: tuple[Normal, ...]
+    without: frozenset[str] = frozenset()
+    most: int = constants.MOST_MEMBERS
     explanations: tuple[Explanation, ...] = field(repr=False, default=())
+
+    @property
+    def levels(self) -> tuple[Levels, ...]:
+        return tuple(one.levels for one in self.normals)
 
     @property
     def best(self) -> Explanation:
@@ -62,15 +71,17 @@ def searched(
     that may be named."""
     empty = Explanation(log_mass=float(logsumexp([n.base for n in normals])))
     found: dict[tuple[int, ...], Explanation] = {(): empty}
-    groups = _of_one_width(linear)
+    joining, groups = Joining.of(linear.members), _of_one_width(linear, normals)
     front = [empty]
     barred = np.array([m.name in without for m in linear.members])
-    effects = np.array([m.name in EFFECTS for m in linear.members])
     for _ in range(constants.MOST_MEMBERS):
         new: dict[tuple[int, ...], Explanation] = {}
         for explanation in front:
-            full = sum(linear.members[i].name in EFFECTS for i in explanation.members) >= most
-            for one in _extended(linear, normals, explanation, groups, barred | effects if full else barred):
+            inside = list(explanation.members)
+            usable = joining.with_all(inside) & ~barred
+            if np.count_nonzero(joining.effect[inside]) >= most:
+                usable &= ~joining.effect
+            for one in _extended(linear, normals, explanation, groups, usable):
                 old = new.get(one.members)
                 if old is None or one.log_mass > old.log_mass:
                     new[one.members] = one
@@ -80,7 +91,7 @@ def searched(
         best = max(e.log_mass for e in found.values())
         if not front or front[0].log_mass < best - constants.GIVEN_UP:
             break
-    return Search(linear, normals, tuple(found.values()))
+    return Search(linear, normals, frozenset(without), most, tuple(found.values()))
 
 
 def _front(linear: Linear, ranked: list[Explanation]) -> list[Explanation]:
@@ -95,60 +106,103 @@ def _front(linear: Linear, ranked: list[Explanation]) -> list[Explanation]:
     return list(out.values())
 
 
-def _of_one_width(linear: Linear) -> list[tuple[IntArray, IntArray]]:
-    """Members (c,) of each number of columns k, and which columns of all they are, (c, k)."""
+@dataclass(frozen=True)
+class Joining:
+    """Which of c members may be in one explanation: one of a name, but several without a name that are of different
+    places; and one statement about the curve.
+
+    Attributes, (c,) each: name, setting: equal where names, and names with settings, are equal. single: one of its name
+    only. form: the curve's own. of_law, effect: an effect on the law, or of any kind.
+    """
+
+    name: IntArray
+    setting: IntArray
+    single: np.ndarray
+    form: np.ndarray
+    of_law: np.ndarray
+    effect: np.ndarray
+
+    @classmethod
+    def of(cls, members: Sequence[Member]) -> Joining:
+        names = {name: k for k, name in enumerate({m.name for m in members})}
+        settings = {key: k for k, key in enumerate({(m.name, m.theta) for m in members})}
+        return cls(
+            np.array([names[m.name] for m in members]),
+            np.array([settings[m.name, m.theta] for m in members]),
+            np.array([m.named or not m.theta for m in members]),
+            np.array([m.name == LAW_FORM for m in members]),
+            np.array([m.name in EFFECTS and EFFECTS[m.name].of_the_law for m in members]),
+            np.array([m.name in EFFECTS for m in members]),
+        )
+
+    def with_all(self, inside: Sequence[int]) -> np.ndarray:
+        """Members (c,) that may join these."""
+        form, of_law = self.form | self.form[inside].any(), self.of_law | self.of_law[inside].any()
+        usable: np.ndarray = ~(form & of_law)
+        for i in inside:
+            again = self.single | self.single[i] | (self.setting == self.setting[i])
+            usable &= ~(again & (self.name == self.name[i]))
+        return usable
+
+
+@dataclass(frozen=True)
+class OfOneWidth:
+    """Members (c,) of one number of columns k, which columns of all they are, (c, k), and their part of the normal
+    equations under each of the levels, (levels, c, k, k) and (levels, c, k)."""
+
+    which: IntArray
+    at: IntArray
+    gram: FloatArray
+    moment: FloatArray
+
+
+def _of_one_width(linear: Linear, normals: tuple[Normal, ...]) -> list[OfOneWidth]:
     widths = np.array([at.size for at in linear.at])
-    return [
-        (np.flatnonzero(widths == k), np.array([linear.at[i] for i in np.flatnonzero(widths == k)]))
-        for k in np.unique(widths)
-    ]
+    out = []
+    for k in np.unique(widths):
+        which = np.flatnonzero(widths == k)
+        at = np.array([linear.at[i] for i in which])
+        gram = np.stack([one.gram[at[:, :, None], at[:, None, :]] for one in normals])
+        out.append(OfOneWidth(which, at, gram, np.stack([one.moment[at] for one in normals])))
+    return out
 
 
 def _extended(
     linear: Linear,
     normals: tuple[Normal, ...],
     explanation: Explanation,
-    groups: list[tuple[IntArray, IntArray]],
-    barred: np.ndarray,
+    groups: list[OfOneWidth],
+    usable: np.ndarray,
 ) -> list[Explanation]:
-    """The explanation with each further member, whose size is integrated over its scales."""
-    inside = [linear.members[i] for i in explanation.members]
-    usable = np.array([_may_join(m, inside) for m in linear.members]) & ~barred
+    """The explanation with each further usable member, whose size is integrated over its scales."""
+    given = _given(linear, normals, explanation)
     gains = np.empty((len(normals), len(linear.members), SCALES_MM.size))
-    bases = np.empty(len(normals))
-    for n, one in enumerate(normals):
-        bases[n], given = _given(linear, one, explanation)
-        for which, at in groups:
-            gains[n, which] = _gain(one, given, at)
-    each = logsumexp(bases[:, None, None] + gains, axis=0)  # (members, scales)
+    for group in groups:
+        gains[:, group.which] = _gain(given, group)
+    each = _log_sum(given.value[:, None, None] + gains, axis=0)  # (members, scales)
     prior = sum(linear.members[i].log_prior for i in explanation.members)
     spent = explanation.size * np.log(SCALES_MM.size)  # of the members before: their scales are at their best
-    masses = logsumexp(each, axis=1) - np.log(SCALES_MM.size) + prior - spent + 0.5 * explanation.size
+    masses = _log_sum(each, axis=1) - np.log(SCALES_MM.size) + prior - spent + 0.5 * explanation.size
+    masses += np.array([member.log_prior for member in linear.members])
+    likeliest = SCALES_MM[np.argmax(each, axis=1)]
     out = []
-    for i in np.flatnonzero(usable):
-        order = np.argsort(np.array([*explanation.members, int(i)]))
-        members = np.array([*explanation.members, i])[order]
-        scales = np.array([*explanation.scales_mm, SCALES_MM[int(np.argmax(each[i]))]])[order]
-        mass = float(masses[i] + linear.members[i].log_prior)
-        out.append(Explanation(tuple(int(k) for k in members), tuple(float(s) for s in scales), mass))
+    old, sizes = explanation.members, explanation.scales_mm
+    further = np.flatnonzero(usable)
+    for i, scale, mass in zip(*(a.tolist() for a in (further, likeliest[further], masses[further])), strict=True):
+        k = bisect(old, i)
+        out.append(Explanation((*old[:k], i, *old[k:]), (*sizes[:k], scale, *sizes[k:]), mass))
     return out
+
+
+def _log_sum(values: FloatArray, axis: int) -> FloatArray:
+    """Logarithm of the sum of exponentials of finite values along an axis."""
+    top = values.max(axis=axis, keepdims=True)
+    return np.asarray(np.log(np.exp(values - top).sum(axis=axis)) + top.squeeze(axis))
 
 
 def one_law(names: Collection[str]) -> bool:
     """Whether names make one statement about the curve: a form of its own leaves nothing to an effect on the law."""
     return LAW_FORM not in names or not any(n in EFFECTS and EFFECTS[n].of_the_law for n in names)
-
-
-def _may_join(member: Member, inside: Sequence[Member]) -> bool:
-    """Whether a member may be added: one of a name, but several without a name that are of different places."""
-    if not one_law([member.name, *(one.name for one in inside)]):
-        return False
-    if member.named or not member.theta:
-        return all(member.name != one.name for one in inside)
-    return all(
-        (member.name, member.theta) != (one.name, one.theta) and (one.theta or member.name != one.name)
-        for one in inside
-    )
 
 
 def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, FloatArray]:
@@ -159,40 +213,66 @@ def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, Floa
     return np.concatenate(at), np.repeat(explanation.scales_mm, [a.size for a in at])
 
 
-def _given(
-    linear: Linear, one: Normal, explanation: Explanation
-) -> tuple[float, tuple[IntArray, FloatArray, FloatArray]]:
-    """Log evidence of an explanation at its scales under one set of levels; and its columns, the root of what they
-    take off the normal equations, and of the moments."""
+@dataclass(frozen=True)
+class Given:
+    """An explanation of r columns at its scales, under each of the levels.
+
+    Attributes: value: (levels,) log evidence. taken: (levels, r, q) the root of what it takes off the normal equations
+    of all q columns; taken_moment: (levels, q) what it takes off their moments.
+    """
+
+    value: FloatArray
+    taken: FloatArray
+    taken_moment: FloatArray
+
+
+def _given(linear: Linear, normals: Sequence[Normal], explanation: Explanation) -> Given:
+    at, _ = columns_of(linear, explanation)
+    value, root, half, scale = _evidence(linear, normals, explanation)
+    rows = np.stack([one.gram[at] for one in normals])
+    taken = np.asarray(np.linalg.solve(root, scale[:, None] * rows) if at.size else rows, float)
+    return Given(value, taken, np.einsum("lrq,lr->lq", taken, half))
+
+
+def _evidence(
+    linear: Linear, normals: Sequence[Normal], explanation: Explanation
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Log evidence (levels,) of an explanation at its scales; the root of its normal equations (levels, r, r), its
+    moments through that (levels, r), and the scale of each column (r,)."""
     at, scale = columns_of(linear, explanation)
+    base = np.array([one.base for one in normals])
     if not at.size:
-        return one.base, (at, np.zeros((0, 0)), np.zeros(0))
-    inner = one.gram[np.ix_(at, at)] * np.outer(scale, scale) + np.eye(at.size)
-    root = np.linalg.cholesky(inner)
-    half = np.linalg.solve(root, scale * one.moment[at])
-    value = one.base + 0.5 * float(half @ half) - float(np.log(np.diag(root)).sum())
-    return value, (at, np.linalg.solve(root, np.diag(scale)), half)
+        return base, np.zeros((base.size, 0, 0)), np.zeros((base.size, 0)), scale
+    own = np.ix_(at, at)
+    inner = np.stack([one.gram[own] for one in normals]) * np.outer(scale, scale) + np.eye(at.size)
+    root = np.asarray(np.linalg.cholesky(inner), float)
+    moment = np.stack([one.moment[at] for one in normals])
+    half = np.asarray(np.linalg.solve(root, (scale * moment)[..., None])[..., 0], float)
+    log_det = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+    return base + 0.5 * np.sum(half**2, axis=1) - log_det, root, half, scale
 
 
-def _gain(one: Normal, given: tuple[IntArray, FloatArray, FloatArray], at: IntArray) -> FloatArray:
-    """Log evidence that members (c,) of columns ``at`` (c, k) add to those in the set, for each scale, (c, scales)."""
-    own, root, half = given
-    gram = one.gram[at[:, :, None], at[:, None, :]]
-    moment = one.moment[at]
-    if own.size:
-        taken = np.einsum("rj,jck->crk", root, one.gram[own][:, at])
-        gram = gram - np.einsum("cri,crj->cij", taken, taken)
-        moment = moment - np.einsum("crk,r->ck", taken, half)
-    values, axes = np.linalg.eigh(gram)
-    along = np.einsum("ckj,ck->cj", axes, moment) ** 2
-    values = np.maximum(values, 0.0)[:, None, :] * SCALES_MM[:, None] ** 2
-    along = along[:, None, :] * SCALES_MM[:, None] ** 2
-    return np.asarray(np.sum(0.5 * along / (1 + values) - 0.5 * np.log1p(values), axis=2))
+def _gain(given: Given, group: OfOneWidth) -> FloatArray:
+    """Log evidence that each member of a group adds to those in the set, under each of the levels, for each scale,
+    (levels, c, scales)."""
+    gram, moment = group.gram, group.moment
+    if given.taken.shape[1]:
+        taken = np.moveaxis(given.taken[:, :, group.at], 1, 2)  # (levels, c, r, k)
+        gram = gram - np.swapaxes(taken, 2, 3) @ taken
+        moment = moment - given.taken_moment[:, group.at]
+    if group.at.shape[1] == 1:
+        values, along = gram[..., 0], moment**2
+    else:
+        values, axes = np.linalg.eigh(gram)
+        along = np.einsum("lckj,lck->lcj", axes, moment) ** 2
+    values = np.maximum(values, 0.0)[:, :, None, :] * SCALES_MM[:, None] ** 2
+    along = along[:, :, None, :] * SCALES_MM[:, None] ** 2
+    return np.asarray(np.sum(0.5 * along / (1 + values) - 0.5 * np.log1p(values), axis=3))
 
 
 def log_evidence(search: Search, explanation: Explanation) -> FloatArray:
     """Log evidence of an explanation under each of the levels, (levels,)."""
-    return np.array([_given(search.linear, one, explanation)[0] for one in search.normals])
+    return _evidence(search.linear, search.normals, explanation)[0]
 
 
 def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:

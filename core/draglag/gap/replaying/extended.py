@@ -55,7 +55,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
         covariance[np.ix_(order, order)],
         float(np.sqrt(np.mean(left**2))) if left.size else 0.0,
         (float(speeds.min()), float(speeds.max())),
-        fit.whiteners[fit.best].components.run_s,
+        fit.white.components.run_s,
         int(table.shape[0]),
         float("nan"),
         float("nan"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -74,7 +75,7 @@ class Replay:
         it has no such edge); time of the host's clock.
         across_mm_s: (m,) velocity across the beam.
         between_runs_s: by how much the model lets runs differ from the law for no known reason.
-        measured, simulated: both as the reference model sees them, for the picture against a covariate.
+        reference: the model that sees both for the picture against a covariate. again: the simulated runs, repaired.
     """
 
     effects: tuple[Effect, ...]
@@ -85,9 +86,20 @@ class Replay:
     simulated_s: FloatArray
     falling: np.ndarray
     across_mm_s: FloatArray
-    measured: Overlay
-    simulated: Overlay | None
+    reference: Fit
+    again: tuple[RunData, ...]
     between_runs_s: float = 0.0
+
+    @property
+    def measured(self) -> Overlay:
+        """The measurement as the reference model sees it."""
+        fit = self.reference
+        return Overlay(fit.residual_mm, fit.run_index.astype(np.int64), fit.view)
+
+    @cached_property
+    def simulated(self) -> Overlay | None:
+        """The simulation as the reference model sees it; placed only where a picture asks for it."""
+        return _overlay(self.again, self.reference)
 
     @property
     def difference_ms(self) -> FloatArray:
@@ -223,9 +235,9 @@ def replay(
         simulated_s,
         falling,
         fit.placed.v_mm_s[fit.use, 1],
-        Overlay(reference.residual_mm, reference.run_index.astype(np.int64), reference.view),
-        _overlay(again_runs, reference),
-        fit.whiteners[fit.best].components.run_s,
+        reference,
+        again_runs,
+        fit.white.components.run_s,
     )
 
 

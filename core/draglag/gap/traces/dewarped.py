@@ -8,6 +8,7 @@ speed are shown amplified by 1 + v₀ c ω² G, four times at 1 m/s, and a = iω
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,32 +39,58 @@ class Shown:
     apart_s: float
     mean_mm_s: float
 
+    @cached_property
+    def spectrum(self) -> tuple[int, FloatArray, np.ndarray]:
+        """By how many points the run's deviations from its own speed are padded at both ends, and of these the angular
+        frequencies, (f,) rad/s, and the spectrum, (f,)."""
+        edge = min(round(PADDED_S / self.step_s), self.grid_s.size - 1)
+        speed = np.pad(self.speed_mm_s - self.mean_mm_s, edge, mode="reflect")
+        omega = np.asarray(2 * np.pi * np.fft.rfftfreq(speed.size, self.step_s), float)
+        return edge, omega, np.fft.rfft(speed)
+
+
+@dataclass(frozen=True)
+class Acceleration:
+    """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, at a setting: lag_s3_mm, window_s."""
+
+    setting: tuple[float, float]
+    accel_mm_s2: FloatArray
+    change_mm_s3: FloatArray
+
 
 @dataclass(frozen=True)
 class DewarpedKinematics:
-    """Where m edges lie on their runs' traces. run: (m,) index. at_s: (m,) touch time."""
+    """Where m edges lie on their runs' traces. run: (m,) index. at_s: (m,) touch time. known: at one setting."""
 
     runs: tuple[RunData, ...]
     run: np.ndarray
     at_s: FloatArray
+    known: Acceleration | None = None
 
     def __getitem__(self, use: np.ndarray) -> DewarpedKinematics:
-        return replace(self, run=self.run[use], at_s=self.at_s[use])
+        a = self.known
+        known = None if a is None else replace(a, accel_mm_s2=a.accel_mm_s2[use], change_mm_s3=a.change_mm_s3[use])
+        return replace(self, run=self.run[use], at_s=self.at_s[use], known=known)
+
+    def accelerated(self, lag_s3_mm: float, window_s: float) -> DewarpedKinematics:
+        """The same with ``acceleration`` at this setting known."""
+        setting = lag_s3_mm, window_s
+        return replace(self, known=Acceleration(setting, *self.acceleration(*setting)))
 
     def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
         """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
         ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's own smoothing of the speed."""
+        if self.known is not None and self.known.setting == (lag_s3_mm, window_s):
+            return self.known.accel_mm_s2, self.known.change_mm_s3
         out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k
-            edge = min(round(PADDED_S / shown.step_s), shown.grid_s.size - 1)
-            speed = np.pad(shown.speed_mm_s - shown.mean_mm_s, edge, mode="reflect")
-            omega = 2 * np.pi * np.fft.rfftfreq(speed.size, shown.step_s)
+            edge, omega, speed = shown.spectrum
             smooth = np.exp(-0.5 * (omega * window_s) ** 2)
             amplified = 1 + max(shown.mean_mm_s * lag_s3_mm, 0.0) * omega**2 * smooth
-            of = np.fft.rfft(speed) * 1j * omega * smooth / amplified
-            for values, factor in ((out, 1.0), (change, 1j * omega)):
-                at_grid = np.fft.irfft(of * factor, speed.size)[edge : edge + shown.grid_s.size]
+            of = speed * 1j * omega * smooth / amplified
+            for values, part in ((out, of), (change, of * (1j * omega))):
+                at_grid = np.fft.irfft(part, shown.grid_s.size + 2 * edge)[edge : edge + shown.grid_s.size]
                 values[own] = np.interp(self.at_s[own], shown.grid_s, at_grid)
         return out, change
 

@@ -13,6 +13,7 @@ from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay, before_s, delayed_speed_difference, delayed_speeds
 from draglag.gap.traces.local_fits import Traces, traces_of
 from draglag.gap.traces.run_data import RunData
+from draglag.gap.traces.touch_noise import TouchNoise, touch_noise
 from draglag.path.events import in_contact, sample_interval_s
 from draglag.path.inversion import slope_of, stylus_speed, stylus_time_s
 from draglag.path.motion import speed_half_widths_s
@@ -79,6 +80,16 @@ class Placed:
     def velocity_rows(self) -> csr_matrix:
         """By how much each event of all runs enters each velocity, (m, n) 1/s."""
         return self.traces.rows(self.speed_at_s, self.speed_half_s, lambda by_event: by_event.velocity)
+
+    @cached_property
+    def touch_noise(self) -> TouchNoise:
+        """By how much the events' own noise moves the edges."""
+        return touch_noise(self)
+
+    @property
+    def touch_variance_mm2(self) -> FloatArray:
+        """Variance of every edge from the touch noise alone, (m,)."""
+        return self.touch_noise.variance_mm2(len(self))
 
 
 def place(

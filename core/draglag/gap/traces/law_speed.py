@@ -12,9 +12,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_banded, solveh_banded
+from scipy.linalg import solveh_banded
 from scipy.signal import lfilter
 
+from draglag.path.recursion import recursion
 from draglag.recording import FloatArray
 from draglag.simulation.law import USUAL_LATENCY_S
 
@@ -26,7 +27,7 @@ SpeedDelay = tuple[float, float]
 """(which, delay_s): the speed of ``delay_s`` before, 0; or 1, of that times the latency over the usual one, so that
 minus the usual latency is the speed of the moment of the report."""
 NO_DELAY: SpeedDelay = (0.0, 0.0)
-CHANGING_STEP_S, PASSES = 0.01, 3
+COARSE_S, PASSES = 0.01, 3
 DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # no hand changes its speed faster
 PADDED_S = 1.0
 LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it is taken for noise
@@ -37,7 +38,9 @@ def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list
     (g,) mm/s."""
     if delay[1] and runs:
         return _delayed(runs, law, delay)
-    return [_now(data, law) if data.steady else _changing(data, law) for data in runs]
+    steady = iter(_now([data for data in runs if data.steady], law))
+    changing = iter(_changing([data for data in runs if not data.steady], law))
+    return [next(steady if data.steady else changing) for data in runs]
 
 
 def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tuple[FloatArray, FloatArray]:
@@ -58,34 +61,42 @@ def before_s(delay: SpeedDelay, latency_s: FloatArray) -> FloatArray:
     return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
 
 
-def _now(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
     """About a run's usual speed the time constant is one."""
-    grid_s, shown = data.quick
-    step_s = grid_s[1] - grid_s[0]
-    usual = float(np.mean(shown))
-    slow = max(usual - 1.0, 0.0)
-    tau_s = -usual * float(np.diff(law(np.array([slow, usual + 1.0])))[0]) / (usual + 1.0 - slow)
-    if tau_s < 0.1 * step_s:
-        return grid_s, shown
-    keep = float(np.exp(-step_s / tau_s))
-    speed, _ = lfilter([1 - keep], [1, -keep], shown, zi=[keep * shown[0]])
-    return grid_s + 0.5 * step_s, speed  # each step takes in what is shown at its end
+    if not runs:
+        return []
+    usual = np.array([data.usual_mm_s for data in runs])
+    slow = np.maximum(usual - 1.0, 0.0)
+    lower, upper = law(np.concatenate([slow, usual + 1.0])).reshape(2, -1)
+    out = []
+    for data, tau_s in zip(runs, -usual * (upper - lower) / (usual + 1.0 - slow), strict=True):
+        grid_s, shown = data.quick
+        step_s = grid_s[1] - grid_s[0]
+        if tau_s < 0.1 * step_s:
+            out.append((grid_s, shown))
+            continue
+        keep = float(np.exp(-step_s / tau_s))
+        speed, _ = lfilter([1 - keep], [1, -keep], shown, zi=[keep * shown[0]])
+        out.append((grid_s + 0.5 * step_s, speed))  # each step takes in what is shown at its end
+    return out
 
 
-def _changing(data: RunData, law: Law) -> tuple[FloatArray, FloatArray]:
+def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
     """The low-pass step by step, backwards in each: no size of a step lets it swing."""
-    step_s = CHANGING_STEP_S
-    grid_s = np.arange(data.quick[0][0], data.quick[0][-1], step_s)
-    shown = np.interp(grid_s, *data.quick)
+    if not runs:
+        return []
+    shown = np.concatenate([data.coarse[1] for data in runs])
+    ends = np.cumsum([data.coarse[0].size for data in runs])
+    begins = np.append(0, ends[:-1])
     knots, falls = _falls(law, float(shown.max()))
-    speed, bands = shown, np.zeros((2, shown.size))
-    bands[1, :-1] = -1.0
+    speed = shown
     for _ in range(PASSES):
-        share = step_s / np.maximum(speed * np.interp(speed, knots, falls), 1e-3 * step_s)
-        bands[0], given = 1 + share, share * shown
-        bands[0, 0], given[0] = 1.0, shown[0]
-        speed = solve_banded((1, 0), bands, given, check_finite=False)
-    return grid_s, speed
+        share = COARSE_S / np.maximum(speed * np.interp(speed, knots, falls), 1e-3 * COARSE_S)
+        kept = 1 / (1 + share)
+        added = share * shown * kept
+        kept[begins], added[begins] = 0.0, shown[begins]
+        speed = recursion(kept, added)
+    return [(data.coarse[0], own) for data, own in zip(runs, np.split(speed, ends[:-1]), strict=True)]
 
 
 def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:

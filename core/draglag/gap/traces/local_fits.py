@@ -15,6 +15,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from draglag.gap.traces.run_data import RunData
+from draglag.gap.traces.touch_noise import spread_of
 from draglag.path.events import sample_interval_s
 from draglag.path.motion import FitWeights, local_fit
 from draglag.recording import FloatArray, IntArray
@@ -120,6 +121,11 @@ class Traces:
     def noise_mm(self) -> FloatArray:
         """One event's noise in the run of each edge, (m,)."""
         return np.array([data.noise_mm for data in self.runs])[self.run]
+
+    @cached_property
+    def spread(self) -> csr_matrix | None:
+        """By how much each event shown moves each of ``t_s``; None where traces are as shown."""
+        return spread_of(self.runs)
 
     @cached_property
     def positions(self) -> Kept:

@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 
 from draglag.errors import EstimateError
 from draglag.gap.traces.dewarped import Shown, shown_speed
+from draglag.gap.traces.law_speed import COARSE_S
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.estimate import RunEstimate, prepare
 from draglag.latency.run import estimate_run
@@ -85,6 +86,17 @@ class RunData:
         grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
         fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))
         return grid_s, np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok])
+
+    @cached_property
+    def usual_mm_s(self) -> float:
+        """Mean of the speed of ``quick``."""
+        return float(np.mean(self.quick[1]))
+
+    @cached_property
+    def coarse(self) -> tuple[FloatArray, FloatArray]:
+        """``quick`` at fewer times, (g,) s and mm/s."""
+        grid_s = np.arange(self.quick[0][0], self.quick[0][-1], COARSE_S)
+        return grid_s, np.interp(grid_s, *self.quick)
 
     @cached_property
     def shown(self) -> Shown:

@@ -77,7 +77,8 @@ class AccelerationLag(Effect):
         setting = Setting(*theta)
         if setting.lag_s3_mm <= 0:
             return view
-        return replace(view, accel=view.trace.acceleration(*setting)[0])
+        trace = view.trace.accelerated(*setting)
+        return replace(view, trace=trace, accel=trace.acceleration(*setting)[0])
 
     @classmethod
     def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:

@@ -80,7 +80,7 @@ def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
 
     Law and all else are adjusted linearly, the delay is fixed. −inf where too few edges can be placed.
     """
-    components = fit.whiteners[fit.best].components
+    components = fit.white.components
     own = LaggingLaw.id
     rest = [t for t in fit.terms if t.effect != own]
     out = np.full(len(options), -np.inf)

@@ -43,7 +43,7 @@ def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:
     v_n = placed.v_mm_s[use, 1] * placed.stretch[use]
     n_law = N_LAW if fit.law.plateau_mm_s > 0 else N_LAW - 1
     rest, prior = fit.design[:, n_law:], fit.prior[n_law:]
-    white = fit.whiteners[fit.best]
+    white = fit.white
     used = without_law(fit.law, placed.speed_mm_s[use], v_n, fit.residual_mm, rest, prior, white)
     at = (pairs_at(used, float(plateau), RATES_S_MM) for plateau in plateaus_mm_s)
     return np.array([max(float(pairs.gain.max()), pairs.alone) for pairs in at])

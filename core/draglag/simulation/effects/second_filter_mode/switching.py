@@ -13,7 +13,6 @@ import numpy as np
 
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import LawParameters, residual_mm, starting_law
-from draglag.gap.fitting.noise import touch_variances
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.fitting.state import term_signature, total
 from draglag.gap.traces.edges import Placed
@@ -155,7 +154,7 @@ def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
     """Of every placed edge: lateness relative to the fit and its standard deviation, s, and whether it is usable."""
     placed = fit.placed
     lever = fit_lever(fit)
-    variance = touch_variances(fit.runs, placed) + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2
+    variance = placed.touch_variance_mm2 + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2
     view = view_of(placed, fit.law, fit.geometry, fit.width_mm)
     offsets = total(tuple(term_signature(t, view) for t in fit.terms), fit.terms, view, "offset")
     left_mm = residual_mm(placed, fit.geometry) - offsets

@@ -103,7 +103,7 @@ class SpatialWarp(Effect):
         waves = [cls.signature_at((float(cycles),), fit.view).columns(fit.view) for cycles in CYCLES]
         others = np.delete(fit.design, own, axis=1)
         target = fit.residual_mm + fit.design[:, own] @ found.sizes
-        white = fit.whiteners[fit.best].apply(np.column_stack([others, *waves, target]))
+        white = fit.white.apply(np.column_stack([others, *waves, target]))
         prior = np.diag(np.append(np.delete(fit.prior, own), [1e-12] * 2))
         p, alike = others.shape[1], []
         for k in range(CYCLES.size):

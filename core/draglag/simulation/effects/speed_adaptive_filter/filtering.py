@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from draglag.path.events import contact_losses
+from draglag.path.recursion import recursion
 from draglag.recording import FloatArray
 
 DERIVATIVE_HZ = 1.0  # cut-off of the low-pass on the velocity, as published
@@ -55,7 +55,7 @@ def filtered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.nd
     """Positions (n, 2) behind the filter, of raw ones (n, 2). begins: (n,) events with which a contact begins."""
     turn = _turns(t_s, xy_mm, setting, begins)
     gain = np.where(begins, 1.0, turn / (1 + turn))
-    return _recursion(1 - gain, gain[:, None] * xy_mm)
+    return recursion(1 - gain, gain[:, None] * xy_mm)
 
 
 def unfiltered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
@@ -81,7 +81,7 @@ def cut_off_hz(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np
     turn = 2 * np.pi * DERIVATIVE_HZ * step_s
     keep = np.where(begins, 1.0, turn / (1 + turn))
     change = np.where(begins[:, None], 0.0, np.diff(raw_mm, axis=0, prepend=raw_mm[:1]) / step_s[:, None])
-    velocity = _recursion(1 - keep, keep[:, None] * change)
+    velocity = recursion(1 - keep, keep[:, None] * change)
     return np.asarray(setting.fmin_hz + setting.beta_per_mm * np.hypot(velocity[:, 0], velocity[:, 1]))
 
 
@@ -92,10 +92,3 @@ def _turns(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.nda
 
 def _steps_s(t_s: FloatArray) -> FloatArray:
     return np.maximum(np.diff(t_s, prepend=t_s[:1]), SHORTEST_S)
-
-
-def _recursion(kept: FloatArray, added: FloatArray) -> FloatArray:
-    """u_i = kept_i u_{i-1} + added_i, (n, k)."""
-    bands = np.ones((2, kept.size))
-    bands[1, :-1] = -kept[1:]
-    return np.asarray(solve_banded((1, 0), bands, added, check_finite=False))

@@ -57,7 +57,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
     """By how much the edges would move the logarithms of both parameters, law and all else with them, (2,), and their
     standard deviations, (2,), with what screens have as prior. The filter's term is the last."""
-    white, prior, own = fit.whiteners[fit.best], fit.prior.copy(), slice(-2, None)
+    white, prior, own = fit.white, fit.prior.copy(), slice(-2, None)
     prior[own] = OF_SCREENS_SD**-2
     a, b = white.apply(np.column_stack([fit.design[:, :-2], _columns(fit)])), white.apply(fit.residual_mm)
     covariance = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)

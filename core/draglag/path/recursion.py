@@ -1,0 +1,17 @@
+"""First-order recursions with a gain of their own at every step, as one linear system of two diagonals."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+
+from draglag.recording import FloatArray
+
+
+def recursion(kept: FloatArray, added: FloatArray) -> FloatArray:
+    """Values u_i = kept_i u_{i−1} + added_i, from u_0 = added_0: (n,) or (n, k), as ``added``. kept: (n,)."""
+    bands = np.zeros((2, kept.size), order="F")
+    bands[1, :-1] = -kept[1:]
+    columns = added.reshape(kept.size, -1)
+    solved = dtbtrs(bands, np.asfortranarray(columns), uplo="L", diag="U")[0] if columns.size else columns
+    return np.asarray(solved, float).reshape(added.shape)
