@@ -342,7 +342,9 @@ class WaltSource:
         if host_s - self._last_shock_s < RINGING_S:
             return _rejected("ringing"), answer.sent_s
         self._last_shock_s = host_s
-        return Taps(np.array([host_s]), np.array([np.nan]), np.array([-1], np.int64)), answer.sent_s
+        # The WALT keeps the first shock after a question: before this one there was none, however late it was asked.
+        until_s = max(answer.sent_s, min(host_s, answer.arrived_s))
+        return Taps(np.array([host_s]), np.array([np.nan]), np.array([-1], np.int64)), until_s
 
     # --- handing on -------------------------------------------------------------------------------------------
 
