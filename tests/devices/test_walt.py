@@ -438,6 +438,23 @@ def test_a_shock_felt_while_a_question_is_on_its_way_is_paired_with_its_touch():
     assert taps.rejected == {}
 
 
+def test_a_shock_that_was_read_is_not_lost_with_the_device():
+    wire = SteppedWire()
+    source = on_wire(wire, "walt")
+    source.open()
+    source.synchronise()  # the shock is asked for within the comparison, in which the device goes
+
+    def unplug(firmware, t):
+        wire.gone = PortGone("hung up")
+
+    shock_s = wire.t_s + 0.01
+    wire.at(shock_s, lambda firmware, t: firmware.shock(t))
+    wire.at(shock_s + 0.03, unplug)
+    batch = source.read(0.1)
+    assert not batch.alive
+    assert taps_of([batch]) == pytest.approx([shock_s], abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("fault", "problem", "remedy"),
     [
