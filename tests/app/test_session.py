@@ -2,6 +2,7 @@
 
 import errno
 import os
+import threading
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -11,15 +12,16 @@ import pytest
 from app.session_rigs import ROLES, DiesAt, DoesNotOpen, Recording, Wrapped, fast_rig, of_role, protocol, replaced
 from draglag.errors import DataError
 from draglag.latency import estimate_on_clock
-from draglag.recording import ClockBounds, empty_touch
+from draglag.recording import ClockBounds, Run, Screen, Session, Stylus, TouchTrace, empty_laser, empty_touch
 from draglag.store import SessionWriter, read_session, salvage
 from draglag.store.frames import FrameFile
 from draglag_app.session import Control, OffscreenDisplay, events
 from draglag_app.session.conductor import PREVIEW_S
 from draglag_app.session.machine import Phase
 from draglag_app.session.readers import OpenFaults
+from draglag_app.session.recorder import Recorder
 from draglag_app.session.saver import Saver
-from draglag_devices.source import DeviceError
+from draglag_devices.source import Batch, DeviceError
 
 
 def world_of(recording):
@@ -352,6 +354,42 @@ def test_samples_that_found_no_room_are_counted_with_those_that_did():
     assert item.batch.touch.t_s.tolist() == [3.0]
     assert item.batch.touch.dropped == 1
     assert item.batch.touch.gaps_s.tolist() == [[1.0, 3.0]]
+
+
+def test_a_disk_that_stalls_for_half_a_minute_costs_no_event_of_a_1_khz_touchscreen(tmp_path):
+    events_of_30_s, disk_again = 30_000, threading.Event()
+
+    class Touchscreen:
+        """Reports one event at a time, far faster than it is saved."""
+
+        address, role, realtime = "test:", "touch", True
+        count = 0
+
+        def read(self, timeout_s):
+            if self.count == events_of_30_s:
+                disk_again.set()
+                threading.Event().wait(timeout_s)
+                return Batch(31.0)
+            self.count += 1
+            t_s = np.array([self.count / 1000])
+            return Batch(t_s[0], touch=TouchTrace(t_s, t_s, t_s))
+
+        def close(self):
+            pass
+
+    header = Session("s", Screen("s", 300.0, 200.0, 1024, 768), Stylus(7.0), ())
+    empty = Run("run-01", "free", 0.0, 31.0, empty_touch(), empty_laser())
+    with SessionWriter(tmp_path / "s.h5", header) as writer:
+        recorder = Recorder((Touchscreen(),), writer, lambda event: None)
+        flush, writer.flush = writer.flush, lambda: disk_again.wait(60)
+        recorder.start()
+        recorder.saver.call(lambda: recorder.saver.begin_run(empty, 31.0))
+        assert recorder.saver.wait_past(30.5, ("touch",), 60.0) == []
+        writer.flush = flush
+        run = recorder.saver.call(lambda: recorder.saver.end_run("complete", 31.0))
+        recorder.stop()
+    assert run.touch.dropped == 0
+    assert len(run.touch.gaps_s) == 0
 
 
 # --- files that fail ---

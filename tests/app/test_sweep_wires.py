@@ -31,6 +31,7 @@ from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_devices.rig import make_rig
 from draglag_devices.sim.world import World
+from draglag_devices.walt.link import ANSWER_S, SETTLE_S
 from emulators import ethercat
 from emulators.play import play_laser, play_taps, play_touch
 from emulators.touch import live
@@ -76,12 +77,14 @@ OF_INTERVAL = 0.3
 class Sweep:
     """The session over the wires, the world that moved them, and the session of the same seed in process.
 
-    ``unfelt``: shocks that the WALT could not keep, because nobody had asked for the one before.
+    ``shocks_s``: of the taps; ``unfelt_s``: those that the WALT could not keep, because nobody had asked for the one
+    before.
     """
 
     wires: Session
     world: World
-    unfelt: int
+    shocks_s: np.ndarray
+    unfelt_s: np.ndarray
     sim: Session
     found: Analysis
     expected: Analysis
@@ -91,18 +94,20 @@ class Sweep:
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
     folder: Path = tmp_path_factory.mktemp("sweep")
     (folder / "sweep.toml").write_text(PROTOCOL)
-    world, unfelt = over_wires(folder)
+    world, unfelt_s = over_wires(folder)
     rig = make_rig(dict.fromkeys(("touch", "laser", "walt"), "sim:"), "screen-1", SEED, fast=True)
     options = session_options(rig, "screen-1", None)
     run_session(load_protocol(folder / "sweep.toml"), rig, OffscreenDisplay(), folder / "sim.h5", options)
     wires, sim = read_session(folder / "sweep.h5"), read_session(folder / "sim.h5")
     as_eq_5 = AnalysisOptions(form="double_exponential")
-    return Sweep(wires, world, unfelt, sim, analyze(wires, as_eq_5), analyze(sim, as_eq_5))
+    taps = world.true_taps[-1]
+    shocks_s = taps.physical_s + np.where(taps.down == 1, 0.0, HOLD_S)
+    return Sweep(wires, world, shocks_s, unfelt_s, sim, analyze(wires, as_eq_5), analyze(sim, as_eq_5))
 
 
-def over_wires(folder: Path) -> tuple[World, int]:
-    """Record the protocol in ``folder`` into ``sweep.h5`` there. Returns the world that moved the instruments, and how
-    many shocks the WALT could not keep."""
+def over_wires(folder: Path) -> tuple[World, np.ndarray]:
+    """Record the protocol in ``folder`` into ``sweep.h5`` there. Returns the world that moved the instruments, and the
+    shocks that the WALT could not keep, s."""
     world = World(seed=SEED, start_s=time.monotonic())
     screen = world.rig.screen
     coming = list(expand(load_protocol(folder / "sweep.toml"), screen, beam=world.rig.beam))
@@ -137,7 +142,7 @@ def over_wires(folder: Path) -> tuple[World, int]:
         complaints.seek(0)
         assert process.returncode == 0, complaints.read()
         assert panel.do("state")["trouble"] == ""
-    return world, len(pen.firmware.unfelt)
+    return world, np.array(pen.firmware.unfelt)
 
 
 def half_ms(interval_ms: tuple[float, float]) -> float:
@@ -220,9 +225,11 @@ def test_the_curve_is_the_curve_of_the_simulator(sweep: Sweep) -> None:
 def test_taps_have_the_latency_of_the_same_taps_in_process(sweep: Sweep) -> None:
     assert sweep.wires.taps is not None
     # A machine that stands still for longer than a tap does not ask for its first shock in time: what the WALT then
-    # could not keep is counted, and nothing else.
+    # could not keep is counted, and nothing else, but where the WALT was reported as gone.
     lost = sweep.wires.taps.rejected
-    assert sum(lost.values()) == sweep.unfelt, (lost, [note.text for note in sweep.wires.notes])
+    away_s = walt_away_s(sweep.wires)
+    possible = int((~within(sweep.unfelt_s, away_s)).sum() + within(sweep.shocks_s, away_s).sum())
+    assert len(sweep.unfelt_s) <= sum(lost.values()) <= possible, (lost, sweep.wires.notes)
     assert set(lost) <= {"touch", "release"}
     found, expected = summarise_taps(sweep.wires.taps), summarise_taps(sweep.sim.taps)
     # The pty's clock is known to about a tenth of a millisecond, and less well on a busy machine.
@@ -239,6 +246,28 @@ def test_taps_have_the_latency_of_the_same_taps_in_process(sweep: Sweep) -> None
         assert (np.abs(own[:, None] - others).min(axis=1) <= within_s).all()
         if not lost.get(kind):
             assert found[kind].median_s == pytest.approx(expected[kind].median_s, abs=within_s)
+
+
+def walt_away_s(session: Session) -> list[tuple[float, float]]:
+    """From when to when the WALT was not heard, by the session's notes.
+
+    An emulated WALT stands still with its process. Its answers, and the shocks in them, then come to a port that has
+    been given up, and what it felt up to its return has stamps of another clock.
+    """
+    walt = [note for note in session.notes if note.source == "walt"]
+    gone_s = [note.t_s for note in walt if "is gone" in note.text]
+    back_s = [note.t_s for note in walt if "is back" in note.text]
+    # It is reported after one question and two pings without an answer; the question before may be half a second old.
+    silent_s = ANSWER_S + 2 * SETTLE_S + 0.5
+    return [(gone - silent_s, back) for gone, back in zip(gone_s, [*back_s, np.inf], strict=False)]
+
+
+def within(t_s: np.ndarray, spans_s: list[tuple[float, float]]) -> np.ndarray:
+    """Which times lie in one of the spans, (n,) bool."""
+    inside = np.zeros(len(t_s), bool)
+    for from_s, to_s in spans_s:
+        inside |= (from_s <= t_s) & (t_s <= to_s)
+    return inside
 
 
 def tap_latencies_s(taps: Taps, kind: str) -> np.ndarray:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bench.rigs import bound_of, circle_run, rig_with_latency
 from draglag.exchange import read_exchange
 from draglag.latency import RunEstimate, estimate_run, with_systematics
+from draglag.latency.estimators import OWN
 from draglag.latency.flags import MEANING
 from draglag.recording import Beam, LaserTrace, Run, TouchTrace
 from draglag.simulation import Human, LatencyLaw, rig_for_screen
@@ -298,6 +299,30 @@ def test_events_that_come_a_few_at_a_time_count_by_the_last_of_each_batch(
     (low, high), (low_0, high_0) = found.latency_ci95_s, sound.latency_ci95_s
     assert abs(found.latency_s - sound.latency_s) < 0.5 * np.hypot(high - low, high_0 - low_0)
     assert high - low < 2 * np.sqrt(size) * (high_0 - low_0)
+
+
+@pytest.mark.parametrize("hole_s", [1.0, 2.0, 6.0])
+def test_seconds_without_a_touch_cost_the_edges_in_them_only(plain: Run, hole_s: float) -> None:
+    at_s = plain.touch.t_s - plain.touch.t_s[0]
+    kept = (at_s < 5.0) | (at_s > 5.0 + hole_s)
+    touch = TouchTrace(plain.touch.t_s[kept], plain.touch.x_mm[kept], plain.touch.y_mm[kept])
+    found, whole = measured(replace(plain, touch=touch)), measured(plain)
+    assert found.latency_ci95_s is not None
+    assert whole.latency_s is not None
+    assert found.latency_ci95_s[0] <= whole.latency_s <= found.latency_ci95_s[1]
+    # As many as lie where the stylus was seen, but for one or two at the hole's ends.
+    assert found.alignment is not None
+    lost = ((plain.laser.t_s - plain.touch.t_s[0] > 4.7) & (plain.laser.t_s - plain.touch.t_s[0] < 5.0 + hole_s)).sum()
+    assert len(found.alignment.edge_t_s) >= whole.n_edges - lost - 3
+
+
+def test_equations_without_a_solution_give_no_latency(plain: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def singular(*given: object) -> RunEstimate:
+        raise np.linalg.LinAlgError("1-th leading minor not positive definite")
+
+    monkeypatch.setitem(OWN, "efficient", singular)
+    assert measured(plain).latency_s is None
+    assert measured(plain).flags == ("unidentifiable",)
 
 
 def test_no_touch_is_said() -> None:

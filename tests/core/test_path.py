@@ -41,6 +41,21 @@ def test_a_clean_circle_is_followed_to_a_few_micrometres_through_jitter_and_a_ga
     assert np.abs(path.at(at_s, 1)[1:-1] - v_mm_s).max() < 0.5
 
 
+@pytest.mark.parametrize("noise_mm", [1e-3, NOISE_MM])
+@pytest.mark.parametrize("hole_s", [2.0, 7.0])
+def test_a_hole_of_seconds_leaves_the_path_on_both_sides(noise_mm: float, hole_s: float) -> None:
+    t_s = stamps(1, 40.0)
+    noise = noise_mm * np.random.default_rng(2).standard_normal((t_s.size, 2))
+    whole = path_of(t_s, circle(t_s) + noise)
+    known = (t_s < 18.0) | (t_s > 18.0 + hole_s)
+    path = path_of(t_s[known], (circle(t_s) + noise)[known])
+    # At the ends of what was seen a path is known less well, and its covariance says so.
+    at_s = np.concatenate([np.arange(1.5, 16.5, 0.1), np.arange(19.5 + hole_s, 38.5, 0.1)])
+    errors = [np.sqrt(np.mean((each.at(at_s) - circle(at_s)) ** 2)) for each in (whole, path)]
+    assert errors[1] < 2 * errors[0]  # fewer stretches show the spectrum, and so where its corner is
+    assert np.isfinite(path.at(t_s)).all()
+
+
 def test_a_point_far_from_the_origin_is_not_pulled_towards_it() -> None:
     t_s = stamps(1)
     noise = NOISE_MM * np.random.default_rng(2).standard_normal((t_s.size, 2))

@@ -17,8 +17,10 @@ from draglag_devices.ethercat_laser.edges import EdgeFinder, Sample, decode
 from draglag_devices.ethercat_laser.watch import BAD_CYCLES, Epoch, Found
 from draglag_devices.opening import open_source
 from draglag_devices.source import DeviceError
+from emulators.ethercat.terminals import ek1101, el1252
 
 US, MS, S = 1_000, 1_000_000, 1_000_000_000
+BURST = ((0, 1), (40 * US, 0), (80 * US, 1), (10 * MS, 0))
 
 
 def image(level: int, rise_ns: int = 0, fall_ns: int = 0) -> bytes:
@@ -187,12 +189,47 @@ def test_before_two_new_stamps_of_a_pause_any_number_of_pairs_may_be_lost() -> N
     assert 54 * MS <= end <= 54 * MS + 200 * US
 
 
-def test_two_edges_right_after_the_last_cycle_leave_no_doubt() -> None:
-    assert paused(12 * MS, 300 * US, 9 * MS).unverified_ns is None
+def test_a_pair_may_be_lost_before_two_new_stamps_however_soon_after_the_last_cycle_they_come() -> None:
+    found = paused(12 * MS, 300 * US, 9 * MS)
+    assert found.missed == 0
+    assert found.unverified_ns is not None
+    start, end = found.unverified_ns
+    assert start == 49 * MS
+    assert 49 * MS + 300 * US <= end <= 49 * MS + 500 * US
     # Two falling edges in a row prove a rising one between them.
     lost = paused(12 * MS, 9 * MS, 300 * US)
     assert lost.missed == 1
     assert lost.unverified_ns is not None
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.05, 0.3])
+def test_no_edge_of_a_burst_is_lost_without_count_or_mark_wherever_cycles_are_late(share: float) -> None:
+    """Three edges within 80 us, of which a cycle shows two, and a fourth 10 ms later; ``share`` of the cycles late."""
+    rng = np.random.default_rng(round(1000 * share))
+    coupler, (terminal, inputs) = ek1101(12e-6), el1252(-20e-6)
+    for slave in (coupler, terminal):
+        slave.power_on(0)
+    terminal.put(0x0980, 0x0100, 2)  # the latch unit is on
+    bursts = np.cumsum(20 * MS + rng.integers(0, MS, 400)).tolist()
+    inputs.add([(burst + at, 1, level) for burst in bursts for at, level in BURST])
+    epoch, now_ns, done = Epoch(0, 1, 2), MS, 0
+    lost_in_all = 0
+    while now_ns < bursts[-1] + 40 * MS:
+        inputs.advance(now_ns)
+        pair = Pair(coupler.system_time(now_ns), now_ns - int(rng.integers(20, 60)) * US, now_ns + 90 * US)
+        terminal.write(0x0910, pair.dc_ns.to_bytes(8, "little"), now_ns)
+        found = epoch.take(
+            Cycle(2, pair, (terminal.read(0x1000, 1, now_ns) or b"") + bytes(terminal.memory[0x09AE:0x09D0]))
+        )
+        assert found is not None
+        stamps = {stamp for stamp, _ in found.edges}
+        lost = [edge for edge in inputs.done[done:] if edge.stamp_ns not in stamps]
+        start, end = found.unverified_ns or (0, 0)
+        assert len([edge for edge in lost if not start <= edge.t_ns <= end]) <= found.missed <= len(lost)
+        done, lost_in_all = len(inputs.done), lost_in_all + len(lost)
+        now_ns += int(MS + rng.choice([2, 12, 25]) * MS * rng.random()) if rng.random() < share else MS
+    assert done == 4 * len(bursts)
+    assert lost_in_all > 0.8 * len(bursts)
 
 
 def test_two_edges_in_a_cycle_that_was_in_time_are_all_there_were() -> None:

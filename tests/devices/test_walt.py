@@ -9,10 +9,11 @@ import serial
 
 from draglag.instruments.clocks import fit_clocks
 from draglag.recording import ClockBounds, LaserTrace, concatenate
+from draglag_app.session.taps import AHEAD_S, TapPairer
 from draglag_devices import walt as driver
 from draglag_devices.addresses import parse_address
 from draglag_devices.opening import open_source
-from draglag_devices.source import DeviceError
+from draglag_devices.source import ContactChanges, DeviceError
 from draglag_devices.walt import port, protocol
 from draglag_devices.walt.connect import greet
 from draglag_devices.walt.link import Link, NoAnswer
@@ -407,6 +408,51 @@ def test_a_shock_that_is_reported_late_is_not_lost(at_s, late, delay_s, read_s):
     batches = read_until(source, wire, start_s + read_s)
     assert taps_of(batches) == pytest.approx(true_s, abs=2e-4)
     assert rejected_of(batches) == []
+
+
+class HeldUp(SteppedWire):
+    """A wire on which the next byte after ``from_s`` takes ``held_s`` to the device."""
+
+    from_s, held_s = np.inf, 0.0
+
+    def write(self, data):
+        if self.t_s >= self.from_s:
+            self._advance(self.t_s + self.held_s)
+            self.from_s = np.inf
+        super().write(data)
+
+
+def test_a_shock_felt_while_a_question_is_on_its_way_is_paired_with_its_touch():
+    """The answer to a question that a busy computer held up for longer than the pairing looks ahead."""
+    wire = HeldUp()
+    source, pairer = on_wire(wire, "walt"), TapPairer()
+    source.open()
+    wire.from_s, wire.held_s = wire.t_s + 1.5, AHEAD_S + 0.2
+    shock_s = wire.from_s + AHEAD_S + 0.15
+    wire.at(shock_s, lambda firmware, t: firmware.shock(t))
+    for batch in read_until(source, wire, wire.t_s + 4.0):
+        pairer.add(batch.taps, None, batch.until_s)
+    pairer.add(None, ContactChanges(np.array([shock_s + 0.05]), np.zeros(1), np.ones(1)), wire.t_s)
+    taps = pairer.take(np.inf)
+    assert taps.physical_s == pytest.approx([shock_s], abs=2e-3)
+    assert taps.rejected == {}
+
+
+def test_a_shock_that_was_read_is_not_lost_with_the_device():
+    wire = SteppedWire()
+    source = on_wire(wire, "walt")
+    source.open()
+    source.synchronise()  # the shock is asked for within the comparison, in which the device goes
+
+    def unplug(firmware, t):
+        wire.gone = PortGone("hung up")
+
+    shock_s = wire.t_s + 0.01
+    wire.at(shock_s, lambda firmware, t: firmware.shock(t))
+    wire.at(shock_s + 0.03, unplug)
+    batch = source.read(0.1)
+    assert not batch.alive
+    assert taps_of([batch]) == pytest.approx([shock_s], abs=1e-3)
 
 
 @pytest.mark.parametrize(

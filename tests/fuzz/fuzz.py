@@ -22,6 +22,8 @@ from fuzz.engine import GROWTH_MB, Outcome, try_reader
 from fuzz.readers import readers
 
 _GUIDED = Path(__file__).with_name("guided.py")
+# In one process: atheris keeps the result of every comparison that it watches, which of arrays is some KB an input.
+_GUIDED_AT_ONCE = 100_000
 
 
 def main() -> int:
@@ -52,7 +54,18 @@ def main() -> int:
 
 def _guided(name: str, inputs: int, seed: int, out: Path) -> int | None:
     """How many inputs the coverage-guided engine gave the reader; None where it is not installed."""
-    command = [sys.executable, str(_GUIDED), name, str(inputs), str(seed), str(out)]
+    total = 0
+    with tempfile.TemporaryDirectory(prefix="draglag-corpus-") as corpus:
+        while total < inputs:
+            ran = _guided_at_once(name, min(inputs - total, _GUIDED_AT_ONCE), seed + total, out, corpus)
+            if ran is None:
+                return None
+            total += ran
+    return total
+
+
+def _guided_at_once(name: str, inputs: int, seed: int, out: Path, corpus: str) -> int | None:
+    command = [sys.executable, str(_GUIDED), name, str(inputs), str(seed), str(out), corpus]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
     if done.returncode == 3:
         return None

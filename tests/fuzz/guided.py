@@ -1,6 +1,7 @@
-"""One reader under inputs guided by coverage (atheris, libFuzzer): ``guided.py READER INPUTS SEED FOLDER``.
+"""One reader under inputs guided by coverage (atheris, libFuzzer): ``guided.py READER INPUTS SEED FOLDER CORPUS``.
 
-Ends with 3 where atheris is not installed. An input on which the reader fails is written to the folder.
+Ends with 3 where atheris is not installed. An input on which the reader fails is written to the folder; those that
+reach new lines are added to the corpus, a folder from which a further call goes on.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ with atheris.instrument_imports(include=["draglag", "draglag_devices", "draglag_
 
 
 def main() -> None:
-    name, inputs, seed, faults = sys.argv[1:5]
+    name, inputs, seed, faults, corpus = sys.argv[1:6]
     Path(faults).mkdir(parents=True, exist_ok=True)
+    Path(corpus).mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="draglag-fuzz-", dir="/dev/shm") as place:
-        folder, corpus = Path(place) / "folder", Path(place) / "corpus"
+        folder = Path(place) / "folder"
         folder.mkdir()
-        corpus.mkdir()
         reader = next(reader for reader in readers(Path(place)) if reader.name == name)
         reader.prepare(folder)
         for number, data in enumerate(reader.seeds):
-            (corpus / str(number)).write_bytes(data)
+            (Path(corpus) / str(number)).write_bytes(data)
 
         def change(data: bytes, most: int, number: int) -> bytes:
             rng = random.Random(number)
@@ -50,7 +51,7 @@ def main() -> None:
             "-print_final_stats=1",
         ]
         atheris.Setup(
-            [sys.argv[0], *options, str(corpus)],
+            [sys.argv[0], *options, corpus],
             lambda data: reader.attempt(folder, data) and None,
             custom_mutator=change,
         )

@@ -9,8 +9,11 @@ from draglag.store import SessionWriter
 from draglag_app.session.events import Listener
 from draglag_app.session.readers import ReaderThread
 from draglag_app.session.saver import Saver
-from draglag_devices.source import Source
+from draglag_devices.source import Paced, Source
 
+# Batches that wait for the disk, of all sources together: half a minute of a touchscreen that reports every event of
+# its 1 kHz by itself, together with a laser and a WALT; where time can wait, readers do.
+REALTIME_BATCHES = 40_000
 QUEUE_BATCHES = 512
 
 
@@ -22,9 +25,9 @@ class Recorder:
         sources: tuple[Source, ...],
         writer: SessionWriter,
         listener: Listener,
-        queue_batches: int = QUEUE_BATCHES,
     ) -> None:
-        inbox: queue.Queue[object] = queue.Queue(queue_batches)
+        realtime = any(not isinstance(source, Paced) or source.realtime for source in sources)
+        inbox: queue.Queue[object] = queue.Queue(REALTIME_BATCHES if realtime else QUEUE_BATCHES)
         self._inbox = inbox
         self._sources = sources
         self._stop_readers = threading.Event()

@@ -166,6 +166,33 @@ def _solved(factor: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(dpbtrs(factor, values, lower=1)[0], float)
 
 
+def _factor(events: FloatArray, taps: FloatArray, strength: float, ridge: float) -> FloatArray:
+    """Cholesky factor, as bands, of the events' normal equations (k, n) with the penalty of these taps (k,).
+
+    Over some twenty knots without an event the penalty alone, of the eighth order, is singular to double precision. It
+    then ends at both sides of such a hole, in which nothing is known anyhow, as it does at both ends of the trace.
+    """
+    n = events.shape[1]
+    try:
+        return _penalised(events, taps, np.full(n - taps.size + 1, strength), ridge)
+    except np.linalg.LinAlgError:
+        near = np.convolve(events[0] > 0, np.ones(taps.size), mode="valid") > 0
+        return _penalised(events, taps, np.where(near, strength, 0.0), ridge)
+
+
+def _penalised(events: FloatArray, taps: FloatArray, strength: FloatArray, ridge: float) -> FloatArray:
+    """Cholesky factor of the events' bands with a penalty of that strength (n − k + 1,) from each knot on."""
+    bands = events.copy()
+    for k in range(taps.size):
+        for a in range(taps.size - k):
+            bands[k, a : a + strength.size] += strength * taps[a] * taps[a + k]
+    bands[0] += ridge
+    factor, bad = dpbtrf(np.asfortranarray(bands), lower=1, overwrite_ab=1)
+    if bad:
+        raise np.linalg.LinAlgError("the path's normal equations are not positive definite")
+    return np.asarray(factor)
+
+
 def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power: float) -> Path:
     """The penalised B-spline with that rhythm and corner. noise_power: mm²/Hz, one-sided, at the corner."""
     step_s = 1 / (KNOTS_PER_PERIOD * corner_hz)
@@ -183,14 +210,7 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
             bands[b - a] += np.bincount(first + a, weights[a] * weights[b], n)
     strength = step_s / events.dt_s / float(penalty_at_corner(np.array([corner_hz]), rhythm_hz)[0])
     strength /= (2 * np.pi * step_s) ** (2 * (taps.size - 1))
-    rows = n - taps.size + 1
-    for k in range(taps.size):
-        for a in range(taps.size - k):
-            bands[k, a : a + rows] += strength * taps[a] * taps[a + k]
-    bands[0] += 1e-10 * step_s / events.dt_s
-    factor, bad = dpbtrf(np.asfortranarray(bands), lower=1, overwrite_ab=1)
-    if bad:
-        raise np.linalg.LinAlgError("the path's normal equations are not positive definite")
+    factor = _factor(bands, taps, strength, 1e-10 * step_s / events.dt_s)
     column = first[:, None] + np.arange(4)
     row_starts = np.arange(0, 4 * t_s.size + 1, 4)
     gather = csc_array((np.stack(weights, axis=1).ravel(), column.ravel(), row_starts), shape=(n, t_s.size))

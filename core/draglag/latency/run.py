@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from draglag.errors import EstimateError
 from draglag.latency.estimate import FEWEST_EDGES, WINDOW_S, RunEstimate, prepare
 from draglag.latency.estimators import estimator_of
@@ -35,4 +37,7 @@ def estimate_run(
     blank = replace(blank, stamps=ready.stamps, n_edges=ready.edges.t_s.size, n_rejected=ready.edges.n_rejected)
     if ready.edges.t_s.size < FEWEST_EDGES:
         return replace(blank, flags=("few_edges", "unidentifiable"))
-    return one(ready, blank, window_s)
+    try:
+        return one(ready, blank, window_s)
+    except np.linalg.LinAlgError:  # singular: the data do not determine what was asked
+        return replace(blank, flags=("unidentifiable",))

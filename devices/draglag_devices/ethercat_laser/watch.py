@@ -95,7 +95,7 @@ class Epoch:
             found = Found([])
         else:
             edges, missed = self.edges.take(sample)
-            found = Found(edges, missed, self._unverified(self.last, cycle.pair, edges, missed))
+            found = Found(edges, missed, self._unverified(self.last, cycle.pair, edges))
             pause_ns = cycle.pair.dc_ns - self.last.dc_ns
             if pause_ns > STALL_NS:
                 self.pauses_ns.append(pause_ns)
@@ -105,24 +105,22 @@ class Epoch:
         self.last = cycle.pair
         return found
 
-    def _unverified(self, last: Pair, now: Pair, edges: list[tuple[int, int]], missed: int) -> tuple[int, int] | None:
+    def _unverified(self, last: Pair, now: Pair, edges: list[tuple[int, int]]) -> tuple[int, int] | None:
         """The stretch between two cycles, by the bus's own clock, in which edges may have been overwritten.
 
         A latch keeps the last edge of its direction. Where at most one of the two has a new stamp, that edge was the
         only one: another would have needed one of the other direction between them. Where both have, nothing can be
         missing after the earlier stamp, but any number of pairs between the last cycle and that stamp, and pairs
-        leave the level as it was.
+        leave the level as it was. However soon after the last cycle that stamp is: of a rise, a fall and a rise, the
+        cycle that was not made would have shown that one is lost; a fall before the next cycle hides it.
         """
         start_ns = max(last.low_ns, self.clock.host_ns(last.dc_ns)[0])
         if now.dc_ns - last.dc_ns > UNWATCHED_NS:
             return start_ns, min(now.high_ns, self.clock.host_ns(now.dc_ns)[1])
         if len(edges) < 2 or now.dc_ns - last.dc_ns <= STALL_NS:
             return None
-        first_dc_ns = edges[0][0]
-        if first_dc_ns - last.dc_ns <= STALL_NS and not missed:
-            return None
         # The stamp is the terminal's, and by its drift from the bus's clock (reported above 1 ms) it may be ahead.
-        end_ns = min(now.high_ns, self.clock.host_ns(first_dc_ns)[1])
+        end_ns = min(now.high_ns, self.clock.host_ns(edges[0][0])[1])
         return start_ns, max(start_ns, end_ns)
 
     def _fault(self, cycle: Cycle) -> str:

@@ -138,9 +138,8 @@ class WaltSource:
                 laser = self._read_laser(device, timeout_s)
                 until_s = self._now() - IN_FLIGHT_S
             else:
-                taps, until_s = self._poll_shock(device, 0.0 if self._pending_shocks else timeout_s)
-                felt, self._pending_shocks = [*self._pending_shocks, *([] if taps is None else [taps])], []
-                taps = concatenate(felt) if felt else None
+                polled, until_s = self._poll_shock(device, 0.0 if self._pending_shocks else timeout_s)
+                taps = self._felt(polled)
         except (PortGone, NoAnswer) as fault:
             return self._lose(fault)
         self._report_unread(device)
@@ -212,7 +211,7 @@ class WaltSource:
         self._next_try_s = now_s + RETRY_S
         text = f"The WALT at {self._path} is gone{_why(fault)}. Plug it in again; it goes on then."
         self._notices.append(Notice(now_s, "error", text, "lost"))
-        return self._batch(device, None, None, alive=False)
+        return self._batch(device, None, self._felt(None), alive=False)
 
     def _while_lost(self, timeout_s: float) -> Batch:
         now_s = self._now()
@@ -318,6 +317,11 @@ class WaltSource:
             if taps is not None:
                 self._pending_shocks.append(taps)
 
+    def _felt(self, polled: Taps | None) -> Taps | None:
+        """All shocks not handed on yet, with those of a poll."""
+        felt, self._pending_shocks = [*self._pending_shocks, *([] if polled is None else [polled])], []
+        return concatenate(felt) if felt else None
+
     def _ask_shock(self, device: _Device) -> tuple[Taps | None, float]:
         """The shock since the last question, and until when there was none or it was this one."""
         asked_s = self._now()
@@ -342,7 +346,9 @@ class WaltSource:
         if host_s - self._last_shock_s < RINGING_S:
             return _rejected("ringing"), answer.sent_s
         self._last_shock_s = host_s
-        return Taps(np.array([host_s]), np.array([np.nan]), np.array([-1], np.int64)), answer.sent_s
+        # The WALT keeps the first shock after a question: before this one there was none, however late it was asked.
+        until_s = max(answer.sent_s, min(host_s, answer.arrived_s))
+        return Taps(np.array([host_s]), np.array([np.nan]), np.array([-1], np.int64)), until_s
 
     # --- handing on -------------------------------------------------------------------------------------------
 
