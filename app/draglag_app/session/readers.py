@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from draglag.messages import joined, phrase
 from draglag.recording import concatenate, empty_laser, empty_touch
 from draglag_app.session.orderly import Order
 from draglag_devices.source import Batch, Concludes, DeviceError, Paced, Source, SourceInfo
@@ -37,9 +38,9 @@ class OpenFaults(DeviceError):
         self.faults = faults
         super().__init__(faults[0].source, "")
         self.source = ", ".join(fault.source for fault in faults)
-        self.problem = " ".join(str(fault) for fault in faults)
-        self.remedy = ""
-        self.args = (self.problem,)
+        self.problem = self.message = joined(" ", (fault.message for fault in faults))
+        self.remedy = phrase("")
+        self.args = (str(self.message),)
 
 
 def open_all(sources: tuple[Source, ...]) -> dict[str, SourceInfo]:
