@@ -35,9 +35,13 @@ class DraglagError(Exception):
         said, cure = _line(problem), _line(remedy)
         self.problem = message("{sentence}.", sentence=said)
         self.remedy = message("{sentence}.", sentence=cure) if cure else phrase("")
-        # A remedy that begins small goes on with the sentence.
-        whole = "{problem}; {remedy}." if cure[:1].islower() else "{problem}. {remedy}."
-        self.message = message(whole, problem=said, remedy=cure) if cure else self.problem
+        self.message = self.problem
+        if cure:
+            # A remedy that begins small goes on with the sentence.
+            small = cure[:1].islower()
+            self.message = message(
+                "{problem}; {remedy}." if small else "{problem}. {remedy}.", problem=said, remedy=cure
+            )
         super().__init__(str(self.message))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -54,8 +58,16 @@ class EstimateError(DraglagError):
 
 
 def message_of(error: BaseException) -> Message:
-    """What an exception says: the message of one of draglag's, of others their text."""
-    return error.message if isinstance(error, DraglagError) else phrase(str(error))
+    """What an exception says: the message of one of draglag's, or that it was raised with; else its text."""
+    if isinstance(error, DraglagError):
+        return error.message
+    given = error.args[0] if len(error.args) == 1 else None
+    return given if isinstance(given, Message) else phrase(str(error))
+
+
+def cause(error: OSError) -> Message:
+    """Why the system did not do something, in its own words."""
+    return phrase(error.strerror or str(error))
 
 
 def _line(text: str) -> Message:

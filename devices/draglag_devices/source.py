@@ -19,7 +19,8 @@ class DeviceError(DraglagError):
     def __init__(self, source: str, problem: str, remedy: str = "") -> None:
         self.source = source
         # A source may be no more than a scheme, "ethercat:", which brings the colon.
-        super().__init__(message("{source}: {problem}", source=source.removesuffix(":"), problem=phrase(problem)), remedy)
+        where = source.removesuffix(":")
+        super().__init__(message("{source}: {problem}", source=where, problem=phrase(problem)), remedy)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.messages import joined, phrase
+from draglag.messages import joined, message, phrase
 from draglag.recording import concatenate, empty_laser, empty_touch
 from draglag_app.session.orderly import Order
 from draglag_devices.source import Batch, Concludes, DeviceError, Paced, Source, SourceInfo
@@ -68,7 +68,11 @@ def as_device_error(source: Source, error: Exception) -> DeviceError:
     if isinstance(error, DeviceError):
         return error
     reason = str(error) or type(error).__name__
-    return DeviceError(source.address, f"{source.role} stopped working ({reason})", "check the device and try again")
+    return DeviceError(
+        source.address,
+        message("{role} stopped working ({why})", role=source.role, why=reason),
+        "check the device and try again",
+    )
 
 
 class ReaderThread(threading.Thread):

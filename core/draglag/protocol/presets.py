@@ -12,6 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import PydanticCustomError
 
 from draglag.errors import DataError
+from draglag.messages import message, phrase
 from draglag.reading import parse_toml, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM, SIZE_PX
 from draglag.recording import Screen
@@ -91,7 +92,10 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
     path = Path(name_or_path)
     if not os.path.exists(path):
         known = ", ".join(presets(folder))
-        raise DataError(f"no {what} preset or file '{name_or_path}'", f"presets are {known}; or give a TOML file")
+        raise DataError(
+            message("no {what} preset or file '{name_or_path}'", what=what, name_or_path=name_or_path),
+            message("presets are {known}; or give a TOML file", known=known),
+        )
     return str(path), read_text(path, DOCUMENT_BYTES, "give a TOML file")
 
 
@@ -131,11 +135,15 @@ def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tup
         first = error.errors()[0]
         place = ".".join(str(part + 1) if isinstance(part, int) else part for part in first["loc"])
         what = first["msg"].removeprefix("Value error, ")
-        what = what[:1].lower() + what[1:]
+        what = phrase(what[:1].lower() + what[1:])
         if first["type"] == "extra_forbidden":
-            what = "there is no such key"
+            what = message("there is no such key")
+        if place:
+            what = message("{key}: {what}", key=place, what=what)
         line = _line_of(text, first["loc"])
-        raise DataError(f"{label}, line {line}: {place + ': ' if place else ''}{what}", "correct the file") from error
+        raise DataError(
+            message("{path}, line {line}: {what}", path=label, line=line, what=what), "correct the file"
+        ) from error
 
 
 def load_screen_file(name_or_path: str | Path) -> ScreenFile:

@@ -15,6 +15,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from draglag.messages import message
 from draglag.protocol.presets import Length, Positive, Strict, load_screen, load_screen_file, read_toml
 from draglag.protocol.targets import SIDEWAYS_PX_S, Chirp, Circle, MultiSine, Step, Target, check_on_screen
 from draglag.reading.limits import RUNS, SIZE_MM, WHOLE_MOST
@@ -138,7 +139,12 @@ def _sideways(plan: RunPlan, screen: Screen, half_width_mm: float, duration_s: f
     speed = max(0.0, min(asked, room / duration_s))
     note = ""
     if speed < asked:
-        note = f"sideways speed lowered from {asked:.2f} to {speed:.2f} mm/s to stay on {screen.name}"
+        note = message(
+            "sideways speed lowered from {asked:.2f} to {speed:.2f} mm/s to stay on {screen}",
+            asked=asked,
+            speed=speed,
+            screen=screen.name,
+        )
     return (screen.width_mm - speed * duration_s) / 2, speed, note
 
 

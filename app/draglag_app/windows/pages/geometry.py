@@ -130,7 +130,7 @@ class GeometryPage(QWidget):
         try:
             screen = panel.screen()
         except DraglagError as error:
-            self.verdict.setText(str(error))
+            self.verdict.setText(error.message)
             return
         self.preset.setCurrentIndex(max(0, self.preset.findData(panel.preset)))
         middle = screen.height_mm / 2

@@ -228,7 +228,7 @@ class PlotFrame(pg.PlotWidget):
         try:
             self.save(path)
         except DataError as error:
-            self._tell("error", str(error))
+            self._tell("error", error.message)
         else:
             self._tell("info", tr("Saved: {path}").format(path=path))
 

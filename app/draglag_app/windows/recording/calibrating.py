@@ -57,7 +57,7 @@ class Calibrating(QObject):
     """Began, ended, or another target is due."""
     made = Signal(object)
     """CalibrationSettings that fit; nothing has been stored yet."""
-    refused = Signal(str)
+    refused = Signal(object)
     """No calibration came of it; one sentence with the remedy."""
     _opened = Signal(object, object)
     _arrived = Signal(object, object)
@@ -145,7 +145,7 @@ class Calibrating(QObject):
                 if batch.touch is not None or batch.contacts is not None or not batch.alive:
                     self._arrived.emit(reader, batch)
         except DraglagError as error:
-            self._failed.emit(reader, in_words(str(error)))
+            self._failed.emit(reader, in_words(error.message))
         except Exception as error:  # a fault of a driver is reported, the window stays
             self._failed.emit(reader, f"{source.address}: {error or type(error).__name__}")
         finally:
@@ -201,7 +201,7 @@ class Calibrating(QObject):
         try:
             made.fit(screen)
         except DraglagError as error:
-            self.refused.emit(str(error))
+            self.refused.emit(error.message)
         else:
             self.made.emit(made)
 

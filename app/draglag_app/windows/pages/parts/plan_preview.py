@@ -39,7 +39,7 @@ class PlanPreview(QObject):
         try:
             plan = expand(protocol, panel.screen(), beam=panel.beam())
         except DraglagError as error:
-            self.words.setText(escape(str(error)))
+            self.words.setText(escape(error.message))
             restyle(self.words, "level", "bad")
             return
         restyle(self.words, "level", "")

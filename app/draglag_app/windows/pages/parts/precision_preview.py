@@ -60,7 +60,7 @@ class PrecisionPreview(QWidget):
         try:
             rig = replace(rig_for_screen(panel.preset), screen=panel.screen(), stylus=panel.stylus())
         except DraglagError as error:
-            self._say(str(error), "bad")
+            self._say(error.message, "bad")
             return
         beam = panel.beam()
         wanted = self._space.protocol, rig if beam is None else replace(rig, beam=beam)
