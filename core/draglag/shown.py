@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -52,6 +53,18 @@ def table_html(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]
     cells = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
     lines = "".join("<tr>" + "".join(f"<td>{html.escape(_cell(cell))}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<p><b>{html.escape(title)}</b></p><table><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>"
+
+
+def matched(value: float, half_interval: float) -> str:
+    """Value ± half its interval: that with two digits, the value to the same place."""
+    if not (math.isfinite(value) and math.isfinite(half_interval)) or half_interval <= 0.0:
+        return f"{value:.4g}"
+    place = 1 - math.floor(math.log10(half_interval))
+    rounded = round(half_interval, place)
+    if rounded >= 10 ** (2 - place):  # 0.0996 is 0.10, not 0.100
+        place -= 1
+    places = max(0, place)
+    return f"{round(value, place):.{places}f} ± {round(half_interval, place):.{places}f}"
 
 
 def _cell(value: object) -> str:

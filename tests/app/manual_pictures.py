@@ -1,4 +1,4 @@
-"""The pictures of the manual, one a page: ``./run screenshots --manual``. Light, 1280×800 made smaller, few colours."""
+"""The manual's pictures, one a page and one plot: ``./run screenshots --manual``. Light, made smaller, few colours."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _SESSIONS = "/home/lab/sessions"
 Wait = Callable[..., None]
 
 
-def small(widget: QWidget, path: Path) -> None:
+def small(widget: QWidget, path: Path, wide_px: int = WIDE_PX) -> None:
     """A picture of a widget with as many colours as its size allows. Raises SystemExit where even 16 are too many."""
     QApplication.processEvents()
-    drawn = widget.grab().toImage().scaledToWidth(WIDE_PX, Qt.TransformationMode.SmoothTransformation)
+    drawn = widget.grab().toImage().scaledToWidth(wide_px, Qt.TransformationMode.SmoothTransformation)
     kept = QByteArray()
     buffer = QBuffer(kept)
     buffer.open(QIODevice.OpenModeFlag.WriteOnly)
@@ -71,6 +71,11 @@ def make(application: QApplication, folder: Path, out: Path, wait: Wait) -> None
             wait(application, lambda: window.pages["protocol"][1].precision.plan is not None)
         if name != "record":
             small(window, out / f"{name}.png")
+        if name == "results":
+            results = window.pages[name][1]
+            results.show_residuals.click()
+            small(results.curve, out / "residuals.png", results.curve.width())
+            results.show_residuals.click()
     window.close()
     recording(
         application, settings.model_copy(update={"rig": rig.model_copy(update={"fast": False})}), folder, out, wait

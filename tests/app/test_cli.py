@@ -340,9 +340,11 @@ def test_simulate_is_repeatable_and_effects_reach_the_data(tmp_path: Path) -> No
     assert one != other
 
 
-def test_a_full_disk_behind_the_output_is_one_sentence() -> None:
+def test_a_full_disk_behind_the_output_is_one_sentence(tmp_path: Path) -> None:
     """Not a bug to report: what stdout goes to is full."""
-    command = [sys.executable, "-c", "from draglag_app.cli import main; main()", "plan", "demo", "--screen", "screen-1"]
+    short = tmp_path / "short.toml"
+    short.write_text('name = "short"\n[[runs]]\nkind = "circle"\nspeeds_mm_s = [240]\nduration_s = 10.0\n')
+    command = [sys.executable, "-c", "from draglag_app.cli import main; main()", "plan", short, "--screen", "screen-1"]
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 1

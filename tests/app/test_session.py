@@ -481,3 +481,21 @@ def test_taps_need_no_laser(tmp_path):
     plan = protocol(taps={"count": 5})
     recording = Recording(plan, fast_rig(("touch", "walt")), tmp_path / "s.h5")
     assert len(read_session(recording.path).taps.physical_s) == 10
+
+
+class Prompts(OffscreenDisplay):
+    """Remembers what the participant is asked."""
+
+    def __init__(self):
+        super().__init__()
+        self.said = []
+
+    def prompt(self, text):
+        self.said.append(text)
+
+
+@pytest.mark.parametrize(("speeds", "checks"), [((), 1), ((300,), 2)])
+def test_clocks_are_checked_before_and_after_runs_and_once_where_there_are_none(tmp_path, speeds, checks):
+    shown = Prompts()
+    Recording(protocol(*speeds, clock_check={"duration_s": 5.0}), fast_rig(), tmp_path / "s.h5", display=shown)
+    assert sum("Comparing clocks" in text for text in shown.said) == checks

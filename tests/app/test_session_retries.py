@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from app.session_rigs import Recording, fast_rig, protocol
+from dataclasses import replace
+
+from app.session_rigs import Recording, Wrapped, fast_rig, of_role, protocol, replaced
+from draglag.recording import empty_laser
 from draglag.store import read_session
 from draglag_app.session import Control, events
 from draglag_app.session.conductor import MOST_ATTEMPTS
@@ -56,6 +59,39 @@ def test_a_run_repeated_at_once_does_not_come_again(tmp_path):
 
     recording = Recording(protocol(300, 500), fast_rig(), tmp_path / "s.h5", on_event, Control(retries=True))
     assert [run_id for run_id, _ in outcomes(recording)] == ["run-01", "run-01-2", "run-02"]
+
+
+class BlindedAt(Wrapped):
+    """A laser sensor that reports no edges before a time."""
+
+    def __init__(self, inner, until_s):
+        super().__init__(inner)
+        self.until_s = until_s
+
+    def read(self, timeout_s):
+        batch = super().read(timeout_s)
+        return replace(batch, laser=empty_laser()) if batch.until_s < self.until_s else batch
+
+
+def test_a_whole_run_without_a_latency_comes_again_after_the_others(tmp_path):
+    rig = fast_rig()
+    rig = replaced(rig, BlindedAt(of_role(rig, "laser"), 5.0))
+    recording = Recording(protocol(300, 500), rig, tmp_path / "s.h5", control=Control(retries=True))
+    assert outcomes(recording) == [(name, "complete") for name in ("run-01", "run-02", "run-01-2")]
+    assert [(e.run_id, e.outcome) for e in recording.of(events.RunQueued)] == [("run-01", "unusable")]
+
+
+def test_a_run_repeated_until_it_is_given_up_has_every_id_once(tmp_path):
+    ids = ("run-01", "run-01-2", "run-01-3")
+    abort = aborting(*ids)
+
+    def on_event(control, event):
+        abort(control, event)
+        if isinstance(event, events.RunQueued):
+            control.repeat_run()
+
+    recording = Recording(protocol(300, 500), fast_rig(), tmp_path / "s.h5", on_event, Control(retries=True))
+    assert [run_id for run_id, _ in outcomes(recording)] == [*ids, "run-02"]
 
 
 def test_a_run_that_goes_wrong_again_and_again_is_given_up(tmp_path):

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from draglag.protocol.runs import load_protocol
 from draglag_app.cli import cli, window
 from draglag_app.cli.main import OPERATOR_WINDOW
 
@@ -42,6 +43,15 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path | None]:
     monkeypatch.setattr(window, "need_display", lambda: None)
     monkeypatch.setattr(window, "load", {OPERATOR_WINDOW: lambda session: asked.append(session)}.__getitem__)
     return asked
+
+
+@pytest.fixture
+def short_demo(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The demo command on two circles alone."""
+    whole = load_protocol("demo")
+    circles = whole.runs[1].model_copy(update={"speeds_mm_s": (240.0, 425.0), "duration_s": 15.0})
+    short = whole.model_copy(update={"runs": (circles,), "taps": None, "clock_check": None})
+    monkeypatch.setattr("draglag_app.cli.demo.load_protocol", {"demo": short}.__getitem__)
 
 
 def run(*arguments: object) -> Result:
@@ -85,11 +95,13 @@ def test_a_session_file_that_is_not_there_opens_nothing(tmp_path: Path, opened: 
     assert result.stderr.splitlines() == [f"draglag: {tmp_path / 'gone.h5'}: there is no such file. Check the name."]
 
 
+@pytest.mark.usefixtures("short_demo")
 def test_the_demo_opens_the_window_on_what_it_measured(tmp_path: Path, opened: list[Path | None]) -> None:
     assert run("demo", "--out", tmp_path / "one").exit_code == 0
     assert opened == [tmp_path / "one" / "session.h5"]
 
 
+@pytest.mark.usefixtures("short_demo")
 def test_the_demo_does_not_wait_for_a_window_that_nobody_sees(
     tmp_path: Path, opened: list[Path | None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

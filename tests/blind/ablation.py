@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from . import workflow
-from .judge import judge
+from .judge import Outcome, judge
 from .kept import kept_names
 from .known import from_json
 
@@ -98,16 +98,34 @@ def other_values(value: float) -> list[float]:
     return [value / FACTOR, larger]
 
 
-def reports_of(folders: list[Path]) -> tuple[list[dict[str, Any]], float]:
-    """The gap report of each session, as JSON, and their cost, s of CPU."""
-    began = time.process_time()
-    return [workflow.close(folder) for folder in folders], time.process_time() - began
+@dataclass(frozen=True)
+class Judged:
+    """Kept sessions with one set of constants: their gap reports as JSON, the outcomes, and the cost, s of CPU."""
+
+    names: tuple[str, ...]
+    reports: tuple[dict[str, Any], ...]
+    outcomes: tuple[Outcome, ...]
+    seconds: float
+
+    @property
+    def fair(self) -> int:
+        return sum(outcome.fair for outcome in self.outcomes)
 
 
-def compare(usual: list[dict[str, Any]], now: list[dict[str, Any]]) -> tuple[float, float]:
+def judged(keep: Path) -> Judged:
+    """All sessions of a folder, judged with the constants as they are now."""
+    began, names = time.process_time(), kept_names(keep)
+    reports = [workflow.close(keep / "sessions" / name) for name in names]
+    seconds = time.process_time() - began
+    known = [from_json(json.loads((keep / "truth" / f"{name}.json").read_text())) for name in names]
+    outcomes = [judge(*truth, report) for truth, report in zip(known, reports, strict=True)]
+    return Judged(tuple(names), tuple(reports), tuple(outcomes), seconds)
+
+
+def compare(usual: Judged, now: Judged) -> tuple[float, float]:
     """The farthest move of a size, in half widths of its interval, and the last gap's ratio farthest from 1."""
     moved, ratio = 0.0, 1.0
-    for a, b in zip(usual, now, strict=True):
+    for a, b in zip(usual.reports, now.reports, strict=True):
         pairs = zip(_sizes(a), _sizes(b), strict=False)
         moved = max([moved, *(abs(x - y) / half for (x, half), (y, _) in pairs if half > 0)])
         gaps = a.get("gap_last_mm"), b.get("gap_last_mm")
@@ -132,56 +150,40 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--only", default="", metavar="TEXT", help="constants whose module or name contains it")
     parser.add_argument("--out", type=Path, metavar="FILE", help="one JSON object a line, as they are found")
     options = parser.parse_args(argv)
-    names = kept_names(options.keep)
-    known = [from_json(json.loads((options.keep / "truth" / f"{name}.json").read_text())) for name in names]
-    folders = [options.keep / "sessions" / name for name in names]
-    usual, cost = reports_of(folders)
-    answers = [judge(*k, r) for k, r in zip(known, usual, strict=True)]
-    print(f"{len(names)} sessions, {sum(o.fair for o in answers)} fair, {cost:.1f} s", flush=True)
+    usual = judged(options.keep)
+    print(f"{len(usual.names)} sessions, {usual.fair} fair, {usual.seconds:.1f} s", flush=True)
     for constant in constants_of():
         if options.only not in f"{constant.module}.{constant.name}":
             continue
         for value in other_values(constant.value):
-            change = _tried(constant, value, known, folders, usual, answers, cost, names)
-            print(f"{change.constant} {constant.value:g} -> {value:g}: {_words(change, answers)}", flush=True)
+            change = tried(constant, value, options.keep, usual)
+            print(f"{change.constant} {constant.value:g} -> {value:g}: {_words(change, usual)}", flush=True)
             if options.out is not None:
                 with options.out.open("a") as file:
                     file.write(json.dumps(asdict(change) | {"usual": constant.value}) + "\n")
     return 0
 
 
-def _tried(
-    constant: Constant,
-    value: float,
-    known: list[Any],
-    folders: list[Path],
-    usual: list[dict[str, Any]],
-    answers: list[Any],
-    cost: float,
-    names: list[str],
-) -> Change:
+def tried(constant: Constant, value: float, keep: Path, usual: Judged) -> Change:
+    """The kept sessions judged again with another value of one constant."""
     label = f"{constant.module.removeprefix('draglag.gap.')}.{constant.name}"
     try:
         with changed(constant, value):
-            now, seconds = reports_of(folders)
-    except Exception as problem:
+            now = judged(keep)
+    except Exception as problem:  # a value that cannot be is a finding, too
         return Change(label, value, 0, (), 0.0, 1.0, 1.0, f"{type(problem).__name__}: {problem}")
-    outcomes = [judge(*k, r) for k, r in zip(known, now, strict=True)]
     different = tuple(
-        f"{n}: {', '.join(a.named) or a.answer} -> {', '.join(b.named) or b.answer}"
-        for n, a, b in zip(names, answers, outcomes, strict=True)
+        f"{name}: {', '.join(a.named) or a.answer} -> {', '.join(b.named) or b.answer}"
+        for name, a, b in zip(usual.names, usual.outcomes, now.outcomes, strict=True)
         if (a.named, a.answer) != (b.named, b.answer)
     )
-    moved, ratio = compare(usual, now)
-    return Change(label, value, sum(o.fair for o in outcomes), different, moved, ratio, seconds / cost)
+    return Change(label, value, now.fair, different, *compare(usual, now), now.seconds / usual.seconds)
 
 
-def _words(change: Change, answers: list[Any]) -> str:
-    if change.failed:
-        return change.failed
-    return (
-        f"fair {change.fair - sum(o.fair for o in answers):+d}, {len(change.answers_changed)} answers changed, sizes "
-        f"moved {change.sizes_moved:.2f}, gap x{change.gap_ratio:.3f}, cost x{change.cpu_ratio:.2f}"
+def _words(change: Change, usual: Judged) -> str:
+    return change.failed or (
+        f"fair {change.fair - usual.fair:+d}, {len(change.answers_changed)} answers changed, sizes moved "
+        f"{change.sizes_moved:.2f}, gap x{change.gap_ratio:.3f}, cost x{change.cpu_ratio:.2f}"
     )
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from blind import workflow
 from blind.benchmark import run_benchmark, table
+from blind.conditions import Task
+from blind.judge import run_task
 
 WHY = workflow.missing()
 
@@ -25,3 +27,17 @@ def summary():
 
 def test_the_promised_rates_are_met(summary):
     assert summary["failures"] == []
+
+
+@pytest.mark.parametrize("seed", [1056727220, 1329026291])
+def test_a_drift_in_no_library_is_not_taken_for_one_that_settles(seed):
+    """A latency that settles differs from a straight line by a twentieth of its size: more than noise."""
+    excluded = ("clock_drift", "thermal_drift")
+    outcome = run_task(Task("left_out", "clock_drift", 1.0, seed, {"clock_drift": 31.0}, excluded, floor=False))
+    assert (outcome.answer, outcome.unexplained_by, outcome.spurious) == ("unexplained", "session_time", ())
+
+
+def test_what_predicts_held_out_runs_is_kept_although_their_rms_is_larger_by_chance():
+    """The RMS rests on the fastest runs: here it grows by 4 % with the right effect, which predicts all runs better."""
+    outcome = run_task(Task("single", "lagging_law", 1.0, 331424274, {"lagging_law": 0.0658}, floor=False))
+    assert (outcome.answer, outcome.verdict) == ("right name", "explained")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.by_hand import add_by_hand
 from draglag.gap.fitting.signatures import shape_free
-from draglag.gap.results import unexplained_in_words
+from draglag.gap.results import GapReport, unexplained_in_words
 from draglag.gap.streams.evidence import inspect
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session
@@ -32,6 +33,12 @@ def sound() -> Session:
 
 def simulated(*effects: str, seed: int = 5) -> Session:
     return simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect(e) for e in effects], seed=seed)
+
+
+@lru_cache
+def report_of(effect: str) -> GapReport:
+    """The report of ``simulated`` with one effect: what is named, and what it could be as well, are of the same one."""
+    return close_gap(simulated(effect))
 
 
 def test_a_sound_session_has_no_gap() -> None:
@@ -82,7 +89,7 @@ def test_a_plateau_is_found_named_sized_and_closed() -> None:
     ],
 )
 def test_a_simulated_effect_is_named_and_sized(effect: str, parameter: str, truth: float, within: float) -> None:
-    report = close_gap(simulated(effect))
+    report = report_of(effect)
     assert report.steps, report.unexplained_by
     assert report.steps[0].effect == effect.split("=")[0]
     assert report.steps[0].parameters[parameter][0] == pytest.approx(truth, abs=within)
@@ -308,8 +315,8 @@ def test_what_the_session_cannot_tell_apart_is_named_with_the_run_that_would(
     effect: str, with_taps: bool, alike: tuple[str, ...]
 ) -> None:
     """Taps move with a latency that creeps and not with a clock that drifts; without them only both can be named."""
-    session = simulated(effect)
-    (step,) = close_gap(session if with_taps else replace(session, taps=None)).steps
+    report = report_of(effect) if with_taps else close_gap(replace(simulated(effect), taps=None))
+    (step,) = report.steps
     assert step.effect == effect.partition("=")[0]
     assert step.indistinguishable_from == alike
     assert bool(step.extra_run) == bool(alike)

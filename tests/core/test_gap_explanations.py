@@ -138,6 +138,17 @@ def test_coarse_stamps_hide_neither_a_lagging_law_nor_an_offset() -> None:
     assert high - low > 0.006
 
 
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_drift_hides_no_offset_of_the_laser_s_clock(seed: int) -> None:
+    """Runs that creep lie on no curve: with the creep in them, other forms of it seemed to reach the taps."""
+    report = close_gap(simulated("thermal_drift=0.06", "clock_offset=0.01", seed=seed))
+    drift, offset = report.steps
+    assert drift.effect == "thermal_drift"
+    assert "clock_offset" in (offset.effect, *offset.indistinguishable_from)
+    _, (low, high) = next(iter(offset.parameters.values()))
+    assert low < 0.01 < high
+
+
 def test_held_positions_hide_no_lagging_law_once_their_ages_are_undone() -> None:
     report = close_gap(simulated("sample_hold=83", "lagging_law=0.1", seed=6))
     assert {step.effect for step in report.steps} == {"sample_hold", "lagging_law"}

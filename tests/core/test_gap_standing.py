@@ -92,6 +92,17 @@ def test_other_deadbands_and_loops_that_hold_jump_by_no_width(sound: Session, te
     assert [f.effect for f in found] == named
 
 
+@pytest.mark.parametrize("fuzz_mm", [0.4, 0.63, 0.9])
+def test_what_a_fuzz_filter_holds_back_is_no_loop(sound: Session, fuzz_mm: float) -> None:
+    def scanned(touch: TouchTrace) -> TouchTrace:
+        """Four scans to a report: the filter's jumps are then of uneven age, in millimetres and not in time."""
+        four = after(at_rate(touch, 240, 0.003), f"deadband={fuzz_mm},kind=2")
+        one = TouchTrace(four.t_s[::4], four.x_mm[::4], four.y_mm[::4])
+        return rounded(one, 0.08)
+
+    assert "sample_hold" not in [f.effect for f in inspect(with_touch(sound, scanned))[0]]
+
+
 def test_a_lost_contact_is_seen_behind_a_deadband(sound: Session) -> None:
     def both(touch: TouchTrace) -> TouchTrace:
         return after(after(at_rate(touch, 120), "deadband=0.3"), "loss_of_contact=20,duration_s=0.2")

@@ -13,7 +13,8 @@ from draglag.system.packages import PACKAGES, Package, advice, missing_package, 
 
 ROOT = Path(__file__).parents[2]
 OURS = {"draglag", "draglag_devices", "draglag_app", "draglag_resources", "blind"}
-WITH_ANOTHER = {"shiboken6": "PySide6", "pydantic_core": "pydantic"}  # packages that bring a second module
+# Packages that bring a second module.
+WITH_ANOTHER = {"shiboken6": "PySide6", "pydantic_core": "pydantic", "markupsafe": "jinja2"}
 
 
 def project() -> dict:

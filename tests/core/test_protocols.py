@@ -5,7 +5,7 @@ import pytest
 
 from draglag.errors import DataError
 from draglag.protocol.presets import load_screen_file
-from draglag.protocol.runs import expand, load_protocol, load_screen
+from draglag.protocol.runs import expand, load_protocol, load_screen, session_duration_s
 from draglag.protocol.targets import check_on_screen
 from draglag.recording import Beam
 from draglag_resources import presets
@@ -21,6 +21,17 @@ def test_every_preset_fits_every_screen(protocol, screen):
     assert [run.id for run in runs] == [f"run-{i:02d}" for i in range(1, len(runs) + 1)]
     for run in runs:
         check_on_screen(run.target, panel, 4.0)
+
+
+def test_a_session_takes_its_parts_with_a_rest_between_each_two():
+    quick, demo, check = (load_protocol(name) for name in ("quick", "demo", "clock-check"))
+    screen = load_screen("screen-1")
+    parts_s = [run.duration_s + 3.0 for run in expand(quick, screen)]
+    assert session_duration_s(quick, expand(quick, screen), 3.0) == sum(parts_s) + (len(parts_s) - 1) * quick.rest_s
+    parts_s = [run.duration_s + 3.0 for run in expand(demo, screen)]
+    parts_s += [3.0 + demo.taps.count * demo.taps.interval_s] + 2 * [demo.clock_check.duration_s]
+    assert session_duration_s(demo, expand(demo, screen), 3.0) == sum(parts_s) + (len(parts_s) - 1) * demo.rest_s
+    assert session_duration_s(check, (), 3.0) == check.clock_check.duration_s  # "Two minutes", as it says
 
 
 def test_screens_are_those_of_the_paper():

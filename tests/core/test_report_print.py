@@ -110,3 +110,8 @@ def test_no_heading_stands_alone_at_the_foot_of_a_page(words: list[Word], report
         starts = range(len(words))
         (first,) = (words[k] for k in starts if words[k].big and [w.text for w in words[k : k + len(parts)]] == parts)
         assert first.bottom < 0.9, f"{heading} has nothing below it"
+
+
+def test_the_last_lines_are_on_the_page_of_the_reference(words: list[Word]) -> None:
+    (footer,) = [word.page for word in words if word.text == "Made"]
+    assert footer == next(word.page for word in words if word.big and word.text == "cite")

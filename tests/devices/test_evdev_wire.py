@@ -119,14 +119,15 @@ def test_a_panel_without_slots_that_is_touched_already_and_overflows_keeps_its_d
     assert len(reader.column("gaps_s")) == 1
 
 
-def test_unplugged_and_plugged_in_elsewhere_it_goes_on(start):
+@pytest.mark.parametrize("number", [5, 9])
+def test_unplugged_and_plugged_in_there_or_elsewhere_it_goes_on(start, number):
     panel, reader = start()
     panel.frame(contact(0, 7, 1000, 500))
     reader.until(lambda rows: reader.column("id") == [7])
     panel.do("unplug")
     reader.until(lambda rows: any("is gone" in text for text in reader.column("notices")))
-    panel.do("plug", number=9)
-    reader.until(lambda rows: any("back at /dev/input/event9" in text for text in reader.column("notices")))
+    panel.do("plug", number=number)
+    reader.until(lambda rows: any(f"back at /dev/input/event{number}" in text for text in reader.column("notices")))
     panel.frame(contact(0, 7, 1000, 500))
     reader.until(lambda rows: len(reader.column("id")) == 2)
     assert len(set(reader.column("id"))) == 2

@@ -193,7 +193,7 @@ def _print_each(first: str, differences: list[tuple[str, CurveDifference | None]
                 difference.speed_mm_s, difference.difference_s, difference.low_s, difference.high_s, strict=True
             )
         ]
-        chance = f"p = {difference.p_value:.2g}" if difference.p_value > 0.0 else "p < 1e-300"
+        chance = "p < 0.001" if difference.p_value < 1e-3 else f"p = {difference.p_value:.2g}"
         word = "they differ" if difference.p_value < 0.05 else "no difference beyond chance"
         click.echo(f"{name} minus {first}: {word} ({chance})")
         click.echo(table(["speed mm/s", "difference ms", "95 % band ms"], rows, left=0) + "\n")

@@ -23,6 +23,7 @@ from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
 from draglag_app.session.place import resume_elsewhere
 from draglag_app.session.recorder import Recorder
+from draglag_app.session.verdict import went_wrong
 from draglag_app.session.watch import STUCK_S, Watch
 from draglag_devices.rig import Rig
 
@@ -117,7 +118,7 @@ class Conductor:
             yield partial(self._once_more, self._control.queued[0])
         if taps is not None and taps.when in ("end", "both"):
             yield lambda: self._taps(taps.count, taps.interval_s)
-        if check is not None:
+        if check is not None and self._protocol.checks_clocks_twice:
             yield lambda: self._clock_check(check.duration_s)
 
     def _between(self) -> bool:
@@ -167,18 +168,19 @@ class Conductor:
             self._last = self._wrong.pop(run_id)
             self._repeat_run()
 
-    def _queue_or_forget(self, planned: PlannedRun, outcome: str) -> None:
-        """Queue a run that went wrong; one that is complete need not come again."""
-        last = self._last
-        if outcome == "complete":
-            self._control.unqueue(planned.id)
-            self._wrong.pop(planned.id, None)
+    def _queue_or_forget(self, planned: PlannedRun, run: Run, outcome: str) -> None:
+        """Queue a run that went wrong; one that serves, or was tried often enough, does not come again."""
+        last, wanted = self._last, self._control.retries and not planned.practice and not self._control.stopping
+        if not wanted:
             return
-        wanted = self._control.retries and not planned.practice and not self._control.stopping
-        if wanted and last is not None and last.attempt < MOST_ATTEMPTS:
+        why = went_wrong(run, outcome, self._saver.clocks, self._options.stylus.diameter_mm)
+        if why and last is not None and last.attempt < MOST_ATTEMPTS:
             self._wrong[planned.id] = last
             self._control.queue(planned.id)
-            self._emit(events.RunQueued(planned.id, outcome))
+            self._emit(events.RunQueued(planned.id, why))
+        else:
+            self._control.unqueue(planned.id)
+            self._wrong.pop(planned.id, None)
 
     def _repeat_run(self) -> None:
         """The run that just ended, under an id of its own."""
@@ -235,7 +237,7 @@ class Conductor:
         self._ran, self._touched = True, self._touched or len(run.touch.t_s) > 0
         outcome = state.outcome or "failed"
         self._emit(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
-        self._queue_or_forget(planned, outcome)
+        self._queue_or_forget(planned, run, outcome)
 
     def _saved_elsewhere(self, run: Run | None) -> bool:
         """Whether a run that was whole when the disk failed is in another place now."""

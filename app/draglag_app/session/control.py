@@ -21,7 +21,8 @@ class Control:
         auto: begin each run by itself after the rest; False waits for ``proceed()`` before every run.
         asks: somebody answers where to go on when nothing can be saved any more (``name_place``).
         spare: the folder to go on in then, without asking; used once.
-        retries: runs that were aborted or failed are queued to be recorded again after the planned ones.
+        retries: runs that were aborted, failed, or give no latency for the curve are queued to be recorded again
+            after the planned ones.
     """
 
     def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None, retries: bool = False) -> None:

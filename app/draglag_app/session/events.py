@@ -45,7 +45,10 @@ class Resting:
 
 @dataclass(frozen=True)
 class RunQueued:
-    """A run went wrong (``outcome``) and will be recorded again after the planned ones (``Control.unqueue``)."""
+    """A run went wrong and will be recorded again after the planned ones (``Control.unqueue``).
+
+    ``outcome``: of its recording, or "unusable" where that was whole and gives no latency for the curve.
+    """
 
     run_id: str
     outcome: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QCoreApplication, QMimeData
+from PySide6.QtCore import QCoreApplication
 from PySide6.QtWidgets import QMessageBox
 
 from draglag.errors import DraglagError
@@ -150,12 +150,3 @@ def _save_each(window: OperatorWindow, left: list[Path], folder: Path | None) ->
         ask_folder(window, title, window.space.settings.folder, lambda path: _save_each(window, failed, path))
 
     window.space.tasks.start(tr("Salvaging"), work, done, lambda text: window.notify("error", text))
-
-
-def dropped(data: QMimeData) -> Path | None:
-    """The one session file or folder that is dragged; None for anything else."""
-    paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
-    if len(paths) != 1:
-        return None
-    path = paths[0]
-    return path if path.is_dir() or path.suffix == ".h5" or path.name == "session.json" else None

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, Qt
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QApplication,
     QHBoxLayout,
@@ -22,6 +22,7 @@ from draglag_app.windows import exports, files
 from draglag_app.windows.actions import ACTIONS, Actions, keys_of
 from draglag_app.windows.another_place import ask_another_place, withdraw
 from draglag_app.windows.beginning import begin
+from draglag_app.windows.drops import Drops
 from draglag_app.windows.header import Header
 from draglag_app.windows.keyboard import Keyboard
 from draglag_app.windows.leaving import sure_to_stop
@@ -37,6 +38,7 @@ from draglag_app.windows.pages.record import RecordPage
 from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
 from draglag_app.windows.parts.finger_lists import raise_rows
+from draglag_app.windows.parts.finger_scroll import scroll_by_finger
 from draglag_app.windows.parts.keyed_buttons import show_keys
 from draglag_app.windows.parts.page_stack import ColumnScroll, PageScroll, PageStack
 from draglag_app.windows.parts.recent_menu import RecentMenu
@@ -69,11 +71,12 @@ class OperatorWindow(QMainWindow):
         self.actions_table.fill(self.menuBar())
         self.recent = RecentMenu(self.menuBar(), lambda: self.space.settings.recent, self.open_file)
         self.actions_table.add_recent(self.menuBar(), self.recent)
-        self.setAcceptDrops(True)
         self.actions_table.follow(self.space.undo)
         self.setCentralWidget(self._frame())
         FieldKeys(self)
         raise_rows(self)
+        scroll_by_finger(self)
+        Drops(self)
         record = self.pages["record"][1]
         assert isinstance(record, RecordPage)
         self.record = record
@@ -181,7 +184,7 @@ class OperatorWindow(QMainWindow):
     def _redo(self) -> None:
         what = self.space.undo.redoText()
         self.space.undo.redo()
-        self.notify("info", self.tr("Done again: {what}").format(what=what))
+        self.notify("info", self.tr("Redone: {what}").format(what=what))
 
     def ask(self, action: str) -> None:
         """Do the action of that id, as its key would."""
@@ -210,16 +213,6 @@ class OperatorWindow(QMainWindow):
             files.read_folder(self, path if path.is_dir() else path.parent)
         else:
             self.space.open(path, lambda: self.go("results"))
-
-    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        if files.dropped(event.mimeData()) is not None:
-            event.acceptProposedAction()
-
-    def dropEvent(self, event: QDropEvent) -> None:
-        path = files.dropped(event.mimeData())
-        if path is not None:
-            event.acceptProposedAction()
-            self.open_file(path)
 
     def restore(self) -> None:
         """Size, place and page as they were when the window was last closed."""

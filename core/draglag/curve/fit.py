@@ -62,6 +62,15 @@ class CurveFit:
         spread = np.sqrt(np.maximum(np.diag(self.covariance), 0))
         return dict(zip(FORMS[self.form].names, (float(v) for v in spread), strict=True))
 
+    @property
+    def half_intervals(self) -> Mapping[str, float]:
+        """Half the 95 % interval of every parameter, as the band of the curve has it."""
+        return {name: self._reach(0.95) * error for name, error in self.standard_errors.items()}
+
+    def _reach(self, level: float) -> float:
+        """Half an interval in standard errors, for so many runs and parameters."""
+        return float(stdtrit(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2))
+
     def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
         """L(v), s, at any speeds. Outside ``speed_range_mm_s`` this extrapolates: see ``inside``."""
         speed = np.asarray(speed_mm_s, float)
@@ -78,7 +87,7 @@ class CurveFit:
         form = FORMS[self.form]
         jacobian = jacobian_ms(form, self.values, speed)
         se = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, self.covariance, jacobian), 0))
-        reach = stdtrit(max(self.n_points - form.n_parameters, 1), 0.5 + level / 2) * se
+        reach = self._reach(level) * se
         middle = evaluated_ms(form, self.values, speed)
         return 1e-3 * (middle - reach), 1e-3 * (middle + reach)
 
@@ -108,9 +117,9 @@ class CurveFit:
 
     def _repr_html_(self) -> str:
         """The coefficients as a notebook shows them."""
-        errors = self.standard_errors
-        rows = [(name, value, errors[name]) for name, value in self.parameters.items()]
-        return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "standard error"], rows)
+        half = self.half_intervals
+        rows = [(name, value, half[name]) for name, value in self.parameters.items()]
+        return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "± (95 %)"], rows)
 
     def plot(self, ax: Any = None) -> Any:
         """The matplotlib axes that the curve and its 95 % band are drawn on: those given, or new ones.

@@ -14,7 +14,7 @@ from draglag.curve import CurvePoints, fit_best, fit_form
 from draglag.curve.fit import CLEARLY_BETTER
 from draglag.errors import EstimateError
 from draglag.gap.constants import P_EFFECT, STATED_AT_MOST
-from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.joint import Fit, latency_of_terms
 from draglag.gap.posterior.linear import likeliest_levels, linearised, normal
 from draglag.gap.posterior.pool import Pool
 from draglag.instruments.taps import LONGEST_S, summarise_taps
@@ -81,9 +81,10 @@ def _beyond(fit: Fit, difference_s: float, known_form: bool) -> tuple[float, flo
     deviation: where a curve tends to lies beyond the fastest drag, and only what no form reaches is a difference."""
     fastest = float(np.quantile(fit.view.speed, 0.95))
     least_s = BEYOND * (float(fit.law(np.array([fastest]))[0]) - fit.law.a7_s)
+    # Runs that drift, each by its own, lie on no curve: what found effects add to a run is no part of its form.
     rows = [
-        (e.speed_mm_s, e.latency_s, e.curve_se_s)
-        for e in (data.estimate for data in fit.runs)
+        (e.speed_mm_s, e.latency_s - added_s, e.curve_se_s)
+        for e, added_s in zip((data.estimate for data in fit.runs), latency_of_terms(fit), strict=True)
         if e is not None and e.latency_s is not None and e.speed_mm_s is not None
     ]
     try:

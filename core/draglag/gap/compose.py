@@ -17,14 +17,7 @@ import numpy as np
 from draglag.errors import DataError, EstimateError, message_of
 from draglag.gap.constants import DEVIANCE_A_PARAMETER, SHARED, STATED_AT_MOST
 from draglag.gap.correction import without_effects
-from draglag.gap.fitting.heldout import (
-    IN_EVERY_FIT,
-    floor_mm,
-    folds,
-    gap_mm,
-    held_out_residual_mm,
-    shrinks,
-)
+from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks, squares_by_run
 from draglag.gap.fitting.joint import Fit, effects_in, fit_session
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.fitting.model import Geometry, LawParameters
@@ -43,7 +36,7 @@ from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
 from draglag.latency.conduct import kept_runs
 from draglag.messages import message
-from draglag.recording import FloatArray, IntArray, Session
+from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, known_effects
 from draglag.system.blas import one_blas_thread
 
@@ -282,7 +275,7 @@ def shrinkage(before: Gap, after: Gap) -> Shrinkage:
             ),
             "Compare two models on the same session",
         )
-    old, new = _by_run(before.fit), _by_run(after.fit)
+    old, new = squares_by_run(before.fit), squares_by_run(after.fit)
     shared = sorted(old.keys() & new.keys())
     draws = np.random.default_rng(20260101).integers(0, max(len(shared), 1), (1000, max(len(shared), 1)))
     interval = (float("nan"), float("nan"))
@@ -348,17 +341,6 @@ def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, f
 def _of(session: Session) -> tuple[object, ...]:
     """What a session keeps however its streams are repaired."""
     return session.name, session.started_utc, tuple((run.id, run.start_s) for run in session.runs)
-
-
-def _by_run(fit: Fit) -> dict[int, tuple[float, int]]:
-    """Sum of squares and number of the held-out residuals of each run."""
-    residual = held_out_residual_mm(fit)
-    held: IntArray = np.asarray(folds(fit) != IN_EVERY_FIT)
-    out = {}
-    for k in np.unique(fit.run_index[held]):
-        own: FloatArray = residual[held & (fit.run_index == k)]
-        out[int(k)] = (float(np.sum(own**2)), int(own.size))
-    return out
 
 
 def _stream_step(item: StreamEffect, gap: Gap) -> Step:

@@ -15,8 +15,7 @@ TOLERANCE_MM = 0.02
 interest, so that two and a half of it are of interest."""
 
 NAMED_TOLERANCE_MM = 0.02
-"""mm RMS. The same for the columns of effects and for the curve's own form: sound rigs have each of them to such a
-size, which is the systematic part of the interval of a size. Judgement."""
+"""mm RMS. The same for the columns of effects and for the curve's own form. Judgement."""
 
 SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
 """mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: twice the size of interest to
@@ -99,10 +98,6 @@ incomplete. Calibrated: 7 of 14 of 171 sessions (the benchmark's seeds 52901 and
 
 TOLERATED_SETTINGS = 4
 """Settings of an effect whose columns are tolerated, evenly over its grid. Derived: neighbours are alike."""
-
-DETAIL = 0.35
-"""Share of a named effect's size below which an unnamed term of the same covariate is a detail of it. Calibrated:
-effects' columns are true to first order, on 28 plain single effects (fact sheet on the gap's evidence)."""
 
 DEVIANCE_A_PARAMETER = 6.0
 """Deviance that one more parameter must save before a change by hand is reported to shrink the gap. Derived: a

@@ -45,6 +45,11 @@ def excluded_because(estimate: RunEstimate) -> str:
     return ", ".join(flag.replace("_", " ") for flag in estimate.flags if flag in EXCLUDED)
 
 
+def is_usable(estimate: RunEstimate) -> bool:
+    """Whether the run gives a latency that goes into the curve."""
+    return estimate.latency_s is not None and not excluded_because(estimate)
+
+
 def why_excluded(
     runs: Iterable[Run], estimates: Iterable[RunEstimate], include: Collection[str] = ()
 ) -> dict[str, str]:

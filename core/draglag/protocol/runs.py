@@ -105,6 +105,11 @@ class Protocol(Strict):
             raise ValueError(f"a protocol has at most {RUNS} runs")
         return self
 
+    @property
+    def checks_clocks_twice(self) -> bool:
+        """Before and after what is measured; a protocol of nothing else needs one clock check."""
+        return bool(self.clock_check and (self.runs or self.taps))
+
 
 @dataclass(frozen=True)
 class PlannedRun:
@@ -220,19 +225,38 @@ def first_target_after_s(protocol: Protocol, countdown_s: float) -> float:
     """
     if not protocol.runs:
         return math.inf
-    before_s = []
-    if protocol.clock_check is not None:
-        before_s.append(protocol.clock_check.duration_s)
-    if protocol.taps is not None and protocol.taps.when in ("start", "both"):
-        before_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)
+    before_s = _before_runs_s(protocol, countdown_s)
     return sum(before_s) + len(before_s) * protocol.rest_s + countdown_s
 
 
 def planned_after_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown_s: float) -> float:
     """How long ``runs`` and what the protocol has at its end take, each after a rest, s."""
-    parts_s = [countdown_s + run.duration_s for run in runs]
-    if protocol.taps is not None and protocol.taps.when in ("end", "both"):
-        parts_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)
+    parts_s = [countdown_s + run.duration_s for run in runs] + _after_runs_s(protocol, countdown_s)
+    return sum(parts_s) + len(parts_s) * protocol.rest_s
+
+
+def session_duration_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown_s: float) -> float:
+    """How long a whole session of these runs takes, with countdowns and the rests between its parts, s."""
+    before_s = _before_runs_s(protocol, countdown_s)
+    after_s = planned_after_s(protocol, runs, countdown_s)
+    return max(0.0, sum(before_s) + len(before_s) * protocol.rest_s + after_s - protocol.rest_s)
+
+
+def _before_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
+    """Durations of what a session begins with."""
+    parts_s = []
     if protocol.clock_check is not None:
         parts_s.append(protocol.clock_check.duration_s)
-    return sum(parts_s) + len(parts_s) * protocol.rest_s
+    if protocol.taps is not None and protocol.taps.when in ("start", "both"):
+        parts_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)
+    return parts_s
+
+
+def _after_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
+    """Durations of what a session ends with."""
+    parts_s = []
+    if protocol.taps is not None and protocol.taps.when in ("end", "both"):
+        parts_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)
+    if protocol.clock_check is not None and protocol.checks_clocks_twice:
+        parts_s.append(protocol.clock_check.duration_s)
+    return parts_s

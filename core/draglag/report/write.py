@@ -13,6 +13,8 @@ from typing import Any
 
 import draglag
 from draglag.analysis import Analysis
+from draglag.curve import FORMS, CurveFit
+from draglag.curve.symbols import symbol_html
 from draglag.drawing import style
 from draglag.errors import DataError, cause
 from draglag.messages import message
@@ -20,6 +22,7 @@ from draglag.provenance import source_of
 from draglag.recording import Session
 from draglag.report import figures
 from draglag.report.notes import citation, note_rows
+from draglag.shown import matched
 from draglag.store.schema import slug
 from draglag.system.temporary import publish, temporary_for
 
@@ -134,6 +137,7 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
     )
     environment.filters["number"] = _number
     environment.filters["moment"] = _moment
+    environment.filters["form_title"] = lambda form: FORMS[form].title if form in FORMS else form.replace("_", " ")
     result = analysis.to_dict()
     return environment.get_template("report.html").render(
         session=session,
@@ -146,7 +150,20 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
         version=draglag.__version__,
         source=source_of(session),
         verdict=_verdict(analysis),
+        coefficients=_coefficients(analysis.curve),
     )
+
+
+def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
+    """Symbol, value with half its 95 % interval, and unit of every coefficient."""
+    from markupsafe import Markup, escape
+
+    if curve is None:
+        return []
+    half = curve.half_intervals
+    values = sorted(curve.parameters.items())
+    named = [(symbol_html(str(escape(name))), matched(value, half[name])) for name, value in values]
+    return [(Markup(symbol), value, unit) for (symbol, unit), value in named]
 
 
 def _verdict(analysis: Analysis) -> str:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QWidget
 
 from draglag.gap import close_gap
+from draglag.shown import matched
 from draglag.store import read_analyses
 from draglag_app.windows import exports
 from draglag_app.windows.pages import gap
 from draglag_app.windows.parts.recent_menu import MOST, remembered
 from draglag_app.windows.settings import load_settings
 from draglag_app.windows.window import OperatorWindow
-from draglag_app.windows.wording.equation import matched
 from draglag_app.windows.workspace import kept_comments
 
 
@@ -25,17 +27,45 @@ def idle(window: OperatorWindow) -> Callable[[], bool]:
     return lambda: not window.space.tasks.running
 
 
-def drop(window: OperatorWindow, path: Path) -> bool:
-    """Drag a file onto the window and let it go; whether the window took it."""
+def drop(window: OperatorWindow, *paths: Path, on: QWidget | None = None) -> bool:
+    """Drag files onto the window, or something in it, and let them go; whether they were taken.
+
+    As file managers do, which give the path as text too.
+    """
     data = QMimeData()
-    data.setUrls([QUrl.fromLocalFile(str(path))])
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    data.setText(str(paths[0]))
     copy, left, none = Qt.DropAction.CopyAction, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
     enter = QDragEnterEvent(QPoint(10, 10), copy, data, left, none)
     enter.ignore()
-    QApplication.sendEvent(window, enter)
+    QApplication.sendEvent(on or window, enter)
     if enter.isAccepted():
-        QApplication.sendEvent(window, QDropEvent(QPointF(10, 10), copy, data, left, none))
+        QApplication.sendEvent(on or window, QDropEvent(QPointF(10, 10), copy, data, left, none))
     return enter.isAccepted()
+
+
+def test_a_session_dropped_on_a_field_or_a_plot_opens_and_nothing_is_written_there(
+    opened: OperatorWindow, session_file: Path, until: Callable
+) -> None:
+    page = opened.pages["results"][1]
+    opened.go("results")
+    for below in (page.filter, page.curve.viewport()):
+        page.filter.setText("run-01")
+        assert drop(opened, session_file, on=below)
+        until(lambda: opened.space.path == session_file and not opened.space.tasks.running)
+        assert page.filter.text() == ""  # words for the runs of another session
+        assert not page.table.isRowHidden(0)
+        opened.space.path = None
+
+
+def test_several_dropped_sessions_are_compared(
+    opened: OperatorWindow, session_file: Path, tmp_path: Path, until: Callable
+) -> None:
+    other = Path(shutil.copy(session_file, tmp_path / "other.h5"))
+    assert not drop(opened, session_file, tmp_path)
+    assert drop(opened, session_file, other)
+    until(lambda: opened.pages["compare"][1].table.rowCount() == 2 and not opened.space.tasks.running)
+    assert opened.page == "compare"
 
 
 def test_a_dropped_session_opens_and_is_remembered(
@@ -126,9 +156,12 @@ def test_the_session_leaves_in_every_form(opened: OperatorWindow, until: Callabl
 
 
 def test_the_equation_has_its_coefficients_with_matched_digits(opened: OperatorWindow) -> None:
-    text = opened.pages["results"][1].equation.text()
+    text, curve = opened.pages["results"][1].equation.text(), opened.space.analysis.curve
     assert text.startswith("L(v) = ")
-    assert "±" in text
+    # As of all that the windows show: half a 95 % interval.
+    low_s, high_s = curve.band_s(np.array([1e6]))
+    asymptote = matched(1e3 * (low_s + high_s)[0] / 2, 1e3 * (high_s - low_s)[0] / 2)
+    assert f" = {asymptote}" in text.replace("&nbsp;±&nbsp;", " ± ")
     assert matched(123.456, 1.23) == "123.5 ± 1.2"
     assert matched(0.018143, 0.00085) == "0.01814 ± 0.00085"
     assert matched(419.3, 37.0) == "419 ± 37"

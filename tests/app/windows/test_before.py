@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
@@ -58,12 +58,19 @@ def test_steps_say_what_is_missing_and_lead_there(open_window: Callable[..., Ope
 def test_every_preset_has_its_sentence_and_says_when_its_first_target_moves(open_window: Callable) -> None:
     window = open_window()
     page = window.pages["protocol"][1]
-    tips = {action.text(): action.toolTip() for action in page.preset.menu().actions()}
+    menu = page.preset.menu()
+    menu.popup(QPoint(0, 0))
+    entries = {action.text().split(":")[0]: action for action in menu.actions()}
+    menu.close()
     for name in presets("protocols"):
         protocol = load_protocol(name)
         window.space.set_protocol(protocol)
         assert page.meaning.text() == protocol.description
-        assert protocol.description.split(":")[0] in tips[name]
+        assert protocol.description.split(":")[0] in entries[name].toolTip()
+        sentence, duration = entries[name].text().removeprefix(f"{name}: ").split("\t")
+        assert protocol.description.startswith(sentence.removesuffix("…"))
+        assert len(sentence) > 40
+        assert f"about {duration.removesuffix(' min')} in all" in page.preview.words.text()
         said = window.record.small.text()
         if not protocol.runs:
             assert "first target" not in said

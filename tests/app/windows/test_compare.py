@@ -37,4 +37,4 @@ class TestCompare:
 
     def test_no_chance_is_nothing(self) -> None:
         assert words.chance(0.031) == "p = 0.031"
-        assert words.chance(0.0) == "p < 1e-300"
+        assert words.chance(0.0) == "p < 0.001"

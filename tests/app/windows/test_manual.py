@@ -21,7 +21,7 @@ def test_the_manual_tells_what_the_window_can_do_by_the_names_it_has_there(open_
     there = {one.text() for one in window.findChildren(QPushButton)}
     named = {
         "Look for devices", "Show the bar", "Correct", "Rotate 90°", "Save…", "Keep results", "Explain the gap",
-        "Remove effect", "Add effect", "Save model…", "Add the one at hand", "Add sessions…",
+        "Remove effect", "Add effect", "Save model…", "Add open session", "Add sessions…",
     }  # fmt: skip
     assert named <= there
     dutch = table_of("nl")
@@ -42,7 +42,7 @@ def test_every_picture_of_the_manual_is_shown_as_wide_as_the_text(open_window: C
         window.resize(width, 800)
         qapp.processEvents()
         shown = manual.pictures()
-        assert len(shown) == len(set(shown)) == 8
+        assert len(shown) == len(set(shown)) == 9
         for file, wide, high in shown:
             natural = QImage(file)
             assert not natural.isNull(), file

@@ -27,9 +27,9 @@ def idle(window: OperatorWindow) -> bool:
 
 @pytest.fixture
 def in_real_time(open_window: Callable) -> OperatorWindow:
-    """On the simulated rig in real time, with two short runs."""
+    """On the simulated rig in real time, with two runs just long enough for a latency."""
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
-    runs = [window.space.protocol.runs[1].model_copy(update={"speeds_mm_s": (425.0, 750.0), "duration_s": 1.0})]
+    runs = [window.space.protocol.runs[1].model_copy(update={"speeds_mm_s": (425.0, 750.0), "duration_s": 4.0})]
     window.space.set_protocol(
         window.space.protocol.model_copy(update={"runs": tuple(runs), "taps": None, "rest_s": 0.1})
     )

@@ -12,14 +12,17 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
+    QAbstractScrollArea,
     QAbstractSpinBox,
     QApplication,
     QCheckBox,
     QComboBox,
+    QGraphicsView,
     QLineEdit,
     QMenu,
     QPushButton,
     QScrollArea,
+    QScroller,
     QTabBar,
     QTableWidget,
     QWidget,
@@ -338,12 +341,12 @@ class TestGap:
     def test_report_is_shown_step_by_step(self, page: QWidget) -> None:
         page.show_report(self.REPORT)
         assert page.verdict.text() == (
-            "Low-speed plateau or sample and hold 118 mm/s (112 … 124; probability 0.97) explains the gap: "
+            "Low-speed plateau or sample and hold 118 mm/s (112 to 124; probability 0.97) explains the gap: "
             "0.62 → 0.16 mm, noise 0.15."
         )
         row = [page.table.item(0, column).text() for column in range(5)]
         assert row[:2] == ["low-speed plateau or sample and hold", "0.97"]
-        assert row[3] == "speed 118 mm/s (112 … 124)"
+        assert row[3] == "speed 118 mm/s (112 to 124)"
         assert page.table.chosen() == (-1, "")
         page.table.selectRow(0)
         assert page.table.chosen() == (0, "low_speed_plateau")  # files and commands call it by its id
@@ -404,7 +407,9 @@ class TestGap:
         page.choice.setCurrentIndex(page.choice.findData("scan_skew"))
         page.add_button.click()
         assert opened.space.tasks.running
+        chosen = page.choice.currentText()
         opened.ask("undo")
+        assert opened.notice_text.text() == f"Undone: add effect {chosen}"
         until(lambda: not opened.space.tasks.running)
         assert page.table.rowCount() == 1
         assert "explains the gap" in page.verdict.text()
@@ -434,6 +439,7 @@ class TestGap:
         page.remove_button.click()
         until(lambda: not opened.space.tasks.running)
         opened.ask("undo")
+        assert opened.notice_text.text() == "Undone: remove effect low-speed plateau"
         until(lambda: not opened.space.tasks.running)
         assert asked == [frozenset(), frozenset({"low_speed_plateau"}), frozenset()]
         assert page.explain_button.isEnabled()
@@ -528,7 +534,7 @@ class TestGapByHand:
         drawn = picture.plot.drawn
         assert drawn["simulated, before"][1].tolist() == [5.0]
         assert drawn["simulated, after"][1].tolist() == [0.2]
-        assert "5.00 ms (4.90 … 5.10)" in picture.words.text()
+        assert "5.00 ms (4.90 to 5.10)" in picture.words.text()
         picture.which.setCurrentIndex(picture.which.findData("after"))
         assert "simulated, before" not in picture.plot.drawn
         for k in range(picture.kind.count()):
@@ -581,6 +587,16 @@ def test_lists_that_drop_down_have_rows_for_a_finger(open_window: Callable) -> N
         if box.count():
             box.view().ensurePolished()
             assert box.view().sizeHintForRow(0) >= 44, box.accessibleName()
+
+
+def test_a_finger_scrolls_pages_and_lists_and_moves_plots(open_window: Callable) -> None:
+    areas = open_window().findChildren(QAbstractScrollArea)
+    plots = [area for area in areas if isinstance(area, QGraphicsView)]
+    others = [area for area in areas if not isinstance(area, QGraphicsView)]
+    assert plots
+    assert others
+    assert all(QScroller.hasScroller(area.viewport()) for area in others)
+    assert not any(QScroller.hasScroller(area.viewport()) for area in plots)
 
 
 def test_menus_are_large_enough_for_a_finger(open_window: Callable) -> None:

@@ -13,6 +13,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QMessageBox
 
 from draglag.errors import DataError
+from draglag_app.windows.parts.theme import apply_theme, theme
 from draglag_app.windows.plots.plot import Plot
 from draglag_app.windows.plots.plot_values import unit
 from draglag_app.windows.window import OperatorWindow
@@ -42,6 +43,55 @@ def test_numbers_below_one_are_not_shown_a_thousandfold_after_a_change_of_theme(
     plot.restyle()
     axis = plot.getPlotItem().getAxis("left")
     assert axis.tickStrings([0.1, 0.2], axis.autoSIPrefixScale * axis.scale, 0.1) == ["0.1", "0.2"]
+
+
+@pytest.mark.parametrize("name", ["dark", "light"])
+def test_a_band_is_seen_between_its_curves_in_both_themes(plot: Plot, qapp: QApplication, name: str) -> None:
+    apply_theme(qapp, name)
+    try:
+        plot.restyle()
+        plot.band("curve 95 %", np.array([0.0, 10.0]), np.array([0.2, 0.2]), np.array([0.8, 0.8]), theme().blue)
+        plot.setXRange(0, 10, padding=0)
+        plot.setYRange(0, 1, padding=0)
+        QApplication.processEvents()
+        picture, box = plot.grab().toImage(), plot.getPlotItem().vb
+
+        def colour(y: float) -> np.ndarray:
+            """The middle of what is there at that height; single pixels may be of the grid."""
+            places = [box.mapViewToScene(QPointF(x, y)).toPoint() for x in np.linspace(1.1, 8.9, 40)]
+            return np.median([picture.pixelColor(place).getRgb()[:3] for place in places], axis=0)
+
+        assert np.abs(colour(0.53) - colour(0.93)).max() > 30
+        assert np.abs(colour(0.07) - colour(0.93)).max() < 5
+    finally:
+        apply_theme(qapp, "dark")
+
+
+def test_names_above_a_narrow_plot_stay_legible(plot: Plot) -> None:
+    plot.resize(260, 300)
+    plot.name_above("run-01", [("x", "#fff", name) for name in ("not corrected", "top, shifted", "bottom, shifted")])
+    QApplication.processEvents()
+    title = plot.getPlotItem().titleLabel
+    assert title.item.sceneBoundingRect().width() <= plot.width()
+    assert float(title.opts["size"].removesuffix("pt")) >= 7.5
+    assert "bottom, shifted" in title.item.toPlainText()
+
+
+def test_residuals_show_the_band_as_wide_as_the_runs(opened: OperatorWindow) -> None:
+    opened.go("results")
+    page = opened.pages["results"][1]
+    low, high = page.curve.drawn["curve 95 %"][1:]
+    page.show_residuals.click()
+    drawn, analysis = page.curve.drawn, opened.space.analysis
+    np.testing.assert_allclose(drawn["curve 95 %"][2] - drawn["curve 95 %"][1], high - low, atol=1e-9)
+    np.testing.assert_allclose(drawn["curve"][1], 0.0, atol=1e-9)
+    run = next(one for one in analysis.runs if not one.flags and one.latency_s is not None)
+    left_ms = 1e3 * (run.latency_s - float(analysis.curve.predict_s(np.array([run.speed_mm_s]))[0]))
+    assert np.abs(drawn["runs"][1] - left_ms).min() < 1e-9
+    low_ms, high_ms = page.curve.getPlotItem().vb.viewRange()[1]
+    assert high_ms - low_ms < 10 * np.nanmax(drawn["runs"][2] + np.abs(drawn["runs"][1]))
+    page.show_residuals.click()
+    assert page.curve.drawn["curve"][1].min() > 5  # latencies again
 
 
 def test_points_and_lines_tell_their_values_and_empty_places_nothing(plot: Plot) -> None:

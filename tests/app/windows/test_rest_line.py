@@ -7,11 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from PySide6.QtWidgets import QApplication
 
 from draglag.latency import RunEstimate
+from draglag.latency.flags import MEANING
 from draglag_app.session.machine import Phase
 from draglag_app.windows.pages.parts.between_runs import verdict_words
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import use_language
 
 RUN_S, REST_S = 60.0, 600.0
 
@@ -54,7 +57,7 @@ def test_the_time_left_counts_the_run_that_is_about_to_start_and_no_run_twice(
     abort_in(window, Phase.COUNTDOWN, until)
     window.ask("proceed")
     until(lambda: window.record._phase is Phase.RECORDING)
-    assert "once more" in window.record.small.text()  # the first of the two that were aborted
+    assert "repeated" in window.record.small.text()  # the first of the two that were aborted
     assert left_s(window) < 2 * RUN_S + 1.1 * REST_S
     window.ask("stop")
     until(lambda: not window.space.recording.active)
@@ -72,7 +75,7 @@ def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
     assert not window.record.progress.isVisible()  # its room is that of the words
     parts = window.record.small.text().split(" · ")
     assert re.fullmatch(r"Rest \d+:\d\d", parts[0])
-    assert parts[1] == "comes again at the end, unless Ctrl+Z"
+    assert parts[1] == "recorded again at the end; Ctrl+Z cancels that"
     assert parts[2].endswith("left in the session")
     assert "left in the session" in window.record.small.shown()
     window.ask("undo")
@@ -81,8 +84,39 @@ def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
     until(lambda: not window.space.recording.active)
 
 
-def test_a_run_with_several_flags_names_them_all_in_the_largest_letters() -> None:
-    one = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, flags=("few_edges",))
-    several = replace(one, flags=("few_edges", "off_speed"))
-    assert verdict_words(one, preliminary=False) == ("warning", "▲ few edges: repeat? F7")
-    assert verdict_words(several, preliminary=False) == ("warning", "▲ few edges, off speed")
+ONE = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, flags=("few_edges",))
+
+
+def test_a_run_with_several_flags_names_them_all() -> None:
+    several = replace(ONE, flags=("few_edges", "off_speed"))
+    four = replace(ONE, latency_s=None, flags=("few_edges", "unidentifiable", "little_travel", "alias"))
+    assert verdict_words(ONE, preliminary=False) == ("warning", "▲ few edges: repeat? F7", "")
+    assert verdict_words(several, preliminary=False) == ("warning", "▲ few edges, off speed", "")
+    assert verdict_words(four, preliminary=False, queued=True) == (
+        "bad",
+        "✕ few edges and 3 more",
+        "also unidentifiable, little travel, alias · recorded again at the end; Ctrl+Z cancels that",
+    )
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_the_largest_letters_are_whole_whatever_the_flags(
+    open_window: Callable, qapp: QApplication, language: str
+) -> None:
+    flags = tuple(MEANING)
+    try:
+        window = open_window(language=language)
+        window.go("record")
+        window.resize(1280, 800)
+        window.record.set_recording(True)
+        window.record.band.enable(resting=True, running=False, any_run=True)
+        for k in range(len(flags)):
+            for n in (1, 2, 4):
+                found = replace(ONE, latency_s=None, flags=(flags + flags)[k : k + n])
+                level, large, more = verdict_words(found, preliminary=False)
+                window.record.band.say(large, more, level)
+                qapp.processEvents()
+                assert window.record.big.shown() == large
+        window.record.set_recording(False)
+    finally:
+        use_language(qapp, "en")

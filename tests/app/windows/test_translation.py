@@ -238,7 +238,7 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
             "die past."
         )
         assert headline(report) == (
-            "Klokverloop of kruipende vertraging 24.9 ppm (23.7 … 26.2; kans 0.90) verklaart het verschil: "
+            "Klokverloop of kruipende vertraging 24.9 ppm (23.7 tot 26.2; kans 0.90) verklaart het verschil: "
             "2.70 → 0.20 mm, ruis 0.20. Klokverschil (kans 0.95), volgens de tikken. "
             "Wat meer is dan toeval, is te klein om ertoe te doen."
         )
@@ -256,7 +256,7 @@ def test_effects_and_their_parameters_have_dutch_names(qapp: QApplication) -> No
         for effect in EFFECTS:
             assert effect_meaning(effect).endswith(f"({effect})")
             assert effect_meaning(effect) != f"{EFFECTS[effect].meaning} ({effect})"
-        assert size_words("extra_s", 0.012, (0.0115, 0.0125)) == "extra 12 ms (11.5 … 12.5)"
+        assert size_words("extra_s", 0.012, (0.0115, 0.0125)) == "extra 12 ms (11.5 tot 12.5)"
         assert size_words("time_constant_s", 0.02) == "tijdconstante 20 ms"
     finally:
         use_language(qapp, "en")

@@ -1,11 +1,13 @@
 """The touch panel: scans at its own rate, and shows at τ where the stylus was at t, τ = t + latency(t)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
-from .filters import FILTERS, draw_filter, run_filters
+from .filters import run_filters
 from .motion import Motion
 from .rig import Rig, RunPlan, stream
 
@@ -20,69 +22,27 @@ class Panel:
     variants: dict[str, object]
 
 
-def draw_variants(seed: int, effects: dict[str, float], rig: Rig) -> dict[str, object]:
-    """The parts of effects that their one size leaves open."""
-    width_mm = rig.screen[1]
-    out: dict[str, object] = {}
-    for name in effects:
-        rng = stream(seed, f"variant {name}")
-        if name in FILTERS:
-            out[name] = draw_filter(name, rng)
-        elif name == "warm_up":
-            out[name] = {"time_constant_s": rng.uniform(400, 600)}
-        elif name == "poll_grid":
-            out[name] = {"phase": rng.uniform(0, 1)}
-        elif name == "spatial_warp":
-            out[name] = {
-                "cycles": rng.uniform(0.7, 1.6),
-                "phase": rng.uniform(0, 2 * np.pi),
-                "y_cycles": rng.uniform(0.3, 0.8),
-                "y_phase": rng.uniform(0, 2 * np.pi),
-            }
-        elif name == "pitch_ripple":
-            out[name] = {
-                "pitch_mm": rng.uniform(4, 7),
-                "phases": rng.uniform(0, 2 * np.pi, 4).tolist(),
-                "row_share": rng.uniform(0, 1),
-            }
-        elif name == "second_filter_mode":
-            kind = str(rng.choice(["speed", "acceleration", "time"], p=[0.6, 0.2, 0.2]))
-            out[name] = {
-                "kind": kind,
-                "above_mm_s": float(np.exp(rng.uniform(np.log(120), np.log(450)))),
-                "above_mm_s2": rng.uniform(80, 250),
-                "dwell_s": rng.uniform(4, 15),
-            }
-        elif name == "smoothing_shrink":
-            # A panel that is quicker than its low-pass does not smooth with it: the delay comes on top.
-            fits = effects[name] < rig.law.asymptote_s - LEAST_DELAY_S
-            out[name] = {"delay_in_law": bool(rng.random() < 0.5) and fits}
-        elif name == "lagging_law":
-            out[name] = {"present": bool(rng.random() < 0.25)}
-        elif name in ("split_panel", "split_offset"):
-            out[name] = {"at_x_mm": width_mm * rng.uniform(0.3, 0.7)}
-        elif name == "settling":
-            out[name] = {"decay_s": rng.uniform(1.5, 5.0)}
-        elif name == "speed_resonance":
-            centre = float(np.exp(rng.uniform(np.log(110), np.log(450))))
-            out[name] = {"speed_mm_s": centre, "width_mm_s": centre * rng.uniform(0.12, 0.22)}
-        elif name == "stalls":
-            out[name] = {"every_s": rng.uniform(1.5, 4.0)}
-        elif name == "beam_sway":
-            out[name] = {"period_s": rng.uniform(25, 120), "phase": rng.uniform(0, 2 * np.pi)}
-        elif name == "loss_of_contact":
-            out[name] = {"shortest_s": 0.05, "longest_s": rng.uniform(0.12, 0.25)}
-        elif name == "frame_batching":
-            out[name] = {"spacing_s": float(rng.choice([0.0, 2e-5, 1e-4]))}
-        elif name == "laser_bounce":
-            out[name] = {"share": rng.uniform(0.4, 1.0)}
-        elif name == "frame_drop":
-            out[name] = {"mean_burst": rng.uniform(1.0, 2.0)}
-    return out
-
-
 def latency(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, own_s: float, seed: int) -> np.ndarray:
     """Latency (n,) s that the report of the stylus at each instant of `motion` has."""
+    e, v = panel.effects, panel.variants
+    out = rig.law(_law_speed(rig, panel, motion)) + own_s
+    out += 0.5 * e.get("direction_asymmetry", 0.0) * np.sign(motion.vy_mm_s)
+    out += e.get("thermal_drift", 0.0) * motion.t_s / 3600.0
+    out += e.get("scan_skew", 0.0) * motion.x_mm / rig.screen[1]
+    out += e.get("acceleration_lag", 0.0) * motion.along_mm_s2
+    for name, shape in SHAPES.items():
+        if name in e:
+            out += e[name] * shape(v[name], run, motion, seed)
+    if "smoothing_shrink" in e and v["smoothing_shrink"]["delay_in_law"]:
+        out -= e["smoothing_shrink"]
+    # A panel never goes back in time and skips nothing: where the latency would fall faster than time passes (a sudden
+    # start), it catches up, showing the past at most 1/catch_up as fast as it happened.
+    steady = rig.catch_up * motion.t_s
+    return np.maximum.accumulate(motion.t_s + np.maximum(out, LEAST_DELAY_S) - steady) + steady - motion.t_s
+
+
+def _law_speed(rig: Rig, panel: Panel, motion: Motion) -> np.ndarray:
+    """The speed (n,) mm/s that the law follows."""
     e, v = panel.effects, panel.variants
     speed = motion.speed_mm_s
     if "lagging_law" in e:
@@ -94,37 +54,16 @@ def latency(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, own_s: float, 
         else:
             shift = round(e["lagging_law"] * motion.step_hz)
             speed = np.concatenate([np.full(shift, speed[0]), speed[: len(speed) - shift]])
-    if "low_speed_plateau" in e:
-        speed = np.maximum(speed, e["low_speed_plateau"])
-    out = rig.law(speed) + own_s
-    out += 0.5 * e.get("direction_asymmetry", 0.0) * np.sign(motion.vy_mm_s)
-    out += e.get("thermal_drift", 0.0) * motion.t_s / 3600.0
-    if "warm_up" in e:
-        out += warmed(e["warm_up"], v["warm_up"], motion.t_s)
-    out += e.get("scan_skew", 0.0) * motion.x_mm / rig.screen[1]
-    out += e.get("acceleration_lag", 0.0) * motion.along_mm_s2
-    if "second_filter_mode" in e:
-        out += e["second_filter_mode"] * _mode_active(v["second_filter_mode"], motion, seed, run.id)
-    if "split_panel" in e:
-        out += e["split_panel"] * (motion.x_mm > v["split_panel"]["at_x_mm"])
-    if "settling" in e:
-        out += e["settling"] * np.exp(-np.maximum(motion.t_s - run.start_s, 0) / v["settling"]["decay_s"])
-    if "speed_resonance" in e:
-        where = v["speed_resonance"]
-        out += e["speed_resonance"] * np.exp(
-            -0.5 * ((motion.speed_mm_s - where["speed_mm_s"]) / where["width_mm_s"]) ** 2
-        )
-    if "smoothing_shrink" in e and v["smoothing_shrink"]["delay_in_law"]:
-        out -= e["smoothing_shrink"]
-    # A panel never goes back in time and skips nothing: where the latency would fall faster than time passes (a sudden
-    # start), it catches up, showing the past at most 1/catch_up as fast as it happened.
-    steady = rig.catch_up * motion.t_s
-    return np.maximum.accumulate(motion.t_s + np.maximum(out, LEAST_DELAY_S) - steady) + steady - motion.t_s
+    return np.maximum(speed, e["low_speed_plateau"]) if "low_speed_plateau" in e else speed
 
 
 def warmed(size_s: float, where: dict, t_s: np.ndarray) -> np.ndarray:
     """Latency (n,) that a screen has yet to lose; it is switched on at the start of the session."""
-    return np.asarray(size_s * np.exp(-np.maximum(t_s, 0.0) / where["time_constant_s"]))
+    return np.asarray(size_s * _still_cold(where, t_s))
+
+
+def _still_cold(where: dict, t_s: np.ndarray) -> np.ndarray:
+    return np.asarray(np.exp(-np.maximum(t_s, 0.0) / where["time_constant_s"]))
 
 
 def _mode_active(where: dict, motion: Motion, seed: int, run_id: str) -> np.ndarray:
@@ -135,6 +74,20 @@ def _mode_active(where: dict, motion: Motion, seed: int, run_id: str) -> np.ndar
     rng = stream(seed, f"mode {run_id}")
     switches = np.cumsum(rng.exponential(where["dwell_s"], 60)) + motion.t_s[0]
     return (np.searchsorted(switches, motion.t_s) + rng.integers(2)) % 2 == 1
+
+
+def _bump(where: dict, motion: Motion) -> np.ndarray:
+    return np.asarray(np.exp(-0.5 * ((motion.speed_mm_s - where["speed_mm_s"]) / where["width_mm_s"]) ** 2))
+
+
+# Effect → the share (n,) of its size that is there at each instant, by where it sits, the run, its motion and the seed.
+SHAPES: dict[str, Callable[[Any, RunPlan, Motion, int], np.ndarray]] = {
+    "warm_up": lambda where, run, motion, seed: _still_cold(where, motion.t_s),
+    "second_filter_mode": lambda where, run, motion, seed: _mode_active(where, motion, seed, run.id),
+    "split_panel": lambda where, run, motion, seed: motion.x_mm > where["at_x_mm"],
+    "settling": lambda where, run, motion, seed: np.exp(-np.maximum(motion.t_s - run.start_s, 0) / where["decay_s"]),
+    "speed_resonance": lambda where, run, motion, seed: _bump(where, motion),
+}
 
 
 def shown_position(rig: Rig, panel: Panel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:

@@ -4,18 +4,20 @@ import gzip
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from . import hand, host, laser
-from .digitiser import Panel, draw_variants, scan
+from .digitiser import Panel, scan
 from .filters import FILTERS
 from .motion import Motion
 from .real import moves
 from .real.rig import draw_real_rig
 from .rig import Profile, Rig, RunPlan, draw_rig, stream
+from .variants import draw_variants
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,34 @@ class Truth:
         }  # fmt: skip
 
 
+RUNS_KEPT = 20  # of one session, which is made several times, each with something else hidden in it
+
+
+@dataclass(frozen=True)
+class Hand:
+    """A rig by what the hand's way depends on (``parts``): neither what is hidden nor the panel's noise moves it."""
+
+    rig: Rig = field(compare=False, repr=False)
+    parts: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, rig: Rig) -> "Hand":
+        beam = (rig.beam_slope, rig.beam_intercept_mm)
+        return cls(rig, (rig.world, rig.screen, *beam, rig.speed_window_s, *sorted(rig.hand.items())))
+
+
+@lru_cache(maxsize=RUNS_KEPT)
+def _motion(made_by: Hand, run: RunPlan, seed: int) -> Motion:
+    """The hand's way through a run, the same arrays for all sessions of a seed: they are read only."""
+    rig = made_by.rig
+    real = rig.world == "realistic"
+    motion = moves.move(rig, run, seed) if real else hand.move(rig, run, stream(seed, f"hand {run.id}"))
+    for values in vars(motion).values():
+        if isinstance(values, np.ndarray):
+            values.flags.writeable = False
+    return motion
+
+
 def make_session(
     out_dir: Path | str | None,
     seed: int,
@@ -56,8 +86,7 @@ def make_session(
     files: dict[str, tuple[str, str, tuple[np.ndarray, ...]]] = {}
     runs, latencies, details, n_edges = [], {}, {}, 0
     for run in rig.plan:
-        real = rig.world == "realistic"
-        motion = moves.move(rig, run, seed) if real else hand.move(rig, run, stream(seed, f"hand {run.id}"))
+        motion = _motion(Hand.of(rig), run, seed)
         tau, x, y, behind = scan(rig, panel, run, motion, seed)
         tau, x, y = host.deliver(rig, panel, run, (tau, x, y), seed)
         stamp, light, crossed = laser.edges(rig, panel, run, motion, seed)

@@ -17,6 +17,7 @@ import struct
 import sys
 import threading
 import time
+import tty
 
 import gi
 
@@ -36,6 +37,7 @@ class Bed:
         self.panel = Panel(**options)
         self.bed = UMockdev.Testbed.new()
         self.node = None
+        self.known = set()
         self.fd = -1
         self.handler = UMockdev.IoctlBase()
         self.handler.connect("handle-ioctl", self.ioctl)
@@ -44,6 +46,8 @@ class Bed:
         threading.Thread(target=self.send_due, daemon=True).start()
 
     def plug(self, number):
+        if self.fd >= 0:  # it is plugged in
+            return
         name = f"event{number}"
         self.node = f"/dev/input/{name}"
         panel = self.panel
@@ -54,18 +58,40 @@ class Bed:
              "capabilities/abs", sysfs_bitmap(list(panel.limits))],
             ["ID_INPUT", "1", "ID_INPUT_TOUCHSCREEN", "1"],
         )  # fmt: skip
+        again = name in self.known
+        self.known.add(name)
+        numbers = f"13:{64 + number}"
+        if again:
+            fd = self.make_node(name, numbers)
         self.bed.add_from_string(
-            f"P: {parent[4:]}/{name}\nN: input/{name}\nE: DEVNAME=/dev/input/{name}\nE: SUBSYSTEM=input\n"
-            "E: ID_INPUT=1\nE: ID_INPUT_TOUCHSCREEN=1\nA: dev=13:%d\n" % (64 + number)
+            f"P: {parent[4:]}/{name}\n" + ("" if again else f"N: input/{name}\n") + f"E: DEVNAME=/dev/input/{name}\n"
+            f"E: SUBSYSTEM=input\nE: ID_INPUT=1\nE: ID_INPUT_TOUCHSCREEN=1\nA: dev={numbers}\n"
         )
         link = f"{self.bed.get_sys_dir()}/class/input/{name}/device"
         if not os.path.lexists(link):
             os.symlink(f"{self.bed.get_sys_dir()}{parent[4:]}", link)
         self.paths = (parent, f"{parent}/{name}")
         self.bed.attach_ioctl(self.node, self.handler)
-        self.fd = self.bed.get_dev_fd(self.node)
+        self.fd = fd if again else self.bed.get_dev_fd(self.node)
+
+    def make_node(self, name, numbers):
+        """The node of a panel that was here before; returns the end to write to.
+
+        The test bed remembers every node it ever made, and aborts the process when asked for one again.
+        """
+        root = self.bed.get_root_dir()
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        pts = os.ttyname(slave)
+        os.close(slave)
+        os.makedirs(f"{root}/dev/input", exist_ok=True)
+        os.symlink(numbers, f"{root}/dev/.ptymap/{pts.replace('/', '_')}")
+        os.symlink(pts, f"{root}/dev/input/{name}")
+        return master
 
     def unplug(self):
+        if self.fd < 0:
+            return
         self.bed.detach_ioctl(self.node)
         for path in reversed(self.paths):
             self.bed.uevent(path, "remove")

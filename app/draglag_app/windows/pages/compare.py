@@ -28,6 +28,8 @@ from draglag_app.windows.wording import words
 from draglag_app.windows.workspace import Workspace
 
 SPEEDS_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)
+# Above the curves, of their height, so that the legend covers none of them.
+_FOR_LEGEND = 0.35
 
 
 class ComparePage(QWidget):
@@ -45,7 +47,7 @@ class ComparePage(QWidget):
         row.addStretch(1)
         for text, action, role in (
             (self.tr("Add sessions…"), self._ask, "primary"),
-            (self.tr("Add the one at hand"), self._add_present, ""),
+            (self.tr("Add open session"), self._add_present, ""),
             (self.tr("Remove"), self._remove, ""),
         ):
             made = button(text, role)
@@ -123,6 +125,7 @@ class ComparePage(QWidget):
         self.empty.setVisible(len(self._shown) < 2)
         for k, (analysis, file) in enumerate(self._shown):
             self._show_one(k, analysis, file)
+        self.apart.leave_room_above(_FOR_LEGEND)
 
     def _show_one(self, k: int, analysis: Analysis, file: str) -> None:
         colour, symbol = theme().series[k % len(theme().series)], SYMBOLS[k % len(SYMBOLS)]

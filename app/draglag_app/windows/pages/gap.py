@@ -187,13 +187,13 @@ class GapPage(QWidget):
         if effect in there:
             self._say("warning", self.tr("{effect} is in the model already.").format(effect=effect_name(effect)))
             return
-        self._change((self._without - {effect}, (*self._added, effect)))
+        what = self.tr("add effect {effect}").format(effect=effect_name(effect))
+        self._change((self._without - {effect}, (*self._added, effect)), what)
 
-    def _change(self, after: State) -> None:
+    def _change(self, after: State, what: str) -> None:
         before = (self._without, self._added)
         if after != before:
-            edit = Edit(self.tr("gap step"), lambda: self._with_effects(after), lambda: self._with_effects(before))
-            self._space.undo.push(edit)
+            self._space.undo.push(Edit(what, lambda: self._with_effects(after), lambda: self._with_effects(before)))
 
     def _save(self) -> None:
         """Write the extended model."""
@@ -253,12 +253,14 @@ class GapPage(QWidget):
         """Take the chosen effect out of the model and look again; without a choice, allow all again. Can be undone."""
         row, effect = self.table.chosen()
         if row < 0:
-            self._change((frozenset(), self._added))
+            names = ", ".join(sorted(map(effect_name, self._without)))
+            self._change((frozenset(), self._added), self.tr("allow again {effects}").format(effects=names))
             return
+        what = self.tr("remove effect {effect}").format(effect=effect_name(effect))
         if effect in self._added:
-            self._change((self._without, tuple(e for e in self._added if e != effect)))
+            self._change((self._without, tuple(e for e in self._added if e != effect)), what)
         else:
-            self._change((self._without | {effect}, self._added))
+            self._change((self._without | {effect}, self._added), what)
 
     def _with_effects(self, state: State) -> None:
         self._without, self._added = state

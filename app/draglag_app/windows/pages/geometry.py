@@ -65,10 +65,10 @@ class GeometryPage(QWidget):
         form.row(self.tr("Preset"), self.preset)
         self.fields: dict[str, QDoubleSpinBox | QSpinBox] = {}
         for key, title, low, high, digits, unit in (
-            ("width_mm", self.tr("Width"), 10.0, 5000.0, 1, " mm"),
-            ("height_mm", self.tr("Height"), 10.0, 5000.0, 1, " mm"),
-            ("width_px", self.tr("Width"), 100, 20000, 0, " px"),
-            ("height_px", self.tr("Height"), 100, 20000, 0, " px"),
+            ("width_mm", self.tr("Screen width"), 10.0, 5000.0, 1, " mm"),
+            ("height_mm", self.tr("Screen height"), 10.0, 5000.0, 1, " mm"),
+            ("width_px", self.tr("Pixels across"), 100, 20000, 0, " px"),
+            ("height_px", self.tr("Pixels down"), 100, 20000, 0, " px"),
             ("stylus_mm", self.tr("Stylus diameter"), 0.5, 50.0, 2, " mm"),
             ("beam_intercept_mm", self.tr("Beam at the left edge"), -500.0, 5000.0, 1, " mm"),
             ("beam_slope", self.tr("Beam slope"), -1.0, 1.0, 4, " mm/mm"),
@@ -164,7 +164,7 @@ class GeometryPage(QWidget):
             restyle(self.verdict, "level", "")
             return
         apart = abs(screen.width_mm / said - 1)
-        text = self.tr("The desktop says {said:.0f} mm wide, these numbers {mm:.1f} mm.").format(
+        text = self.tr("The desktop reports a width of {said:.0f} mm, these settings {mm:.1f} mm.").format(
             said=said, mm=screen.width_mm
         )
         if apart > _DISAGREE:

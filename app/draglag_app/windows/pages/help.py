@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication
+from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtGui import QFocusEvent, QTextBlockFormat, QTextCursor, QTextDocument
-from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QListWidget, QListWidgetItem, QTextBrowser, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QTextBrowser,
+    QVBoxLayout,
+    QWidget,
+)
 
 from draglag_app.windows.actions import key_list, other_keys
+from draglag_app.windows.parts.columns import Columns
 from draglag_app.windows.parts.pictured_text import PICTURE, PicturedText
 from draglag_app.windows.parts.theme import wide
 from draglag_app.windows.parts.widgets import restyle
@@ -17,6 +26,7 @@ from draglag_app.windows.workspace import Workspace
 from draglag_resources import resource
 
 _CONTENTS_PX, _MANUAL_PX, _KEYS_PX = 210, 300, 320
+_LEAST_PX = 330  # height of the manual, and of the keys where they stand below it
 _ABOVE_PX = 8  # room above the section that was asked for
 
 
@@ -26,8 +36,13 @@ class HelpPage(QWidget):
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._space = workspace
-        row = QHBoxLayout(self)
-        row.setContentsMargins(16, 16, 16, 16)
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(16, 16, 16, 16)
+        columns = Columns(12)
+        outer.addLayout(columns, 1)
+        reading = QWidget()
+        row = QHBoxLayout(reading)
+        row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(12)
         left = QVBoxLayout()
         self.search = QLineEdit()
@@ -39,6 +54,9 @@ class HelpPage(QWidget):
         self.contents = QListWidget()
         self.contents.setAccessibleName(self.tr("Contents"))
         self.contents.setWordWrap(True)
+        # Always there: an entry is wrapped for the width that it has before the bar comes.
+        self.contents.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
+        self.contents.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.contents.currentItemChanged.connect(lambda item, before: self._section_chosen(item))
         left.addWidget(self.search)
         left.addWidget(self.contents, 1)
@@ -52,10 +70,12 @@ class HelpPage(QWidget):
         self.keys.document().setDocumentMargin(14)
         for part in (self.search, self.contents):
             part.setFixedWidth(wide(_CONTENTS_PX))
-        self.keys.setFixedWidth(_KEYS_PX)
         row.addLayout(left)
         row.addWidget(self.manual, 1)
-        row.addWidget(self.keys)
+        reading.setMinimumHeight(_LEAST_PX)
+        self.keys.setMinimumSize(_KEYS_PX, _LEAST_PX)
+        columns.add_column(reading, 1)
+        columns.add_column(self.keys, 0)
         self.restyle_plots()
 
     def focusInEvent(self, event: QFocusEvent) -> None:

@@ -19,8 +19,10 @@ from draglag.system.temporary import new_file
 from draglag_app.windows.pages.parts.plan_editor import PlanEditor
 from draglag_app.windows.pages.parts.plan_preview import PlanPreview
 from draglag_app.windows.pages.parts.precision_preview import PrecisionPreview
+from draglag_app.windows.pages.parts.preset_menu import PresetMenu
 from draglag_app.windows.pages.parts.protocol_form import ProtocolForm
 from draglag_app.windows.parts.ask_files import ask_open, ask_save
+from draglag_app.windows.parts.columns import Columns
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.letter_menu import LetterMenu
 from draglag_app.windows.parts.plain import plain
@@ -29,7 +31,6 @@ from draglag_app.windows.parts.widgets import LARGE_TEXT, Panel, Scrolled, butto
 from draglag_app.windows.protocol_text import to_toml
 from draglag_app.windows.wording import words
 from draglag_app.windows.workspace import Workspace
-from draglag_resources import presets
 
 # Heights; that of a plot is for large text.
 _TABLE_PX, _PLOT_PX = 140, 160
@@ -48,8 +49,7 @@ class ProtocolPage(QWidget):
         outer.addLayout(self._file_row())
         self.meaning = label("", "hint", wrap=True)
         outer.addWidget(self.meaning)
-        across = QHBoxLayout()
-        across.setSpacing(10)
+        across = Columns()
         left = QVBoxLayout()
         left.setSpacing(10)
         runs = self._list()
@@ -66,7 +66,7 @@ class ProtocolPage(QWidget):
                 left.addWidget(widget)
             left.setStretchFactor(runs, 0)
             left.addStretch(1)
-            across.addWidget(Scrolled(left), 3)
+            across.add_column(Scrolled(left), 3)
         else:
             plots = QHBoxLayout()
             plots.setSpacing(10)
@@ -74,7 +74,10 @@ class ProtocolPage(QWidget):
             plots.addWidget(self.precision, 1)
             left.addLayout(plots, 3)
             left.addWidget(self.precision.words)
-            across.addLayout(left, 3)
+            column = QWidget()
+            left.setContentsMargins(0, 0, 0, 0)
+            column.setLayout(left)
+            across.add_column(column, 3)
         right = QVBoxLayout()
         right.setSpacing(10)
         self.editor = PlanEditor()
@@ -83,7 +86,7 @@ class ProtocolPage(QWidget):
         right.addWidget(self.editor)
         right.addWidget(self.form)
         right.addStretch(1)
-        across.addWidget(Scrolled(right), 2)
+        across.add_column(Scrolled(right), 2)
         outer.addLayout(across, 1)
         workspace.protocol_changed.connect(self.refresh)
         self.refresh()
@@ -93,13 +96,7 @@ class ProtocolPage(QWidget):
         row.setSpacing(8)
         # A menu, not a box: the arrow keys of a closed box would load every preset they pass.
         self.preset = button(self.tr("Preset…"))
-        menu = LetterMenu(self.preset)
-        menu.setToolTipsVisible(True)
-        for name in presets("protocols"):
-            entry = menu.addAction(name)
-            entry.setToolTip(plain(words.preset_meaning(load_protocol(name).description)))
-            entry.triggered.connect(lambda checked=False, name=name: self._preset_chosen(name))
-        self.preset.setMenu(menu)
+        self.preset.setMenu(PresetMenu(self.preset, lambda: self._space.settings.panel, self._preset_chosen))
         row.addWidget(self.preset)
         self.file_buttons: dict[str, QPushButton] = {}
         for text, action in (
@@ -176,7 +173,7 @@ class ProtocolPage(QWidget):
                 (
                     words.target_name(plan.kind),
                     speeds or self.tr("varies"),
-                    f"{plan.duration_s:g}" if plan.duration_s else self.tr("usual"),
+                    f"{plan.duration_s:g}" if plan.duration_s else self.tr("default"),
                     str(plan.repeats),
                     self.tr("practice") if plan.practice else "",
                 )

@@ -18,7 +18,7 @@ from draglag_app.session import events
 from draglag_app.session.machine import Phase
 from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.bridge import Prompted
-from draglag_app.windows.pages.parts.between_runs import rest_words, session_left, verdict_words
+from draglag_app.windows.pages.parts.between_runs import comes_again, rest_words, session_left, verdict_words
 from draglag_app.windows.pages.parts.live_facts import LiveFacts
 from draglag_app.windows.pages.parts.run_table import RunTable
 from draglag_app.windows.pages.parts.state_band import StateBand, plain_row
@@ -31,8 +31,9 @@ from draglag_app.windows.wording import words
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
 
-# The heading and four rows of the table.
-_LOWER_PX = 214
+# The heading and four rows of the table; while nothing is recorded, with letters of the usual size, there is no line
+# for notes to its right and it is lower, so that the page fits the screen of 1280 x 800 below a window's title bar.
+_LOWER_PX, _LOWER_IDLE_PX = 214, 160
 
 
 def tr(text: str) -> str:
@@ -67,7 +68,6 @@ class RecordPage(QWidget):
         self.big, self.small, self.buttons = self.band.big, self.band.small, self.band.buttons
         self.progress, self.heading = self.band.progress, self.band.heading
         self.now = LiveFacts(self._write_note)
-        self.now.setFixedHeight(_LOWER_PX)
         self.now.noted.connect(self.noted)
         self.facts, self.note = self.now.facts, self.now.note
         outer = QVBoxLayout(self)
@@ -87,7 +87,6 @@ class RecordPage(QWidget):
         lower.addWidget(self.table, 3)
         lower.addWidget(self.now, 2)
         outer.addLayout(lower)
-        self.table.setFixedHeight(_LOWER_PX)
         self.live.drawing.connect(self._keep_time)
         self._listen()
         self.set_recording(False)
@@ -130,6 +129,9 @@ class RecordPage(QWidget):
         self.about_row.setVisible(not recording)
         self.band.set_recording(recording)
         self.now.set_recording(recording)
+        low = not recording and wide(100) <= LARGE_TEXT
+        for part in (self.table, self.now):
+            part.setFixedHeight(_LOWER_IDLE_PX if low else _LOWER_PX)
         if recording:
             self._outcome = None
             self._ended, self._resting, self._number = None, False, 0
@@ -200,7 +202,7 @@ class RecordPage(QWidget):
             if planned.practice:
                 self._what += " · " + self.tr("practice")
             if event.run_id != planned.id:
-                self._what += " · " + self.tr("once more")
+                self._what += " · " + self.tr("repeated")
             self._run_s = planned.duration_s
         if event.phase is Phase.PREPARING:
             self.live.prepare(event.run_id, self._space.recording.order, planned)
@@ -244,16 +246,12 @@ class RecordPage(QWidget):
         if self._ended is None:
             return "", "", ""
         run_id, outcome = self._ended
+        control, planned = self._space.recording.control, self._space.recording.planned(run_id)
+        queued = control is not None and planned is not None and planned.id in control.queued
         if outcome != "complete":
-            control, planned = self._space.recording.control, self._space.recording.planned(run_id)
-            queued = control is not None and planned is not None and planned.id in control.queued
-            return (
-                "bad",
-                f"✕ {words.outcome_name(outcome)}",
-                self.tr("comes again at the end, unless Ctrl+Z") if queued else "",
-            )
+            return "bad", f"✕ {words.outcome_name(outcome)}", comes_again() if queued else ""
         found = next((one for one in live.known if one.id == run_id), None)
-        return ("", "", "") if found is None else (*verdict_words(found, found.id in live.preliminary), "")
+        return ("", "", "") if found is None else verdict_words(found, found.id in live.preliminary, queued)
 
     def _run_queued(self, event: events.RunQueued) -> None:
         """A run that went wrong comes again at the end; Ctrl+Z takes it from there."""
@@ -266,7 +264,7 @@ class RecordPage(QWidget):
     def _show_state(self) -> None:
         self._resting = False
         left_s, control = self._due_s - time.monotonic(), self._space.recording.control
-        again = " · " + self.tr("once more afterwards") if control is not None and control.repeating else ""
+        again = " · " + self.tr("repeated next") if control is not None and control.repeating else ""
         to_come_s = self._run_s if self._phase is Phase.COUNTDOWN else 0.0
         session = session_left(max(0.0, left_s) + to_come_s + self._space.recording.left_s(self._number))
         if self._phase is Phase.COUNTDOWN:

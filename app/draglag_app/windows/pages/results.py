@@ -51,6 +51,7 @@ class ResultsPage(QWidget):
         outer.addWidget(self.summary)
         self.equation = label("", wrap=True)
         self.equation.setTextFormat(Qt.TextFormat.RichText)
+        self.equation.setToolTip(self.tr("Every ± is half a 95 % interval"))
         self.equation.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         outer.addLayout(self._choices())
         outer.addWidget(self.equation)
@@ -139,7 +140,7 @@ class ResultsPage(QWidget):
         self.estimator.addItem(self.tr("As published"), "paper")
         self.rate = QComboBox()
         for rate in _RATES:
-            text = self.tr("Kernel stamps") if rate is None else self.tr("Held at {hz:.0f} Hz").format(hz=rate)
+            text = self.tr("Kernel stamps") if rate is None else self.tr("Sampled at {hz:.0f} Hz").format(hz=rate)
             self.rate.addItem(text, rate)
         self.form = QComboBox()
         self.form.addItem(self.tr("Best form"), "best")
@@ -147,7 +148,10 @@ class ResultsPage(QWidget):
             self.form.addItem(words.form_name(name), name)
         for box, tip in (
             (self.estimator, self.tr("How the latency of a run is estimated")),
-            (self.rate, self.tr("Which touch events: as stamped, or as a loop of that rate sees them")),
+            (
+                self.rate,
+                self.tr("Touch events as the kernel stamps them, or sampled by a program at that rate"),
+            ),
             (self.form, self.tr("Shape of the curve")),
         ):
             whole_text(box, tip)
@@ -163,6 +167,10 @@ class ResultsPage(QWidget):
         self.show_alternatives = QCheckBox(self.tr("Show alternative fits"))
         self.show_alternatives.clicked.connect(self._fit_alternatives)
         row.addWidget(self.show_alternatives)
+        self.show_residuals = QCheckBox(self.tr("Show residuals"))
+        self.show_residuals.setToolTip(self.tr("Latency less the curve: the 95 % band is wide enough to see there"))
+        self.show_residuals.clicked.connect(self._draw_curve)
+        row.addWidget(self.show_residuals)
         self.exclude_button = button(self.tr("Exclude…"))
         self.exclude_button.clicked.connect(self._toggle_chosen)
         self.keep = button(self.tr("Keep results"), tip=self.tr("Store them in the session's file"))
@@ -173,6 +181,7 @@ class ResultsPage(QWidget):
 
     def _session_changed(self) -> None:
         self._chosen, self._alternatives = "", []
+        self.filter.clear()  # words for another session's runs would hide those of this one
         self.flags.hide()
         self.table.clear_runs()
         for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps):
@@ -217,6 +226,7 @@ class ResultsPage(QWidget):
             self.form,
             self.fix_asymptote,
             self.show_alternatives,
+            self.show_residuals,
         ):
             widget.setEnabled(analysis is not None)
         if session is None:
@@ -245,8 +255,9 @@ class ResultsPage(QWidget):
         analysis = self._space.analysis
         if analysis is not None:
             self.curve.draw(
-                analysis.runs, analysis.curve, analysis.excluded, self._alternatives, clicked=self.table.select
-            )
+                analysis.runs, analysis.curve, analysis.excluded, self._alternatives, self.table.select,
+                self.show_residuals.isChecked(),
+            )  # fmt: skip
 
     # --- choices --------------------------------------------------------------------------------------------
 

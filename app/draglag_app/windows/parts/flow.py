@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QRect, QSize, Qt
-from PySide6.QtWidgets import QHBoxLayout, QLayout, QLayoutItem, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLayoutItem, QWidget
+
+from draglag_app.windows.parts.item_list import ItemList
 
 
-class Flow(QLayout):
+class Flow(ItemList):
     """Widgets from left to right, in as many lines as they need.
 
     ``add_rest`` ends the left part of the row: what follows stands at the right end of its line.
     """
 
     def __init__(self, spacing_px: int = 8) -> None:
-        super().__init__()
-        self._items: list[QLayoutItem] = []
+        super().__init__(spacing_px)
         self._growing: list[QWidget] = []
         self._right_from: int | None = None
-        self.setContentsMargins(0, 0, 0, 0)
-        self.setSpacing(spacing_px)
 
     def add_growing(self, widget: QWidget) -> None:
         """A widget that takes the room left in its line, up to its greatest width."""
@@ -41,23 +40,8 @@ class Flow(QLayout):
 
     # --- what a layout must know ----------------------------------------------------------------------------
 
-    def addItem(self, item: QLayoutItem) -> None:
-        self._items.append(item)
-
-    def count(self) -> int:
-        return len(self._items)
-
-    def itemAt(self, index: int) -> QLayoutItem | None:
-        return self._items[index] if 0 <= index < len(self._items) else None
-
-    def takeAt(self, index: int) -> QLayoutItem | None:
-        return self._items.pop(index) if 0 <= index < len(self._items) else None
-
     def expandingDirections(self) -> Qt.Orientation:
         return Qt.Orientation.Horizontal
-
-    def hasHeightForWidth(self) -> bool:
-        return True
 
     def heightForWidth(self, width: int) -> int:
         lines = self._lines(width)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QHelpEvent, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtGui import QFontMetrics, QHelpEvent, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QComboBox,
@@ -39,8 +39,7 @@ class ElidedLabel(QLabel):
 
     def shown(self) -> str:
         """What there is room for."""
-        room = self.contentsRect().width()
-        return self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, room)
+        return elided(self.fontMetrics(), self.text(), self.contentsRect().width())
 
     def paintEvent(self, event: QPaintEvent) -> None:
         place, align = self.contentsRect(), int(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
@@ -52,6 +51,11 @@ class ElidedLabel(QLabel):
         tip = self.text() if self.shown() != self.text() else ""
         if plain(tip) != self.toolTip():
             self.setToolTip(plain(tip))
+
+
+def elided(letters: QFontMetrics, text: str, room_px: int) -> str:
+    """As much of a text as there is room for."""
+    return letters.elidedText(text, Qt.TextElideMode.ElideRight, room_px)
 
 
 class WholeTexts(QStyledItemDelegate):

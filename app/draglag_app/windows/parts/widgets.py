@@ -216,6 +216,13 @@ class Scrolled(QScrollArea):
     def sizeHint(self) -> QSize:
         return self._inside.sizeHint()
 
+    def whole_height(self, width: int) -> int:
+        """The height at which nothing is left to scroll."""
+        layout = self._inside.layout()
+        if layout is not None and layout.hasHeightForWidth():
+            return max(layout.totalHeightForWidth(width), self._inside.minimumSizeHint().height())
+        return self._inside.minimumSizeHint().height()
+
 
 class Shallow(QScrollArea):
     """A label as high as its text, up to a height beyond which it scrolls."""

@@ -11,6 +11,7 @@ from draglag.curve import CurveFit
 from draglag.latency import RunEstimate
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.plots.plot import Plot, tr
+from draglag_app.windows.plots.plot_values import Column
 from draglag_app.windows.wording import words
 
 SYMBOLS = ("o", "s", "t", "d", "x")
@@ -21,6 +22,7 @@ class CurvePlot(Plot):
 
     def __init__(self, title: str = "", parent: QWidget | None = None, named_above: bool = False) -> None:
         self._named_above = ""
+        self._base: CurveFit | None = None  # subtracted from what is drawn
         super().__init__(title, tr("drag speed (mm/s)"), tr("latency (ms)"), "latency-curve", parent)
         if named_above:  # where a legend would cover what there is to see
             self._named_above = title
@@ -41,19 +43,28 @@ class CurvePlot(Plot):
         excluded: Iterable[str] = (),
         alternatives: Iterable[CurveFit] = (),
         clicked: Callable[[str], None] | None = None,
+        residuals: bool = False,
     ) -> None:
-        """Draw again. ``clicked`` hears the id of a run whose point was clicked."""
+        """Draw again.
+
+        Args:
+            clicked: hears the id of a run whose point was clicked.
+            residuals: draw what is left after the curve is subtracted, where band and intervals are wide enough to see.
+        """
         self.clear_all()
         colours, out = theme(), set(excluded)
         good = [e for e in estimates if e.latency_s is not None and e.speed_mm_s is not None]
+        self._base = curve if residuals else None
+        axis = tr("latency (ms)") if self._base is None else tr("latency − curve (ms)")
+        if axis != self._labels[2]:
+            self.relabel(self._labels[0], self._labels[1], axis)
         if curve is not None:
-            self.draw_curve(tr("curve"), curve, colours.blue)
+            self.draw_curve(tr("curve"), curve, colours.blue, "" if self._named_above else tr("95 % band"))
         for k, alternative in enumerate(alternatives):
             colour = (colours.green, colours.purple, colours.sky, colours.orange)[k % 4]
             speed = speeds_of(alternative)
-            self.line(
-                words.form_name(alternative.form), speed, 1e3 * alternative.predict_s(speed), colour, 1.5, dash=True
-            )
+            latency_ms = self._less_base_ms(speed, alternative.predict_s(speed))
+            self.line(words.form_name(alternative.form), speed, latency_ms, colour, 1.5, dash=True)
         for name, chosen, symbol, colour in (
             (tr("runs"), [e for e in good if not e.flags and e.id not in out], "o", colours.orange),
             (tr("runs with a flag"), [e for e in good if e.flags and e.id not in out], "t", colours.orange),
@@ -62,10 +73,27 @@ class CurvePlot(Plot):
             if chosen:
                 self._runs(name, chosen, symbol, colour, clicked)
         if good:
-            # From zero, so that the first point of a session does not fill the plot with its own interval.
-            # The margin below is for the labels of zero.
-            self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
+            self._fit_ranges(good, out)
+
+    def _fit_ranges(self, good: list[RunEstimate], out: set[str]) -> None:
+        """Latencies from zero, so that the first point of a session does not fill the plot with its own interval.
+
+        Residuals reach as far as those of the runs in the curve.
+        """
+        # The margin below is for the labels of zero.
+        self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
+        if self._base is None:
             self.setYRange(0, 1.15 * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good)), padding=0.03)
+            return
+        kept = [e for e in good if e.id not in out] or good
+        reach = [np.abs(self._less_base_ms(e.speed_mm_s, e.latency_s)) + _half_ms(e) for e in kept]
+        most_ms = 1.1 * float(np.nanmax([*np.ravel(reach), 1e-3]))
+        self.setYRange(-most_ms, most_ms, padding=0)
+
+    def _less_base_ms(self, speed_mm_s: Column | float | None, latency_s: Column | float | None) -> np.ndarray:
+        """Latencies as they are drawn: less the curve where residuals are."""
+        latency = np.asarray(latency_s, float)
+        return 1e3 * (latency if self._base is None else latency - self._base.predict_s(np.asarray(speed_mm_s, float)))
 
     def _runs(
         self,
@@ -75,11 +103,11 @@ class CurvePlot(Plot):
         colour: str,
         clicked: Callable[[str], None] | None,
     ) -> None:
-        latency_ms = [1e3 * e.latency_s for e in chosen if e.latency_s is not None]
+        speed = np.array([e.speed_mm_s for e in chosen], float)
         self.dots(
             name,
-            np.array([e.speed_mm_s for e in chosen], float),
-            np.array(latency_ms),
+            speed,
+            self._less_base_ms(speed, np.array([e.latency_s for e in chosen], float)),
             colour,
             symbol,
             error=np.array([_half_ms(e) for e in chosen]),
@@ -87,12 +115,12 @@ class CurvePlot(Plot):
             clicked=None if clicked is None else (lambda k: clicked(chosen[k].id)),
         )
 
-    def draw_curve(self, name: str, curve: CurveFit, colour: str) -> None:
-        """One curve with its 95 % band over the measured speeds."""
+    def draw_curve(self, name: str, curve: CurveFit, colour: str, band: str = "") -> None:
+        """One curve with its 95 % band over the measured speeds; ``band``: its name in the legend, if any."""
         speed = speeds_of(curve)
-        low_s, high_s = curve.band_s(speed)
-        self.band(name + " 95 %", speed, 1e3 * low_s, 1e3 * high_s, colour)
-        self.line(name, speed, 1e3 * curve.predict_s(speed), colour, 2.5)
+        low_ms, high_ms = (self._less_base_ms(speed, edge_s) for edge_s in curve.band_s(speed))
+        self.band(name + " 95 %", speed, low_ms, high_ms, colour, band)
+        self.line(name, speed, self._less_base_ms(speed, curve.predict_s(speed)), colour, 2.5)
 
 
 def speeds_of(curve: CurveFit) -> np.ndarray:

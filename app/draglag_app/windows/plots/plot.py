@@ -17,6 +17,10 @@ from draglag_app.windows.plots.plot_frame import PlotFrame
 from draglag_app.windows.plots.plot_frame import tr as tr
 from draglag_app.windows.plots.plot_values import Column, Series, near
 
+# Of 255: a band is seen on both themes, and lines and grid through it.
+_SHADE = 80
+_BROAD_PX = 10
+
 
 class Plot(PlotFrame):
     """A plot with titled axes in units.
@@ -107,15 +111,18 @@ class Plot(PlotFrame):
         self._numbers[name] = (x, y) if error is None else (x, y, np.asarray(error))
         self._hover[name] = Series(x, y, words=words)
 
-    def band(self, name: str, x: Column, low: Column, high: Column, colour: str) -> None:
-        """A shaded stretch between two curves."""
+    def band(self, name: str, x: Column, low: Column, high: Column, colour: str, legend: str = "") -> None:
+        """A shaded stretch between two curves; ``legend``: what it is called there, if anything."""
         self.remove(name)
         shade = QColor(colour)
-        shade.setAlpha(50)
-        edges = [pg.PlotDataItem(x, y, pen=None) for y in (low, high)]
+        shade.setAlpha(_SHADE)
+        # Not items of data: without a pen those have no path, and nothing would be filled between them.
+        edges = [pg.PlotCurveItem(np.asarray(x), np.asarray(y), pen=pg.mkPen(None)) for y in (low, high)]
         fill = pg.FillBetweenItem(*edges, brush=pg.mkBrush(shade))
         fill.setZValue(-10)
-        for item in (*edges, fill):
+        # A legend knows lines and points: a broad line of the same colour, without a point of its own.
+        named = [pg.PlotDataItem([], [], pen=pg.mkPen(shade, width=_BROAD_PX), name=escape(legend))] if legend else []
+        for item in (*edges, fill, *named):
             self.addItem(item)
             self._keep(name, item)
         self._numbers[name] = (np.asarray(x), np.asarray(low), np.asarray(high))
@@ -155,6 +162,16 @@ class Plot(PlotFrame):
         self.addItem(item)
         self._keep(name, item)
         self._numbers[name] = (np.array([at]),)
+
+    def leave_room_above(self, share: float) -> None:
+        """Room for a legend above lines and bands, as a share of their height."""
+        heights = [np.asarray(column, float) for columns in self._numbers.values() for column in columns[1:]]
+        values = np.concatenate(heights) if heights else np.empty(0)
+        values = values[np.isfinite(values)]
+        if values.size:
+            low, high = float(values.min()), float(values.max())
+            span = max(high - low, 1e-3)
+            self.setYRange(low - 0.05 * span, high + share * span, padding=0)
 
     def _keep(self, name: str, item: Any) -> None:
         first = not self._items

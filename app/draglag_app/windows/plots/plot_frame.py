@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QCoreApplication, QPoint, QRectF, Qt, QTimer
+from PySide6.QtCore import QCoreApplication, QPoint, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplication, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMessageBox, QSizePolicy, QWidget
 
@@ -17,6 +17,7 @@ from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.letter_menu import LetterMenu
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import points, theme
+from draglag_app.windows.plots.axis import Axis
 from draglag_app.windows.plots.plot_values import Column, as_csv, signed, write_picture, write_text
 
 
@@ -25,6 +26,11 @@ def tr(text: str) -> str:
 
 
 _MARGIN_PX = 16
+# Between the names in a title. Letters smaller than so many points are not read; a plot so high has room for lines.
+_APART = " &nbsp; "
+_LEGIBLE_PT, _HIGH_PX = 7.5, 220
+# Smaller than this, axes and titles leave nothing for what is drawn.
+_LEAST_PX = (200, 150)
 # The keyboard was with a menu or with another window in the meantime.
 _AWAY = (Qt.FocusReason.PopupFocusReason, Qt.FocusReason.ActiveWindowFocusReason, Qt.FocusReason.MenuBarFocusReason)
 
@@ -33,7 +39,7 @@ class PlotFrame(pg.PlotWidget):
     """What is around the drawing; what is drawn is the subclass's."""
 
     def __init__(self, title: str, x: str, y: str, file_name: str, parent: QWidget | None) -> None:
-        super().__init__(parent, enableMenu=False)
+        super().__init__(parent, enableMenu=False, axisItems={side: Axis(side) for side in ("bottom", "left")})
         # Its menu is not shown, but holds the switches of the grid, and belongs to nobody.
         menu = self.getPlotItem().ctrlMenu
         menu.setParent(self, menu.windowFlags())
@@ -42,9 +48,8 @@ class PlotFrame(pg.PlotWidget):
         self.setAccessibleName(title or f"{y} / {x}")
         self._labels: tuple[str, str, str] = (title, x, y)
         self._title: tuple[str, ...] = ()
-        # Plots take what room there is instead of asking for the much that a graphics view would like.
-        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Ignored)
-        self.setMinimumSize(160, 110)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setMinimumSize(*_LEAST_PX)
         self.hideButtons()
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
@@ -70,9 +75,13 @@ class PlotFrame(pg.PlotWidget):
         # Not within the change of size itself, which has a layout of its own under way.
         self._resized = QTimer(self)
         self._resized.setSingleShot(True)
-        self._resized.timeout.connect(self._fit_title)
+        self._resized.timeout.connect(self._fit_titles)
         self.restyle()
         self._show_emptiness()
+
+    def sizeHint(self) -> QSize:
+        """The least: plots take what room there is, and a graphics view would ask for much."""
+        return QSize(self.minimumSize())
 
     def focusInEvent(self, event: QFocusEvent) -> None:
         """The ring is for those who come by keyboard; it comes back after a menu or a dialog."""
@@ -106,12 +115,12 @@ class PlotFrame(pg.PlotWidget):
         self.restyle()
         self._show_emptiness()
 
-    def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = " &nbsp; ") -> None:
+    def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = _APART) -> None:
         """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend.
 
         Title and words are HTML.
         """
-        words = " &nbsp; ".join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
+        words = _APART.join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
         self.title_lines(f"{title}{apart}{words}".split("<br>"))
 
     def title_lines(self, lines: Sequence[str]) -> None:
@@ -122,23 +131,37 @@ class PlotFrame(pg.PlotWidget):
     def _write_title(self) -> None:
         """As large as there is room for now: a title that asks for more would push the plot out of sight."""
         plot, lines = self.getPlotItem(), self._title
-        # A title has no width of its own to centre lines in; a table has.
-        rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
-        text = f"<table cellspacing='0'>{rows}</table>" if len(lines) > 1 else "".join(lines)
-        plot.setTitle(text, color=theme().text, size=points(10))
-        asked = plot.titleLabel.item.boundingRect().width()
         room = self.width() - plot.getAxis("left").width() - _MARGIN_PX
-        if asked > room:
-            plot.setTitle(text, color=theme().text, size=points(max(4.0, 9.8 * room / asked)))
+        size_pt = self._set_title(lines, room)
+        if size_pt < _LEGIBLE_PT and self.height() >= _HIGH_PX:  # every name in a line of its own
+            lines = tuple(part for line in lines for part in line.split(_APART))
+            self._set_title(lines, room)
         if len(lines) > 1:
             high = QFontMetrics(self._tick_font()).height() * len(lines) + 12
             plot.titleLabel.setMaximumHeight(high)
             plot.layout.setRowFixedHeight(0, high)
 
-    def _fit_title(self) -> None:
-        """Write the title for the width there is now."""
+    def _set_title(self, lines: Sequence[str], room_px: float) -> float:
+        """These lines in letters that fit; their size in points."""
         plot = self.getPlotItem()
-        if self._title and plot is not None:  # a plot that was closed has none
+        # A title has no width of its own to centre lines in; a table has.
+        rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
+        text = f"<table cellspacing='0'>{rows}</table>" if len(lines) > 1 else "".join(lines)
+        plot.setTitle(text, color=theme().text, size=points(10))
+        asked = float(plot.titleLabel.item.boundingRect().width())
+        if asked <= room_px:
+            return 10.0
+        size_pt = max(4.0, 9.8 * room_px / asked)
+        plot.setTitle(text, color=theme().text, size=points(size_pt))
+        return size_pt
+
+    def _fit_titles(self) -> None:
+        """Write the titles for the room there is now."""
+        plot = self.getPlotItem()
+        if plot is None:  # a plot that was closed has none
+            return
+        self._write_axes()
+        if self._title:
             self._write_title()
             plot.layout.activate()
             plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
@@ -165,14 +188,12 @@ class PlotFrame(pg.PlotWidget):
         """Take the present theme's colours."""
         colours = theme()
         self.setBackground(colours.panel)
-        title, x, y = self._labels
         plot = self.getPlotItem()
-        if title:
-            self.title_lines([title])
-        for side, text in (("bottom", x), ("left", y)):
+        if self._labels[0]:
+            self.title_lines([self._labels[0]])
+        self._write_axes()
+        for side in ("bottom", "left"):
             axis = plot.getAxis(side)
-            # Without ranges for prefixes: numbers below one would be shown a thousandfold, under an unchanged title.
-            axis.setLabel(text, siPrefixEnableRanges=(), **{"color": colours.text, "font-size": points(10)})
             axis.setTickFont(self._tick_font())
             axis.setPen(pg.mkPen(colours.muted))
             axis.setTextPen(pg.mkPen(colours.text))
@@ -187,6 +208,12 @@ class PlotFrame(pg.PlotWidget):
                 name.setText(name.text, color=colours.text)
             self.legend.setBrush(pg.mkBrush(QColor(colours.panel)))
             self.legend.setPen(pg.mkPen(colours.line))
+
+    def _write_axes(self) -> None:
+        """The axes' titles, each along its own side."""
+        _, x, y = self._labels
+        self.getPlotItem().getAxis("bottom").write(x, self.width())
+        self.getPlotItem().getAxis("left").write(y, self.height())
 
     def _show_emptiness(self) -> None:
         """An empty plot says so, instead of showing axes without meaning."""
@@ -203,7 +230,7 @@ class PlotFrame(pg.PlotWidget):
         if nothing is not None:  # the base class resizes itself while it is made
             nothing.setGeometry(self.rect())
             self._ring.setGeometry(self.rect())
-            if event.oldSize().width() != event.size().width():
+            if event.oldSize() != event.size():
                 self._resized.start(0)
 
     # --- copy and export ------------------------------------------------------------------------------------

@@ -110,7 +110,7 @@ class WidthPlot(Plot):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(
-            tr("Stylus as wide as the beam sees it"), tr("drag speed (mm/s)"), tr("diameter (mm)"), "width", parent
+            tr("Width of the stylus, seen by the beam"), tr("drag speed (mm/s)"), tr("diameter (mm)"), "width", parent
         )
         self.add_legend()
 

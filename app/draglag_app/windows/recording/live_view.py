@@ -19,6 +19,8 @@ from draglag_app.windows.recording.session_thread import Order
 
 # One of the two live plots is drawn this often, by turns: together they would cost the participant a frame.
 _REDRAW_MS = 100
+# Height of each of the two plots that stand one above the other, with the table below them.
+_LEAST_PX = 110
 # A frame that was late itself leaves less than this until the next: the plot waits for that one, but not for ever.
 _ROOM_S, _MOST_WAITS = 0.010, 3
 
@@ -41,6 +43,8 @@ class LiveView(QSplitter):
         self.trace, self.speed = TracePlot(), SpeedPlot()
         self.curve = CurvePlot(latency_title, named_above=True)
         self._turns: list[TracePlot | SpeedPlot] = [self.trace, self.speed]
+        for plot in (self.speed, self.curve):
+            plot.setMinimumHeight(_LEAST_PX)
         right = QSplitter(Qt.Orientation.Vertical)
         right.addWidget(self.speed)
         right.addWidget(self.curve)

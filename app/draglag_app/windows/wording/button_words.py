@@ -50,7 +50,7 @@ IN_BUTTONS = {
     ): QT_TRANSLATE_NOOP(
         "Library",
         (
-            "The page Results says nothing of this drift: the session holds no comparison of the "
+            "The page Results cannot show this drift: the session holds no comparison of the "
             "laser's clock with the host's."
         ),
     ),

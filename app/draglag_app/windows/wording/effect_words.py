@@ -9,6 +9,7 @@ from PySide6.QtCore import QCoreApplication
 
 from draglag.simulation.effects import EFFECTS, title_of
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+from draglag_app.windows.wording.words import between
 
 EFFECT_NAMES = {effect: title_of(effect) for effect in EFFECTS}
 # id → name, unit as shown, how many of it make one of the library's.
@@ -83,13 +84,13 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
     text = f"{_say(name)} {factor * value:.4g}{unit}"
     if interval is None:
         return text
-    return text + f" ({factor * interval[0]:.4g} … {factor * interval[1]:.4g})"
+    return text + f" ({between(f'{factor * interval[0]:.4g}', f'{factor * interval[1]:.4g}')})"
 
 
 def main_size(parameters: Mapping[str, Any]) -> tuple[str, str]:
-    """The first of a step's parameters, without its name, and its interval: "24.9 ppm", "23.7 … 26.2"; or nothing."""
+    """The first of a step's parameters, without its name, and its interval: "24.9 ppm", "23.7 to 26.2"; or nothing."""
     for parameter, given in parameters.items():
         _, unit, factor = _shown_as(parameter)
         low, high = given["ci95"]
-        return f"{factor * given['value']:.3g}{unit}", f"{factor * low:.3g} … {factor * high:.3g}"
+        return f"{factor * given['value']:.3g}{unit}", between(f"{factor * low:.3g}", f"{factor * high:.3g}")
     return "", ""

@@ -8,7 +8,7 @@ from PySide6.QtCore import QCoreApplication
 
 from draglag.curve import FORMS
 from draglag.latency import RunEstimate
-from draglag.latency.conduct import excluded_because
+from draglag.latency.conduct import is_usable
 from draglag.latency.flags import MEANING
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -86,9 +86,14 @@ def number(value: float | None, digits: int = 1) -> str:
     return DASH if value is None or value != value else f"{value:.{digits}f}"
 
 
+def between(low: str, high: str) -> str:
+    """The ends of an interval."""
+    return say("{low} to {high}").format(low=low, high=high)
+
+
 def chance(p_value: float) -> str:
-    """A probability; none is nothing, however small the computer's numbers get."""
-    return f"p = {p_value:.2g}" if p_value > 0.0 else "p < 1e-300"
+    """A p-value; smaller ones are not to be read more exactly."""
+    return "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
 
 
 def per_second(rate_hz: float) -> str:
@@ -117,13 +122,16 @@ def latency_text(estimate: RunEstimate) -> str:
 
 def verdict(estimate: RunEstimate) -> tuple[str, str]:
     """(level, words) of an estimate: "ok", "warning" or "bad"."""
-    if estimate.latency_s is None:
-        return "bad", ", ".join(flag_name(flag) for flag in estimate.flags) or say("no latency")
-    if excluded_because(estimate):
-        return "bad", ", ".join(flag_name(flag) for flag in estimate.flags)
-    if estimate.flags:
-        return "warning", ", ".join(flag_name(flag) for flag in estimate.flags)
-    return "ok", say("good")
+    level, names = verdict_parts(estimate)
+    return level, ", ".join(names)
+
+
+def verdict_parts(estimate: RunEstimate) -> tuple[str, list[str]]:
+    """(level, words) of an estimate: "ok", "warning" or "bad", and its flags one by one, the first what weighs most."""
+    names = [flag_name(flag) for flag in estimate.flags]
+    if not is_usable(estimate):
+        return "bad", names or [say("no latency")]
+    return ("warning", names) if names else ("ok", [say("good")])
 
 
 def flag_name(flag: str) -> str:

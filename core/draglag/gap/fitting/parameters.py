@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from draglag.gap.constants import NAMED_TOLERANCE_MM
 from draglag.gap.fitting.jackknife import jackknife_sd
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
 from draglag.gap.fitting.state import Term
-from draglag.recording import FloatArray
 from draglag.simulation.effects import column_of, effect_class
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters
 
@@ -42,16 +40,8 @@ def whole_size_mm(fit: Fit, effect: str) -> float | None:
 
 
 def _fitted(term: Term, fit: Fit, own: slice) -> FittedTerm:
-    random = np.maximum(np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0)), jackknife_sd(fit)[own])
-    se = np.hypot(random, _tolerated_sd(fit.design[:, own]))
+    se = np.maximum(np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0)), jackknife_sd(fit)[own])
     return FittedTerm(fit, term, own, effect_class(term.effect).whole_sizes(term, fit), se)
-
-
-def _tolerated_sd(columns: FloatArray) -> FloatArray:
-    """Systematic standard deviation of sizes (k,) of columns (m, k): sound rigs have as much of each effect themselves,
-    which no number of edges averages away."""
-    rms = np.sqrt(np.mean(columns**2, axis=0))
-    return np.divide(NAMED_TOLERANCE_MM, rms, out=np.zeros(rms.size), where=rms > 0)
 
 
 def where_of(effect: str, fit: Fit) -> str:

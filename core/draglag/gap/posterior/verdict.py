@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from draglag.gap import constants
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.fitting.parameters import whole_size_mm
@@ -11,6 +13,7 @@ from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, unsound_share
 from draglag.gap.posterior.search import sizes_mm
 from draglag.simulation.effects import EFFECTS, effect_class
+from draglag.simulation.effects.in_fits import Z95
 
 SCATTER = "scatter"
 WORTH_ITS_SIZE = 0.01  # of probability: below it an explanation counts as it stands, whatever its members' sizes
@@ -93,15 +96,18 @@ def _without_form(names: Names) -> Names:
 
 
 def _of_interest(pool: Pool, names: Names) -> Names:
-    """The members that are large enough to matter, without the curve's form. An unnamed detail of what a named effect
-    follows is the effect's own: its columns are true to first order only."""
+    """The members that are large enough to matter, without the curve's form. What an effect's columns leave open is the
+    effect's own: an unnamed term of what it follows, within the 95 % interval of that."""
     sizes = _sizes(pool, names)
-    follows = {effect_class(name).follows: sizes.get(name, 1.0) for name in names if name in EFFECTS}
+    open_mm = {
+        effect_class(name).follows: Z95 * effect_class(name).unsure_share * sizes.get(name, 1.0)
+        for name in names
+        if name in EFFECTS
+    }
     out = []
     for name in _without_form(names):
-        size = sizes.get(name, constants.SIZE_OF_INTEREST_MM)
-        whole = follows.get(name.removeprefix(UNNAMED).partition(":")[0], 0.0) if name.startswith(UNNAMED) else 0.0
-        if size >= constants.SIZE_OF_INTEREST_MM and size >= constants.DETAIL * whole:
+        least_mm = open_mm.get(name.removeprefix(UNNAMED).partition(":")[0], 0.0) if name.startswith(UNNAMED) else 0.0
+        if sizes.get(name, np.inf) >= max(constants.SIZE_OF_INTEREST_MM, least_mm):
             out.append(name)
     return tuple(out)
 

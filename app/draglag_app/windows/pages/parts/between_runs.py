@@ -3,28 +3,61 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from PySide6.QtCore import QCoreApplication
 
 from draglag.latency import RunEstimate
 from draglag_app.windows.wording import words
 
+# So many of the large letters have room next to the buttons of a rest, at 1280 px.
+_LARGE_LETTERS = 31
+
 
 def tr(text: str) -> str:
     return QCoreApplication.translate("BetweenRuns", text)
 
 
-def verdict_words(estimate: RunEstimate, preliminary: bool) -> tuple[str, str]:
-    """(level, words) that can be read across a room: "✓ 38.7 ± 0.1 ms", "▲ few edges: repeat? F7"."""
+def verdict_words(estimate: RunEstimate, preliminary: bool, queued: bool = False) -> tuple[str, str, str]:
+    """(level, words, more): words that can be read across a room, "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
+
+    Of many reasons the first are named in the large letters, which have no room for all; ``more`` names the others.
+
+    Args:
+        queued: the run comes again by itself.
+    """
     if preliminary:
-        return "", words.latency_text(estimate) + " …"
-    level, text = words.verdict(estimate)
+        return "", words.latency_text(estimate) + " …", ""
+    level, reasons = words.verdict_parts(estimate)
     if level == "ok":
-        return "good", "✓ " + words.latency_text(estimate)
+        return "good", "✓ " + words.latency_text(estimate), ""
     mark = "▲" if level == "warning" else "✕"
-    if "," in text:  # several reasons need the room; the line below and the button name F7
-        return "warning" if level == "warning" else "bad", f"{mark} {text}"
-    return "warning" if level == "warning" else "bad", tr("{mark} {why}: repeat? F7").format(mark=mark, why=text)
+    large, n_shown = _largest(mark, reasons, queued)
+    others = reasons[n_shown:]
+    more = [tr("also {reasons}").format(reasons=", ".join(others))] if others else []
+    more += [comes_again()] if queued else []
+    return level, large, " · ".join(more)
+
+
+def _largest(mark: str, reasons: Sequence[str], queued: bool) -> tuple[str, int]:
+    """(words, how many reasons they name): as many as there is room for, one at least."""
+    for n in range(len(reasons), 0, -1):
+        why = ", ".join(reasons[:n])
+        if n < len(reasons):
+            large = tr("{mark} {why} and {n} more").format(mark=mark, why=why, n=len(reasons) - n)
+        else:
+            large = f"{mark} {why}"
+        if len(large) <= _LARGE_LETTERS:
+            break
+    if n == len(reasons) == 1 and not queued:
+        asks = tr("{mark} {why}: repeat? F7").format(mark=mark, why=why)
+        large = asks if len(asks) <= _LARGE_LETTERS else large  # a button names F7 too
+    return large, n
+
+
+def comes_again() -> str:
+    """What is said of a run that went wrong and is queued."""
+    return tr("recorded again at the end; Ctrl+Z cancels that")
 
 
 def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, more: str = "") -> str:
@@ -38,7 +71,7 @@ def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, m
     if more:
         parts.append(more)
     if again:
-        parts.append(tr("the last run comes once more; F6 begins it now"))
+        parts.append(tr("the last run is repeated next; F6 begins it now"))
     parts.append(session_left(session_left_s))
     if first and not again:
         parts.append(tr("F6 begins the first run now"))

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 
+from draglag_app.windows.parts.full_texts import whole_text
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+from draglag_app.windows.wording.words import between
 
 # What to show: key, words, and the titles of its axes.
 KINDS = (
@@ -45,6 +47,10 @@ AXES = (
 )
 
 
+# Of what is chosen; the rest is in the tooltip, for narrow windows.
+_LETTERS = 14
+
+
 class GapPicture(QWidget):
     """The plot and its two choices. ``show_overlay`` takes what ``overlay_numbers`` of the library makes."""
 
@@ -59,6 +65,9 @@ class GapPicture(QWidget):
         self.kind.setAccessibleName(self.tr("What the picture shows"))
         for key, words, _, _ in KINDS:
             self.kind.addItem(tr(words), key)
+        self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.kind.setMinimumContentsLength(_LETTERS)
+        whole_text(self.kind)
         self.which = QComboBox()
         self.which.setAccessibleName(self.tr("Before or after"))
         for key, words in (
@@ -127,7 +136,7 @@ class GapPicture(QWidget):
             inside, of = model["runs_that_agree"]
             lines.append(
                 self.tr(
-                    "{name}: edges off by {rms} ms ({low} … {high}); latency agrees in {inside} of {of} runs"
+                    "{name}: edges off by {rms} ms ({low} to {high}); latency agrees in {inside} of {of} runs"
                 ).format(
                     name=name,
                     rms=f"{model['edge_rms_ms']:.2f}",
@@ -156,7 +165,7 @@ class GapPicture(QWidget):
         for k, (name, model, colour, symbol) in enumerate(compared):
             rows = sorted(model["edges"], key=lambda row: row[1])
             table = np.array([row[1:] for row in rows], float).reshape(-1, 4)
-            words = [f"{row[0]}\n{row[2]:+.2f} ms ({row[3]:+.2f} … {row[4]:+.2f})" for row in rows]
+            words = [f"{row[0]}\n{row[2]:+.2f} ms ({between(f'{row[3]:+.2f}', f'{row[4]:+.2f}')})" for row in rows]
             x = table[:, 0] * (1 + 0.01 * k)
             self.plot.dots(name, x, table[:, 1], colour, symbol, error=0.5 * (table[:, 3] - table[:, 2]), words=words)
 

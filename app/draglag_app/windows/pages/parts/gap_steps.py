@@ -27,7 +27,7 @@ from draglag_app.windows.wording.gap_words import (
     tolerated_words,
 )
 from draglag_app.windows.wording.library_words import in_words
-from draglag_app.windows.wording.words import flag_name
+from draglag_app.windows.wording.words import between, flag_name
 
 EFFECT, PROBABILITY = 0, 1
 """Columns of the table."""
@@ -75,6 +75,8 @@ class StepTable(QTableWidget):
 _LETTERS, _LETTERS_IN_ALL = 14, 48
 # Above, between and below the names and the axis' title.
 _AROUND_PX = 14
+# Of the plot's height; names of two lines take half of it.
+_LEAST_PX = 210
 _WIDE = 0.62  # of a bar, in places
 # An effect less probable than that is in the model because somebody put it there.
 _PROBABLE = 0.5
@@ -113,6 +115,7 @@ class StepPlot(Plot):
     def __init__(self, parent: QWidget | None = None) -> None:
         title = say("Residual on runs held out of the fit")
         super().__init__(title, tr("effects in the model"), tr("gap (mm RMS)"), "gap", parent)
+        self.setMinimumHeight(_LEAST_PX)
 
     def show_report(self, report: dict[str, Any]) -> None:
         self.clear_all()
@@ -129,7 +132,9 @@ class StepPlot(Plot):
             if chosen:
                 low = np.array([bars[k].low_mm for k in chosen])
                 high = np.array([bars[k].high_mm for k in chosen])
-                tips = [f"{bars[k].name}\n{bars[k].low_mm:.3f} … {bars[k].high_mm:.3f} mm" for k in chosen]
+                tips = [
+                    f"{bars[k].name}\n{between(f'{bars[k].low_mm:.3f}', f'{bars[k].high_mm:.3f}')} mm" for k in chosen
+                ]
                 self.bars(
                     names[kind], np.array(chosen, float), high - low, _WIDE, colour, low, kind == "provisional", tips
                 )

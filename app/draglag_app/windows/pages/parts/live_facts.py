@@ -50,15 +50,17 @@ class LiveFacts(Panel):
         self.body.addLayout(grid)
         self.note = QLineEdit()
         self.note.returnPressed.connect(self._write_note)
-        before = label(tr("Note"))
-        before.setBuddy(self.note)
+        self._before = label(tr("Note"))
+        self._before.setBuddy(self.note)
         row = QHBoxLayout()
-        row.addWidget(before)
+        row.addWidget(self._before)
         row.addWidget(self.note, 1)
         self.body.addLayout(row)
 
     def set_recording(self, recording: bool) -> None:
         self.note.setEnabled(recording)
+        for part in (self._before, self.note):  # of no use between sessions
+            part.setVisible(recording)
         self.note.setPlaceholderText(tr("Note with the present time: F4, write, Return"))
         for name in self.facts if recording else _OF_NOW:
             self.facts[name].show_text(words.DASH)

@@ -38,9 +38,9 @@ class PlanEditor(Panel):
         self.practice = QCheckBox(self.tr("practice: not for the curve"))
         self._rows = (
             (self.tr("Speeds (mm/s)"), self.speeds, ("circle",)),
-            (self.tr("Radius, of the width"), self.radius, ("circle", "chirp")),
-            (self.tr("Peak, of the height"), self.peak, ("multisine",)),
-            (self.tr("Step, of the height"), self.step, ("step",)),
+            (self.tr("Radius (% of width)"), self.radius, ("circle", "chirp")),
+            (self.tr("Peak (% of height)"), self.peak, ("multisine",)),
+            (self.tr("Step (% of height)"), self.step, ("step",)),
             (self.tr("Duration of each"), self.duration, ("circle", "chirp", "multisine", "step")),
             (self.tr("Sideways"), self.sideways, ("circle", "chirp", "multisine", "step")),
             (self.tr("Repeats"), self.repeats, ("circle", "chirp", "multisine", "step")),

@@ -8,7 +8,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt
 
 from draglag.errors import DraglagError
-from draglag.protocol.runs import PlannedRun, expand, first_target_after_s
+from draglag.protocol.runs import PlannedRun, expand, first_target_after_s, session_duration_s
 from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label, restyle
@@ -29,7 +29,6 @@ class PlanPreview(QObject):
         self.plot = Plot(
             tr("Order of the runs"), tr("time in the session (min)"), tr("target speed (mm/s)"), "protocol"
         )
-        self.plot.setMinimumHeight(130)
         workspace.settings_changed.connect(self.refresh)
 
     def refresh(self) -> None:
@@ -43,12 +42,8 @@ class PlanPreview(QObject):
             restyle(self.words, "level", "bad")
             return
         restyle(self.words, "level", "")
-        total_s = self._draw(plan)
-        times = {"both": 2, "start": 1, "end": 1}
-        if protocol.taps is not None:
-            total_s += protocol.taps.count * protocol.taps.interval_s * times[protocol.taps.when]
-        if protocol.clock_check is not None:
-            total_s += 2 * protocol.clock_check.duration_s
+        self._draw(plan)
+        total_s = session_duration_s(protocol, plan, COUNTDOWN_S)
         text = self.tr("{n} runs, about {time} in all").format(n=len(plan), time=words.duration(total_s))
         if plan:
             after_s = first_target_after_s(protocol, COUNTDOWN_S)
@@ -57,7 +52,7 @@ class PlanPreview(QObject):
         # What the colours mean stands here: above the plot there is no room for it.
         self.words.setText(escape(text + "".join(f". {note}" for note in notes)) + self._key)
 
-    def _draw(self, plan: tuple[PlannedRun, ...]) -> float:
+    def _draw(self, plan: tuple[PlannedRun, ...]) -> None:
         at_s, rest_s = 0.0, self._space.protocol.rest_s
         parts: dict[str, list[np.ndarray]] = {}
         for planned in plan:
@@ -81,7 +76,6 @@ class PlanPreview(QObject):
             for kind in parts
         )
         self.plot.autoRange(padding=0.04)
-        return at_s
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

@@ -39,7 +39,6 @@ class PrecisionPreview(QWidget):
         box = QVBoxLayout(self)
         box.setContentsMargins(0, 0, 0, 0)
         self.plot = Plot(tr("Predicted precision"), tr("drag speed (mm/s)"), tr("95 % interval (± ms)"), "precision")
-        self.plot.setMinimumHeight(130)
         self.plot.add_legend()
         self.words = label("", "hint", wrap=True)
         box.addWidget(self.plot, 1)

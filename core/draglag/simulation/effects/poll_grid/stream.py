@@ -29,7 +29,7 @@ WINDOWS = (64, 512)  # events over which the panel's clock keeps its phase
 FEWEST, ENOUGH = 16, 8000  # events of a window that counts; events that are enough
 PHASES = np.linspace(-1.3, 0.3, 48)  # of the first event of a window, in ticks
 JITTERS = (0.01, 0.03, 0.1, 0.25)  # of the panel's own frames, in ticks
-LOST = (0.003, 0.01, 0.03)  # share of the panel's frames that may not arrive, where counting them begins
+LOST = (0.003, 0.01)  # share of frames that do not arrive, where counting begins; of more than 1 % no beat is seen
 P_OUTLIER = 1e-3  # share of events that may be anywhere
 MIN_LOG_RATIO = 10.0  # nats
 FAR = 12.0  # robust standard deviations, within which an arrival is one of the usual
@@ -174,10 +174,14 @@ def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
     if not windows or np.mean(steps == np.median(steps)) == 1:
         return -np.inf, usual
     windows = windows[:: int(np.ceil(sum(w.size for w in windows) / ENOUGH))]
-    ticks, steps_taken = np.array([[w[-1] - w[0], w.size - 1] for w in windows]).sum(axis=0)
-    apart = float(ticks / steps_taken)
-    whole = [windows, *([p for w in windows for p in _without_lost(w, apart * (1 - lost))] for lost in LOST)]
-    return max((_beat_of(parts) for parts in whole if parts), key=lambda found: found[0])
+    apart = _apart(windows)
+    counted = ([part for w in windows for part in _without_lost(w, apart * (1 - lost))] for lost in LOST)
+    return max((_beat_in(parts) for parts in (windows, *counted) if parts), key=lambda found: found[0])
+
+
+def _apart(windows: Sequence[IntArray]) -> float:
+    """How many ticks an event comes after the one before, in the mean."""
+    return float(sum(w[-1] - w[0] for w in windows) / sum(w.size - 1 for w in windows))
 
 
 def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
@@ -186,9 +190,9 @@ def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
     return [part for part in parts if part.size >= FEWEST]
 
 
-def _beat_of(windows: Sequence[IntArray]) -> tuple[float, float]:
-    """The same of stretches in which no frame is missing."""
-    frame = float(sum(w[-1] - w[0] for w in windows) / sum(w.size - 1 for w in windows))
+def _beat_in(windows: Sequence[IntArray]) -> tuple[float, float]:
+    """``_beat`` of stretches in which no frame is missing."""
+    frame = _apart(windows)
     by_beat = max(sum(_of_beat(w, frame, jitter) for w in windows) for jitter in JITTERS)
     return by_beat - _of_neighbours(windows), frame
 

@@ -18,12 +18,13 @@ def ages_remain(recorded: list[TouchTrace], even: list[TouchTrace], period_s: fl
 
 
 def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
-    """Standard deviation of the positions' age from stamp to stamp, s; median over runs that are fast enough, or 0.
+    """Standard deviation of the positions' age from stamp to stamp, s; median over the faster half of the runs that are
+    fast enough, or 0: a loop's ages are the same at every speed, what a deadband holds back takes less the faster.
 
     A position of another age lies further along the path, not across it: what third differences scatter by along the
     motion beyond what they do across it, less what the stamps themselves scatter by.
     """
-    ages = []
+    ages: list[tuple[float, float]] = []
     for touch in touches:
         t_s, xy_mm = touch.t_s, np.column_stack([touch.x_mm, touch.y_mm])
         frame_s = float(np.median(np.diff(t_s)))
@@ -46,8 +47,9 @@ def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
         variance_s2 = (_robust_variance(along) - _robust_variance(across)) / 20 / speed**2
         variance_s2 -= step_mm**2 / 12 / speed**2  # the coordinate that hardly changes is rounded alike
         stamps_s2 = 0.5 * _robust_variance(np.diff(t_s)[np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s])
-        ages.append(float(np.sqrt(max(variance_s2 - stamps_s2, 0.0))))
-    return float(np.median(ages)) if ages else 0.0
+        ages.append((speed, float(np.sqrt(max(variance_s2 - stamps_s2, 0.0)))))
+    faster = sorted(ages)[len(ages) // 2 :]
+    return float(np.median([age_s for _, age_s in faster])) if faster else 0.0
 
 
 def _robust_variance(values: np.ndarray) -> float:

@@ -1,0 +1,27 @@
+"""Whether a run that has just been recorded must be recorded again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from draglag.latency import estimate_on_clock
+from draglag.latency.conduct import is_usable, with_conduct
+from draglag.latency.estimate import CONSTANT_SPEED
+from draglag.recording import ClockBounds, Run
+
+UNUSABLE = "unusable"
+"""A run that was recorded whole, and gives no latency that goes into the curve."""
+
+
+def went_wrong(run: Run, outcome: str, clocks: Sequence[ClockBounds], stylus_mm: float) -> str:
+    """Why a run must come again; empty for one that serves.
+
+    Args:
+        outcome: of the recording. clocks: comparisons of the session outside its runs.
+    """
+    if outcome != "complete":
+        return outcome
+    if run.protocol not in CONSTANT_SPEED:  # recorded for the validation, which needs no latency of its own
+        return ""
+    estimate = with_conduct(estimate_on_clock(run, clocks, stylus_mm), run)
+    return "" if is_usable(estimate) else UNUSABLE

@@ -1,0 +1,58 @@
+"""Sessions dragged onto the operator's window: one is opened, several are compared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QEvent, QMimeData, QObject
+from PySide6.QtGui import QDropEvent
+from PySide6.QtWidgets import QLineEdit
+
+from draglag_app.windows.pages.compare import ComparePage
+
+if TYPE_CHECKING:
+    from draglag_app.windows.window import OperatorWindow
+
+
+class Drops(QObject):
+    """Takes what is dropped anywhere on the window.
+
+    Fields do not: file managers give the path as text too, which would be written into whatever field is below.
+    """
+
+    def __init__(self, window: OperatorWindow) -> None:
+        super().__init__(window)
+        self._window = window
+        for field in window.findChildren(QLineEdit):
+            field.setAcceptDrops(False)
+        window.setAcceptDrops(True)
+        window.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() not in (QEvent.Type.DragEnter, QEvent.Type.Drop) or not isinstance(event, QDropEvent):
+            return False
+        paths = dropped(event.mimeData())
+        if paths:
+            event.acceptProposedAction()
+            if event.type() == QEvent.Type.Drop:
+                self._take(paths)
+        return bool(paths)
+
+    def _take(self, paths: list[Path]) -> None:
+        window, page = self._window, self._window.pages["compare"][1]
+        if len(paths) == 1 or window.space.recording.active or not isinstance(page, ComparePage):
+            window.open_file(paths[0])
+            return
+        window.go("compare")
+        page.add_files(paths)
+
+
+def dropped(data: QMimeData) -> list[Path]:
+    """One session file or folder, or several session files; nothing where anything else is dragged."""
+    paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
+    if len(paths) != len(data.urls()):
+        return []
+    files = [path for path in paths if path.suffix == ".h5"]
+    alone = [path for path in paths if path.is_dir() or path.name == "session.json"]
+    return paths if len(files) == len(paths) or len(alone) == len(paths) == 1 else []

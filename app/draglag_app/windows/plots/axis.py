@@ -1,0 +1,53 @@
+"""An axis whose title stays within the plot, however small that is."""
+
+from __future__ import annotations
+
+import re
+
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF
+from PySide6.QtWidgets import QGraphicsSceneResizeEvent
+
+from draglag_app.windows.parts.theme import points, theme
+
+# Letters of a title: the usual size first, then smaller ones for plots with little room.
+_LETTERS_PT = (10, 9, 8)
+# Between the end of a title and the plot's edge.
+_EDGE_PX = 2
+
+
+class Axis(pg.AxisItem):
+    """``write`` sets the title for the room there is; pyqtgraph would cut it off at the plot's edge."""
+
+    def write(self, title: str, room_px: float) -> None:
+        """The whole title in letters that fit; in a plot too small for that its unit alone."""
+        unit = re.search(r"\(([^()]+)\)$", title)
+        attempts = [(title, size) for size in _LETTERS_PT]
+        if unit:
+            attempts.append((unit[1], _LETTERS_PT[-1]))
+        for text, size in attempts:
+            # Without ranges for prefixes: numbers below one would be shown a thousandfold, under an unchanged title.
+            style = {"color": theme().text, "font-size": points(size)}
+            self.setLabel(text, siPrefixEnableRanges=(), **style)
+            if self.label.boundingRect().width() + 2 * _EDGE_PX <= room_px:
+                break
+        self._keep_inside()
+
+    def resizeEvent(self, event: QGraphicsSceneResizeEvent | None = None) -> None:
+        super().resizeEvent(event)
+        self._keep_inside()
+
+    def _keep_inside(self) -> None:
+        """In the middle of the axis; where it would reach over the plot's edge there, next to that edge."""
+        parent, label = self.parentItem(), self.label
+        if parent is None or label is None:
+            return
+        whole, at = parent.boundingRect(), label.pos()
+        long = label.boundingRect().width()
+        low, high = self.mapFromItem(parent, whole.topLeft()), self.mapFromItem(parent, whole.bottomRight())
+        if self.orientation == "left":  # turned: it begins below and ends above
+            most = high.y() - _EDGE_PX
+            label.setPos(QPointF(at.x(), max(min(at.y(), most), min(low.y() + _EDGE_PX + long, most))))
+        else:
+            least = low.x() + _EDGE_PX
+            label.setPos(QPointF(min(max(at.x(), least), max(high.x() - _EDGE_PX - long, least)), at.y()))

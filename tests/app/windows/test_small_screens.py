@@ -1,0 +1,81 @@
+"""On a screen of 1280 x 800, at 100 and at 150 %, below a window's title bar: nothing is cut off or overlaps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from PySide6.QtCore import QPoint, QRect
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
+
+from draglag_app.windows.main import _AROUND_PX
+from draglag_app.windows.parts.page_stack import PageScroll
+from draglag_app.windows.plots.plot_frame import PlotFrame
+from draglag_app.windows.window import OperatorWindow
+
+# What the screen has at each scaling, less a title bar.
+WHOLE, ENLARGED = (1280, 800 - _AROUND_PX[1]), (853, 533 - _AROUND_PX[1])
+
+
+def at_size(window: OperatorWindow, size: tuple[int, int], page: str) -> None:
+    window.resize(*size)
+    window.go(page)
+    for _ in range(10):
+        QApplication.processEvents()
+    assert (window.width(), window.height()) == size
+
+
+def titles_outside(plot: PlotFrame) -> list[str]:
+    """Titles of axes that reach beyond the plot."""
+    whole = plot.getPlotItem().sceneBoundingRect().adjusted(-1, -1, 1, 1)
+    axes = [plot.getPlotItem().getAxis(side) for side in ("bottom", "left")]
+    places = {axis.labelText: axis.label.sceneBoundingRect().adjusted(8, 8, -8, -8) for axis in axes}
+    return [title for title, place in places.items() if not whole.contains(place)]
+
+
+def on_top(page: QWidget) -> list[tuple[str, str]]:
+    """Plots, words and buttons of one parent that share some place."""
+    kinds = (PlotFrame, QLabel, QPushButton)
+    seen = [one for one in page.findChildren(QWidget) if isinstance(one, kinds) and one.isVisibleTo(page)]
+    found = []
+    for k, one in enumerate(seen):
+        for other in seen[k + 1 :]:
+            if one.parent() is other.parent() and one.geometry().intersects(other.geometry()):
+                found.append((str(one), str(other)))
+    return found
+
+
+@pytest.mark.parametrize("size", [WHOLE, ENLARGED])
+def test_titles_of_axes_are_whole_and_nothing_lies_on_top_of_another(
+    opened: OperatorWindow, until: Callable, size: tuple[int, int]
+) -> None:
+    opened.ask("calibrate")
+    until(lambda: not opened.space.calibrating.active)
+    for name, (_, page) in opened.pages.items():
+        at_size(opened, size, name)
+        for plot in page.findChildren(PlotFrame):
+            if plot.isVisible():
+                assert titles_outside(plot) == [], (name, plot.file_name)
+        assert on_top(page) == [], name
+
+
+@pytest.mark.parametrize("size", [WHOLE, ENLARGED])
+def test_pages_are_scrolled_up_and_down_alone(opened: OperatorWindow, size: tuple[int, int]) -> None:
+    (scroll,) = opened.findChildren(PageScroll)
+    for name in opened.pages:
+        at_size(opened, size, name)
+        assert scroll.horizontalScrollBar().maximum() == 0, name
+
+
+@pytest.mark.parametrize("recording", [False, True])
+def test_record_fits_below_a_title_bar_without_scrolling(open_window: Callable, recording: bool) -> None:
+    window = open_window()
+    window.record.set_recording(recording)
+    at_size(window, WHOLE, "record")
+    (scroll,) = window.findChildren(PageScroll)
+    assert scroll.verticalScrollBar().maximum() == 0
+    button = window.record.buttons["stop" if recording else "start"]
+    place = QRect(button.mapTo(window, QPoint(0, 0)), button.size())
+    assert button.isVisible()
+    assert window.rect().contains(place)
+    window.record.set_recording(False)
