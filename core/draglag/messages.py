@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import reduce
 from numbers import Number
 from typing import Any
 
@@ -50,8 +51,16 @@ def joined(separator: str, parts: Iterable[str]) -> Message:
     return Message(separator.join(f"{{{name}}}" for name in arguments), arguments)
 
 
+def chained(template: str, parts: Iterable[str]) -> str:
+    """The parts with words between them, from a template as ``{before} or {next}``; a single part is itself."""
+    return reduce(lambda before, part: Message(template, {"before": before, "next": part}), parts)
+
+
 def cleaned(text: str, clean: Callable[[str], str]) -> Message:
-    """The message with its texts changed by ``clean``, those within its arguments as well."""
+    """The message with its texts changed by ``clean``, those within its arguments as well.
+
+    The template too, as that of a phrase is a text from anywhere.
+    """
     if not isinstance(text, Message):
         return phrase(clean(text))
     arguments: dict[str, object] = {}
@@ -59,7 +68,7 @@ def cleaned(text: str, clean: Callable[[str], str]) -> Message:
         arguments[name] = cleaned(value, clean) if isinstance(value, Message) else value
         if type(value) is str:
             arguments[name] = clean(value)
-    return Message(text.template, arguments)
+    return Message(clean(text.template), arguments)
 
 
 def without_stop(text: str) -> Message:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from draglag.errors import DataError, DraglagError, EstimateError, message_of
-from draglag.messages import Message, joined, message, packed, phrase, unpacked, without_stop
+from draglag.messages import Message, chained, joined, message, packed, phrase, unpacked, without_stop
 from draglag_devices.source import DeviceError
 
 
@@ -38,6 +38,14 @@ def test_joined_messages_keep_their_parts() -> None:
     assert joined(", ", ()) == ""
 
 
+def test_words_between_parts_stand_in_a_template_of_their_own() -> None:
+    said = chained("{before} or {next}", ("{x}", message("{n} edges", n=3), "c"))
+    assert said == "{x} or 3 edges or c"
+    assert isinstance(said, Message)
+    assert said.template == "{before} or {next}"
+    assert chained("{before} or {next}", ("{x}",)) == "{x}"
+
+
 def test_an_error_keeps_the_messages_it_was_made_of() -> None:
     error = DataError(message("{path}: cannot be written ({why})", path="a.h5", why=phrase("full.")), "make room")
     assert str(error) == "a.h5: cannot be written (full.); make room."
@@ -53,6 +61,7 @@ def test_an_error_keeps_the_messages_it_was_made_of() -> None:
 def test_control_characters_and_stops_are_taken_out_of_arguments() -> None:
     error = DataError(message("{path}: {why}", path="a\n\x1b[31mb", why="no room. "))
     assert error.problem == "a [31mb: no room."
+    assert str(DataError(message("it failed ({why})", why=phrase("\x1b[31m{red}")))) == "it failed ( [31m{red})."
     assert without_stop(message("{why}.", why=phrase("x."))).template == "{why}"
     assert without_stop(message("{a}{b}", a="x. ", b="")) == "x"
 
