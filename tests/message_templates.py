@@ -18,7 +18,7 @@ from draglag.messages import Message
 PACKAGES = (draglag, draglag_devices, draglag_app)
 # Calls that take literal sentences, and at which places.
 _TAKE_LITERALS = {"DeviceError": (1, 2), "Refusal": (1, 2)}
-_MAKERS = {"message": (0,)}
+_MAKERS = {"message": (0,), "chained": (0,)}
 
 
 @dataclass(frozen=True)

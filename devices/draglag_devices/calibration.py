@@ -88,7 +88,7 @@ def load_touches(path: Path) -> TouchCalibration:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    content = parse_json(read_text(path, DOCUMENT_BYTES, "check the path"), path, _REMEDY)
+    content = parse_json(read_text(path, DOCUMENT_BYTES, message("check the path")), path, _REMEDY)
     if not isinstance(content, dict) or content.get("format") != _FORMAT or content.get("version") != 1:
         raise DataError(message("{path}: is not a calibration of version 1", path=path), _REMEDY)
     return content

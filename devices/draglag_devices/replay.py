@@ -183,7 +183,7 @@ def _evemu_tape(path: Path, address: Address) -> Tape:
             recording, address.number("width_mm"), address.number("height_mm"), address.number("units_per_mm")
         )
     except DataError as error:
-        more = "add ?units_per_mm=…, or ?width_mm=…&height_mm=… of the panel"
+        more = message("add ?units_per_mm=…, or ?width_mm=…&height_mm=… of the panel")
         raise DeviceError(address.text, error.problem, more) from None
     touch = recording.touch(mapping)
     return Tape(recording.name or path.name, (_one_run(touch, empty_laser()),))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import draglag
 from draglag.errors import DataError, message_of
-from draglag.messages import message
+from draglag.messages import chained, message
 from draglag.protocol.runs import Protocol, expand
 from draglag.recording import LogEntry, Session
 from draglag.store import SessionWriter
@@ -102,7 +102,10 @@ def _check_roles(protocol: Protocol, roles: set[str]) -> None:
     if missing:
         raise DeviceError(
             message("protocol '{protocol}'", protocol=protocol.name),
-            message("needs a {roles} source", roles=" and a ".join(missing)),
+            message(
+                "needs a {roles} source",
+                roles=chained("{before} and a {next}", (message("{role}", role=role) for role in missing)),
+            ),
             message("add {options}", options=" ".join(f"--{role} ADDRESS" for role in missing)),
         )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from draglag.errors import DraglagError
 from draglag.instruments.orientation import WORDS, wrong_way_round
-from draglag.messages import joined, message
+from draglag.messages import chained, joined, message
 from draglag.protocol.runs import PlannedRun, Protocol
 from draglag.protocol.targets import Tap
 from draglag.recording import AxisInfo, Run, empty_laser, empty_touch
@@ -331,7 +331,10 @@ class Conductor:
             self._watch.log(
                 "warning",
                 "protocol",
-                message("taps were left out: there is no {roles} source", roles=" and no ".join(missing)),
+                message(
+                    "taps were left out: there is no {roles} source",
+                    roles=chained("{before} and no {next}", (message("{role}", role=role) for role in missing)),
+                ),
             )
             return
         screen = self._options.screen

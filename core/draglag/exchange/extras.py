@@ -184,7 +184,7 @@ def _gaps(folder: Path, stem: str) -> FloatArray:
 def _protocol(folder: Path, header: HeaderPart) -> str:
     if header.protocol_file is None:
         return ""
-    return read_text(folder / header.protocol_file, HEADER_BYTES, "Remove the key protocol_file")
+    return read_text(folder / header.protocol_file, HEADER_BYTES, message("Remove the key protocol_file"))
 
 
 def _write_clock(path: Path, bounds: ClockBounds) -> None:

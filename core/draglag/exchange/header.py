@@ -183,7 +183,7 @@ def _json(path: Path) -> Any:
         raise DataError(
             message("{path}: holds no session.json", path=path.parent), "Name the folder that holds session.json"
         )
-    return parse_json(read_text(path, HEADER_BYTES), path, "Correct that line")
+    return parse_json(read_text(path, HEADER_BYTES), path, message("Correct that line"))
 
 
 def _plain(error: Any) -> str:

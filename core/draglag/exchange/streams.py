@@ -31,7 +31,7 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
     something to be found, not mended. Estimates go by the last of them, as a program that reads them does.
     """
     if path is None:
-        return empty_touch(), ["there is no touch file"]
+        return empty_touch(), [message("there is no touch file")]
     table, names = _with_more(path, read_table(path, ("t_s", "x_mm", "y_mm")), more, TOUCH_MORE)
     rows, notes = _finite(path, table, 3)
     rows, sorting = _in_order(path, rows)
@@ -57,7 +57,7 @@ def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = 
     Raises DataError for a level other than 0 and 1.
     """
     if path is None:
-        return empty_laser(), ["there is no laser file"]
+        return empty_laser(), [message("there is no laser file")]
     table = read_table(path, ("t_s", "light"))
     odd = np.flatnonzero(~np.isin(table[:, 1], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     table, names = _with_more(path, table, more, LASER_MORE)

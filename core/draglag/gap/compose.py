@@ -318,7 +318,7 @@ def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
                 "Give a number",
             )
         if not spec.lower <= value <= spec.upper:  # nor is nan
-            bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
+            bounds = message("{low:g} to {high:g} {unit}", low=spec.lower, high=spec.upper, unit=spec.unit)
             raise DataError(
                 message(
                     "{effect} cannot be held at {parameter} {value:g}",

@@ -247,7 +247,7 @@ def _wrong_effect(model: LatencyModel) -> str:
         for spec in EFFECTS[effect.id].parameters:
             value, extent = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
             if not spec.lower - extent <= value <= spec.upper + extent:
-                bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
+                bounds = message("{low:g} to {high:g} {unit}", low=spec.lower, high=spec.upper, unit=spec.unit)
                 return message(
                     "the effect {effect} has {parameter} {value:g}; the library knows {bounds}",
                     effect=effect.id,

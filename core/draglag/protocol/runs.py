@@ -58,9 +58,9 @@ class RunPlan(Strict):
     def _speeds(self) -> RunPlan:
         given = (self.speed_mm_s is not None) + bool(self.speeds_mm_s)
         if self.kind == "circle" and given != 1:
-            raise ValueError("a circle needs either speed_mm_s or speeds_mm_s")
+            raise ValueError(message("a circle needs either speed_mm_s or speeds_mm_s"))
         if self.kind != "circle" and given:
-            raise ValueError(f"a {self.kind} has no speed_mm_s: its speed varies")
+            raise ValueError(message("a {kind} has no speed_mm_s: its speed varies", kind=self.kind))
         return self
 
     @property
@@ -100,9 +100,9 @@ class Protocol(Strict):
     @model_validator(mode="after")
     def _something(self) -> Protocol:
         if not (self.runs or self.taps or self.clock_check):
-            raise ValueError("a protocol needs at least one of [[runs]], [taps] and [clock_check]")
+            raise ValueError(message("a protocol needs at least one of [[runs]], [taps] and [clock_check]"))
         if sum(plan.repeats * len(plan.all_speeds_mm_s) for plan in self.runs) > RUNS:
-            raise ValueError(f"a protocol has at most {RUNS} runs")
+            raise ValueError(message("a protocol has at most {most} runs", most=RUNS))
         return self
 
     @property

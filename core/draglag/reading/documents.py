@@ -12,6 +12,7 @@ from draglag.errors import DataError
 from draglag.messages import message
 from draglag.reading.limits import DEPTH, KEY_PARTS, WHOLE_MOST
 
+_CORRECT, _CORRECT_LINE = message("Correct the file"), message("Correct the file at that line")
 _HALF = re.compile("[\ud800-\udfff]")  # of a character beyond U+FFFF
 # A part begins where no other character of a part stands before it, so that every stretch is looked at once.
 _LONG_KEY = re.compile(
@@ -19,7 +20,7 @@ _LONG_KEY = re.compile(
 )
 
 
-def parse_json(text: str, where: Path | str, remedy: str = "Correct the file") -> Any:
+def parse_json(text: str, where: Path | str, remedy: str = _CORRECT) -> Any:
     """The value of a JSON text. Raises DataError naming file, line and column."""
     try:
         return checked(json.loads(text), where, remedy)
@@ -38,7 +39,7 @@ def parse_json(text: str, where: Path | str, remedy: str = "Correct the file") -
         raise _too_long(where, remedy) from error
 
 
-def parse_toml(text: str, where: Path | str, remedy: str = "Correct the file at that line") -> dict[str, Any]:
+def parse_toml(text: str, where: Path | str, remedy: str = _CORRECT_LINE) -> dict[str, Any]:
     """The table of a TOML text. Raises DataError naming file and line."""
     if _LONG_KEY.search(text):
         raise DataError(message("{path}: a dotted key has more than {most} parts", path=where, most=KEY_PARTS), remedy)
@@ -53,7 +54,7 @@ def parse_toml(text: str, where: Path | str, remedy: str = "Correct the file at 
     return table
 
 
-def checked(value: Any, where: Path | str, remedy: str = "Correct the file") -> Any:
+def checked(value: Any, where: Path | str, remedy: str = _CORRECT) -> Any:
     """The value itself. Raises DataError where it is nested too deep, holds a whole number that is too long, or half a
     character (JSON can escape one of a pair alone), which no file and no message could hold."""
     waiting: list[tuple[Any, int, str]] = [(value, 0, "")]

@@ -18,10 +18,11 @@ from draglag.reading.limits import GZIP_FREE_BYTES, GZIP_RATIO, LINE_BYTES, TABL
 _PIECE_BYTES = 2**20
 _GZIP = b"\x1f\x8b"
 # Without waiting for the other end of a pipe, and without becoming a terminal's process.
+_CHECK = message("Check the name and the rights")
 _FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
-def read_bytes(path: Path | str, most: int, remedy: str = "Check the name and the rights") -> bytes:
+def read_bytes(path: Path | str, most: int, remedy: str = _CHECK) -> bytes:
     """The whole file, at most ``most`` bytes.
 
     Raises DataError: not there, not readable, a folder, no regular file, or longer.
@@ -41,7 +42,7 @@ def read_bytes(path: Path | str, most: int, remedy: str = "Check the name and th
     return data
 
 
-def read_text(path: Path | str, most: int, remedy: str = "Check the name and the rights") -> str:
+def read_text(path: Path | str, most: int, remedy: str = _CHECK) -> str:
     """The whole file as UTF-8 text; a byte-order mark is left out. Raises DataError."""
     return decoded(path, read_bytes(path, most, remedy))
 
@@ -63,7 +64,7 @@ def plain_bytes(path: Path | str) -> bytes:
 
     Raises DataError: as ``read_bytes``; not sound gzip; too many bytes.
     """
-    data = read_bytes(path, TABLE_BYTES, "Check the file and its rights")
+    data = read_bytes(path, TABLE_BYTES, message("Check the file and its rights"))
     return _unpacked(path, data) if data[:2] == _GZIP or Path(path).suffix == ".gz" else data
 
 

@@ -100,7 +100,7 @@ def _problems(file: Any) -> list[tuple[str, str]]:
     try:
         found.extend(tree_problems(file))
     except BROKEN:
-        found.append(("", "cannot be looked through as a whole"))
+        found.append(("", message("cannot be looked through as a whole")))
     return found
 
 
@@ -111,7 +111,7 @@ def _compare_checksum(file: Any, losses: list[str]) -> None:
     except BROKEN:
         return  # what cannot be read is named item by item
     if not same:
-        losses.append("some raw data were changed after recording: the checksum does not match")
+        losses.append(message("some raw data were changed after recording: the checksum does not match"))
 
 
 def _add_run(runs: list[Run], parent: Any, name: str, losses: list[str]) -> None:

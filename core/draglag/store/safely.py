@@ -216,7 +216,7 @@ def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
         seen.add(address)
         return item, problems
     if not isinstance(item, h5py.Dataset):
-        return None, [*problems, "is a named type"]
+        return None, [*problems, message("is a named type")]
     problem = dataset_problem(item)
     return (None, [*problems, problem]) if problem else (item, problems)
 

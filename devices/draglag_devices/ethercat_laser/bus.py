@@ -11,7 +11,7 @@ from typing import Any
 
 import pysoem
 
-from draglag.messages import Message, joined, message
+from draglag.messages import Message, chained, joined, message
 from draglag_devices.ethercat_laser.clockwatch import Pair
 from draglag_devices.ethercat_laser.edges import IMAGE
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
@@ -141,7 +141,7 @@ class Bus:
                 "check the cable and the supply of the coupler",
             )
         if not places or not any((BECKHOFF, coupler) in found for coupler in COUPLERS):
-            names = ", ".join(f"{s.name or 'unnamed'} (vendor 0x{s.man:X}, product 0x{s.id:08X})" for s in slaves)
+            names = joined(", ", (_named(slave) for slave in slaves))
             raise Refusal(
                 "wrong_slaves",
                 message(
@@ -156,7 +156,13 @@ class Bus:
 
     def _choose(self, places: list[int]) -> int:
         """The position of the laser's EL1252 among those that are there. Raises Refusal."""
-        line = ", ".join(f"{place} {slave.name or 'unnamed'}" for place, slave in enumerate(self._master.slaves, 1))
+        line = joined(
+            ", ",
+            (
+                message("{place} {device}", place=place, device=slave.name or message("unnamed"))
+                for place, slave in enumerate(self._master.slaves, 1)
+            ),
+        )
         if self.position and self.position not in places:
             raise Refusal(
                 "position",
@@ -166,7 +172,10 @@ class Bus:
                     name=self.interface,
                     line=line,
                 ),
-                message("write {option} in the laser's address", option=" or ".join(f"position={p}" for p in places)),
+                message(
+                    "write {option} in the laser's address",
+                    option=chained("{before} or {next}", (f"position={p}" for p in places)),
+                ),
             )
         if not self.position and len(places) > 1:
             raise Refusal(
@@ -178,7 +187,8 @@ class Bus:
                     line=line,
                 ),
                 message(
-                    "say which in the laser's address: {options}", options=" or ".join(f"&position={p}" for p in places)
+                    "say which in the laser's address: {options}",
+                    options=chained("{before} or {next}", (f"&position={p}" for p in places)),
                 ),
             )
         return self.position or places[0]
@@ -303,3 +313,12 @@ class Bus:
             self._master.state = pysoem.INIT_STATE
             self._master.write_state()
         self._master.close()
+
+
+def _named(slave: Any) -> Message:
+    return message(
+        "{device} (vendor {vendor}, product {product})",
+        device=slave.name or message("unnamed"),
+        vendor=f"0x{slave.man:X}",
+        product=f"0x{slave.id:08X}",
+    )

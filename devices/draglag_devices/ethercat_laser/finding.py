@@ -9,7 +9,7 @@ from collections.abc import Collection
 from typing import Any
 
 from draglag.errors import cause
-from draglag.messages import Message, message, phrase, unpacked
+from draglag.messages import Message, chained, joined, message, phrase, unpacked
 from draglag_devices.discovery import Found
 from draglag_devices.ethercat_laser.helper import LAUNCHERS, command
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
@@ -89,7 +89,7 @@ def _bus(address: str, seen: dict[str, Any]) -> Found:
     places = [place for place, kind in enumerate(kinds, 1) if kind == (BECKHOFF, EL1252)]
     words = message("EtherCAT bus on {name}, {n} devices", name=name, n=slaves)
     if len(places) > 1:
-        options = " or ".join(f"&position={place}" for place in places)
+        options = chained("{before} or {next}", (f"&position={place}" for place in places))
         remedy = message("say which in the laser's address: {options}", options=options)
         words = message("{bus}, {k} of them EL1252", bus=words, k=len(places))
         return Found(address, ("laser",), words, False, remedy)
@@ -99,7 +99,13 @@ def _bus(address: str, seen: dict[str, Any]) -> Found:
         remedy = message("check the cable and the supply of the coupler")
         words = message("{bus}, of which some do not say what they are", bus=words)
         return Found(address, ("laser",), words, False, remedy)
-    listed = ", ".join(f"vendor 0x{vendor:X} product 0x{product:08X}" for vendor, product in kinds)
+    listed = joined(
+        ", ",
+        (
+            message("vendor {vendor} product {product}", vendor=f"0x{vendor:X}", product=f"0x{product:08X}")
+            for vendor, product in kinds
+        ),
+    )
     remedy = message("connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on")
     words = message("{bus}, not an EK1101 with an EL1252: {found}", bus=words, found=listed)
     return Found(address, ("laser",), words, False, remedy)

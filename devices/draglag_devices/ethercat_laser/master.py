@@ -64,7 +64,7 @@ def check(wire: Wire) -> int:
             "refused",
             code="no_pysoem",
             problem=message("there is no {module}", module=missing.name),
-            remedy="install draglag again",
+            remedy=message("install draglag again"),
         )
         return 1
     except Refusal as refusal:

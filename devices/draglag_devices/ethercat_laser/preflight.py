@@ -27,7 +27,7 @@ def check_interface(interface: str) -> None:
     try:
         socket.if_nametoindex(interface)
     except OSError:
-        others = ", ".join(name for _, name in socket.if_nameindex() if name != "lo") or "none"
+        others = ", ".join(name for _, name in socket.if_nameindex() if name != "lo") or message("none")
         raise Refusal(
             "no_interface",
             message("there is no network interface called {name}", name=interface),

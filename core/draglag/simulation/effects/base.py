@@ -136,8 +136,8 @@ class Effect(InFits):
             if not spec.lower <= number <= spec.upper:
                 raise DataError(
                     message(
-                        "{effect}: {parameter} = {value:g} is out of bounds",
-                        effect=self.id,
+                        "{name}: {parameter} = {value:g} is out of bounds",
+                        name=self.id,
                         parameter=spec.name,
                         value=number,
                     ),
@@ -152,8 +152,8 @@ class Effect(InFits):
             if spec.whole and number != round(number):
                 raise DataError(
                     message(
-                        "{effect}: {parameter} = {value:g} is no whole number",
-                        effect=self.id,
+                        "{name}: {parameter} = {value:g} is no whole number",
+                        name=self.id,
                         parameter=spec.name,
                         value=number,
                     ),
