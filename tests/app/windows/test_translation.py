@@ -26,7 +26,7 @@ from draglag.gap.results import FOLLOWS
 from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
 from draglag.latency.on_clock import warnings_of
-from draglag.messages import message
+from draglag.messages import chained, message
 from draglag.recording import ClockBounds, Session, empty_touch
 from draglag.simulation.effects import EFFECTS
 from draglag_app.windows.pages.parts.gap_steps import remarks, unseen
@@ -112,6 +112,43 @@ def test_arguments_that_look_like_templates_are_shown_as_they_are(qapp: QApplica
     finally:
         use_language(qapp, "en")
     assert in_words(error.message) == str(error) == f"{name}: is a folder. Name a file in it."
+
+
+def test_what_stands_in_a_sentence_is_named_as_elsewhere_in_the_windows(qapp: QApplication) -> None:
+    roles = chained("{before} and a {next}", (message("{role}", role=role) for role in ("touch", "laser")))
+    needs = message("needs a {roles} source", roles=roles)
+    refused = message("{effect} cannot be fitted to edges", effect="clock_drift")
+    try:
+        use_language(qapp, "nl")
+        assert in_words(needs) == "heeft als bron nodig: aanraakscherm en lasersensor"
+        assert in_words(refused) == "klokverloop kan niet op flanken worden gepast"
+    finally:
+        use_language(qapp, "en")
+    assert in_words(needs) == "needs a touchscreen and a laser sensor source"
+    assert in_words(refused) == "clock drift cannot be fitted to edges"
+
+
+def test_pages_say_in_dutch_why_something_is_refused(qapp: QApplication, open_window: Callable, tmp_path: Path) -> None:
+    empty = tmp_path / "empty.toml"
+    empty.write_text('name = "empty"\n')
+    try:
+        window = open_window(language="nl")
+        protocol = window.space.protocol
+        large = protocol.runs[0].model_copy(update={"radius_fraction": 0.45})
+        window.space.set_protocol(protocol.model_copy(update={"runs": (large,)}))
+        assert "het doel cirkel verlaat het scherm" in window.pages["protocol"][1].preview.words.text()
+        window.pages["protocol"][1]._load_from(empty)
+        assert window.notice_text.text() == (
+            f"{empty}, regel 1: een protocol heeft minstens een van [[runs]], [taps] en [clock_check] nodig; "
+            "verbeter het bestand."
+        )
+        off = message("target {target} is off by {off_mm:.1f} mm after the fit (limit {limit_mm:.1f} mm)",
+                      target=5, off_mm=12.0, limit_mm=2.0)  # fmt: skip
+        window.space.calibrating.refused.emit(DataError(off).message)
+        dutch = "doel 5 ligt na de fit 12.0 mm ernaast (grens 2.0 mm)."
+        assert window.geometry_page.calibration.verdict.text() == window.notice_text.text() == dutch
+    finally:
+        use_language(qapp, "en")
 
 
 def library_sentences(session: Session, estimates: tuple[RunEstimate, ...]) -> list[str]:

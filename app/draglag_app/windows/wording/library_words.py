@@ -13,8 +13,9 @@ from PySide6.QtCore import QCoreApplication
 from draglag.errors import DraglagError
 from draglag.messages import Message, phrase
 from draglag_app.windows.wording.button_words import IN_BUTTONS
+from draglag_app.windows.wording.effect_words import effect_name
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
-from draglag_app.windows.wording.words import flag_name
+from draglag_app.windows.wording.words import flag_name, form_name, target_name
 
 _SOURCES = {
     "touch": QT_TRANSLATE_NOOP("Source", "touchscreen"),
@@ -65,8 +66,15 @@ def _argument(name: str, value: object) -> object:
     """What stands in a place of a sentence: ids that the windows have words for are named so."""
     if isinstance(value, Message):
         return in_words(value)
-    if name == "role":
-        return source_name(str(value))
-    if name == "flags":
-        return ", ".join(map(flag_name, str(value).split(", ")))
-    return value
+    words_of = _NAMES.get(name)
+    return value if words_of is None else words_of(str(value))
+
+
+def _flag_names(flags: str) -> str:
+    return ", ".join(map(flag_name, flags.split(", ")))
+
+
+_NAMES = {
+    "role": source_name, "flags": _flag_names, "effect": effect_name, "form": form_name, "kind": target_name,
+}  # fmt: skip
+"""Place in a template → the windows' words for the id in it."""
