@@ -162,7 +162,7 @@ _LOOK = "voer om daar te zoeken ethercat:eno1 in als lasersensor en kies Opstell
             {"slaves": 2, "kinds": [(2, 1), (2, 3)]},
             "",
             "EtherCAT-bus op eno1, 2 apparaten, geen EK1101 met een EL1252: "
-            "vendor 0x2 product 0x00000001, vendor 0x2 product 0x00000003",
+            "leverancier 0x2 product 0x00000001, leverancier 0x2 product 0x00000003",
             "sluit de EK1101 (of een EK1100) met de EL1252 aan, of kies de interface waarop ze zitten",
         ),
         (
