@@ -7,7 +7,8 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
-from draglag.errors import DataError, DraglagError
+from draglag.errors import DataError, DraglagError, message_of
+from draglag.messages import message
 
 Progress = Callable[[float, str], None]
 _POLL_S = 0.1
@@ -19,7 +20,7 @@ def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], 
     Function, arguments and result must be picklable. ``progress`` is called several times a second with what the
     function reported last; whatever it raises ends the process and is raised here.
 
-    Raises DataError with the function's own sentence when it fails, or when the process ends without a result.
+    Raises the function's own DraglagError when it fails, and DataError when the process ends without a result.
     """
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
@@ -38,7 +39,7 @@ def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], 
             elif kind == "result":
                 return value
             else:
-                raise DataError(value)
+                raise value
     except EOFError:
         raise DataError("the computation ended without a result", "try again") from None
     finally:
@@ -55,9 +56,9 @@ def _child(there: Connection, function: Callable[..., Any], arguments: tuple[Any
     try:
         there.send(("result", function(*arguments, progress)))
     except DraglagError as error:
-        there.send(("fault", str(error)))
+        there.send(("fault", error))
     except Exception as error:  # reported to the caller
-        there.send(("fault", f"{type(error).__name__}: {error}"))
+        there.send(("fault", DataError(message("{kind}: {error}", kind=type(error).__name__, error=error))))
     finally:
         there.close()
 
@@ -146,4 +147,4 @@ def _overlay(session: Any, report: Any, progress: Progress) -> tuple[Any, str]:
     try:
         return overlay_numbers(replays(session, report, progress), report), ""
     except (DraglagError, ValueError) as problem:
-        return None, str(problem)
+        return None, message_of(problem)

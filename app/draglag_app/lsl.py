@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import DraglagError
+from draglag.messages import message
 from draglag.recording import TouchTrace
 from draglag.system.packages import advice
 from draglag_app.session import events
@@ -53,7 +54,7 @@ def lsl_listener(source: str, then: events.Listener) -> events.Listener:
                 _push(outlets, event)
             except Exception as error:  # whatever it is, the recording goes on
                 broken = True
-                text = f"the Lab Streaming Layer gets nothing any more ({error})"
+                text = message("the Lab Streaming Layer gets nothing any more ({error})", error=error)
                 then(events.NoticeRaised(0.0, "warning", "lsl", text))
         then(event)
 
@@ -67,7 +68,8 @@ def _library() -> Any:
         raise DraglagError(*advice(missing.name or "")) from missing
     except (OSError, RuntimeError) as error:
         raise DraglagError(
-            f"the library of the Lab Streaming Layer cannot be loaded ({error})", "Install liblsl, or leave out --lsl"
+            message("the library of the Lab Streaming Layer cannot be loaded ({error})", error=error),
+            "Install liblsl, or leave out --lsl",
         ) from error
 
 

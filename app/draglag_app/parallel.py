@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from draglag.errors import DraglagError
+from draglag.messages import message
 from draglag.system.packages import need
 
 Item = TypeVar("Item")
@@ -96,7 +97,10 @@ def _on_cluster(
             client.upload_file(str(module))
         cores = sum(client.nthreads().values())
         if not cores:
-            raise Unavailable(f"the Dask scheduler at {scheduler} has no workers", "Start some with `dask worker`")
+            raise Unavailable(
+                message("the Dask scheduler at {scheduler} has no workers", scheduler=scheduler),
+                "Start some with `dask worker`",
+            )
         stack.enter_context(parallel_config(backend="dask", client=client))
         step = A_CORE * cores
         for first in range(0, len(items), step):
@@ -112,5 +116,6 @@ def _client(scheduler: str) -> Any:
         return distributed.Client(scheduler, timeout=ANSWERS_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise Unavailable(
-            f"no Dask scheduler answers at {scheduler}", "Start one with `dask scheduler`, or leave --scheduler out"
+            message("no Dask scheduler answers at {scheduler}", scheduler=scheduler),
+            "Start one with `dask scheduler`, or leave --scheduler out",
         ) from error

@@ -11,9 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from draglag.errors import DraglagError
+from draglag.errors import DraglagError, cause
 from draglag.instruments.calibration import SIZE_TOLERANCE
 from draglag.instruments.clocks import PAPER_DRIFT, WARN_S, fit_clock, rate_words
+from draglag.messages import message, phrase
 from draglag.protocol.runs import PlannedRun
 from draglag.protocol.targets import Circle
 from draglag.recording import ClockBounds, Screen
@@ -105,7 +106,12 @@ def preflight(
             except DraglagError as error:
                 yield Check(source.role, "fault", error.problem, remedy=error.remedy)
             except Exception as error:  # a fault of one driver is a row as well and must not hide the others
-                yield Check(source.role, "fault", f"{source.address}: {error}", remedy="report it with this line")
+                yield Check(
+                    source.role,
+                    "fault",
+                    message("{address}: {error}", address=source.address, error=error),
+                    remedy=message("report it with this line"),
+                )
         lost = _watch(rig, opened, watch_s, on_progress)
         for role, (_, observed) in opened.items():
             if role in lost:
@@ -129,10 +135,21 @@ def _disk(folder: Path) -> Check:
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:
-        return Check("disk", "fault", f"{folder}: {error.strerror}", remedy="choose another folder")
+        return Check(
+            "disk",
+            "fault",
+            message("{path}: {why}", path=folder, why=cause(error)),
+            remedy=message("choose another folder"),
+        )
     low = free < DISK_LOW
-    remedy = "make room, or save elsewhere" if low else ""
-    return Check("disk", "fault" if low else "ok", f"{free / 1e9:.1f} GB free", f"{DISK_LOW / 1e9:.1f} GB", remedy)
+    remedy = message("make room, or save elsewhere") if low else ""
+    return Check(
+        "disk",
+        "fault" if low else "ok",
+        message("{free:.1f} GB free", free=free / 1e9),
+        f"{DISK_LOW / 1e9:.1f} GB",
+        remedy,
+    )
 
 
 def _watch(
@@ -165,16 +182,20 @@ def _judge(role: str, observed: _Observed, screen: Screen | None) -> Iterator[Ch
         yield Check(role, "ok", observed.info.description)
     else:
         yield Check(
-            role, "fault", f"{observed.info.description}: lost while it was watched", remedy="see the lines below"
+            role,
+            "fault",
+            message("{source}: lost while it was watched", source=phrase(observed.info.description)),
+            remedy=message("see the lines below"),
         )
     if role == "touch":
         yield from _touch(observed, screen)
     elif role == "laser":
         bad = observed.missed > 0
         yield Check("laser edges", "warning" if bad or not observed.edges else "ok",
-                    f"{observed.edges} seen, {observed.missed} missed", "0 missed",
-                    "check the light level and the beam" if bad else
-                    "" if observed.edges else "break the beam while checking")  # fmt: skip
+                    message("{edges} seen, {missed} missed", edges=observed.edges, missed=observed.missed),
+                    message("{n} missed", n=0),
+                    message("check the light level and the beam") if bad else
+                    "" if observed.edges else message("break the beam while checking"))  # fmt: skip
     if role != "touch":
         yield from _clock(role, observed)
     distinct: dict[str, Notice] = {notice.text: notice for notice in observed.notices}
@@ -189,21 +210,26 @@ def _touch(observed: _Observed, screen: Screen | None) -> Iterator[Check]:
         sizes = [(axis.maximum - axis.minimum + 1) / axis.resolution for axis in axes]
         off = max(abs(size / real - 1) for size, real in zip(sizes, (screen.width_mm, screen.height_mm), strict=True))
         yield Check("touch size", "ok" if off <= SIZE_TOLERANCE else "warning",
-                    f"{sizes[0]:.1f} × {sizes[1]:.1f} mm by its resolution, {100 * off:.1f} % off",
+                    message("{width:.1f} × {height:.1f} mm by its resolution, {percent:.1f} % off",
+                            width=sizes[0], height=sizes[1], percent=100 * off),
                     f"{100 * SIZE_TOLERANCE:.0f} %",
-                    "" if off <= SIZE_TOLERANCE else "measure the panel with a ruler, or calibrate")  # fmt: skip
+                    "" if off <= SIZE_TOLERANCE else
+                    message("measure the panel with a ruler, or calibrate"))  # fmt: skip
     for axis in axes:
         if axis.fuzz:
             yield Check("touch fuzz", "warning", f"{axis.name}: {axis.fuzz}", "0",
-                        "set it to 0 unless it is under test: it is a latency of its own")  # fmt: skip
+                        message("set it to 0 unless it is under test: it is a latency of its own"))  # fmt: skip
     if len(observed.touches_s) < 3:
-        yield Check("touch events", "warning", "none", f"≥ {SLOWEST_TOUCH_HZ:.0f} Hz", "draw while checking")
+        yield Check(
+            "touch events", "warning", message("none"), f"≥ {SLOWEST_TOUCH_HZ:.0f} Hz", message("draw while checking")
+        )
         return
     rate_hz = 1.0 / float(np.median(np.diff(observed.touches_s)))
     fast, whole = rate_hz >= SLOWEST_TOUCH_HZ, not observed.dropped
-    yield Check("touch events", "ok" if fast and whole else "warning", f"{rate_hz:.0f} Hz, {observed.dropped} lost",
-                f"≥ {SLOWEST_TOUCH_HZ:.0f} Hz, 0 lost",
-                "" if fast and whole else "close other programs; try another USB port")  # fmt: skip
+    yield Check("touch events", "ok" if fast and whole else "warning",
+                message("{rate_hz:.0f} Hz, {lost} lost", rate_hz=rate_hz, lost=observed.dropped),
+                message("≥ {rate_hz:.0f} Hz, {lost} lost", rate_hz=SLOWEST_TOUCH_HZ, lost=0),
+                "" if fast and whole else message("close other programs; try another USB port"))  # fmt: skip
 
 
 def _clock(role: str, observed: _Observed) -> Iterator[Check]:
@@ -214,20 +240,28 @@ def _clock(role: str, observed: _Observed) -> Iterator[Check]:
         clocks = list(fit_clock(observed.clock).epochs.values())
     if not clocks:
         if observed.info.clock.startswith("own") or "compared" in observed.info.clock:
-            yield Check(name, "fault", "never compared with the host's", limit, "unplug it and plug it in again")
+            yield Check(
+                name,
+                "fault",
+                message("never compared with the host's"),
+                limit,
+                message("unplug it and plug it in again"),
+            )
         return
     clock = clocks[-1]
     _, width = clock.to_host(np.linspace(clock.first_s, clock.last_s, 33))
     worst = float(width.max())
     well = worst <= WARN_S
-    yield Check(name, "ok" if well else "warning", f"±{1e3 * worst:.2f} ms, {clock.n_bounds} comparisons", limit,
-                "" if well else "use another USB port (USB 2, no hub) and close other programs")  # fmt: skip
+    yield Check(name, "ok" if well else "warning",
+                message("±{worst:.2f} ms, {n} comparisons", worst=1e3 * worst, n=clock.n_bounds), limit,
+                "" if well else message("use another USB port (USB 2, no hub) and close other programs"))  # fmt: skip
     low, high = clock.fast_interval_ppm
     limit_ppm = 1e6 * PAPER_DRIFT
     beyond = low > limit_ppm or high < -limit_ppm
     known = high - low < 2 * limit_ppm
-    words = f"runs {rate_words(clock.fast_ppm)}" if known else "not determined in so short a time"
+    words = message("not determined in so short a time")
     if known:
-        words += f" ({low:+.0f} to {high:+.0f}), {0.06 * abs(clock.fast_ppm):.2f} ms in 60 s"
-    remedy = "it is corrected; let the instrument warm up" if beyond else ""
+        words = message("runs {rate} ({low:+.0f} to {high:+.0f}), {ms:.2f} ms in 60 s",
+                        rate=rate_words(clock.fast_ppm), low=low, high=high, ms=0.06 * abs(clock.fast_ppm))  # fmt: skip
+    remedy = message("it is corrected; let the instrument warm up") if beyond else ""
     yield Check(f"{role} drift", "warning" if beyond else "ok", words, f"±{limit_ppm:.1f} ppm", remedy)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+from typing import Any
+
+from draglag.messages import Message, cleaned, message, phrase, without_stop
 
 # What a file's keys and names may hold and a terminal would obey: control characters, line ends, changes of direction.
 _UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]+")
@@ -19,14 +22,31 @@ class DraglagError(Exception):
     Args:
         problem: one plain sentence: what is wrong and where (file, line, run).
         remedy: what to do about it; empty where nothing sensible can be said.
+
+    Both are literals or made by ``message``. Attributes ``problem``, ``remedy`` and ``message`` (the whole) are
+    messages that end with a stop; ``str(error)`` is the whole, rendered.
     """
 
+    problem: Message
+    remedy: Message
+    message: Message
+
     def __init__(self, problem: str, remedy: str = "") -> None:
-        self.problem = one_line(problem).rstrip(". ") + "."
-        self.remedy = one_line(remedy).rstrip(". ") + "." if remedy else ""
-        # A remedy that begins small goes on with the sentence.
-        joint = "; " if self.remedy[:1].islower() else ". " if self.remedy else "."
-        super().__init__(self.problem[:-1] + joint + self.remedy)
+        said, cure = _line(problem), _line(remedy)
+        self.problem = message("{sentence}.", sentence=said)
+        self.remedy = message("{sentence}.", sentence=cure) if cure else phrase("")
+        self.message = self.problem
+        if cure:
+            # A remedy that begins small goes on with the sentence.
+            small = cure[:1].islower()
+            self.message = message(
+                "{problem}; {remedy}." if small else "{problem}. {remedy}.", problem=said, remedy=cure
+            )
+        super().__init__(str(self.message))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Not by calling the class: those derived from this one take other arguments.
+        return _restored, (type(self), self.args), self.__dict__
 
 
 class DataError(DraglagError):
@@ -35,3 +55,24 @@ class DataError(DraglagError):
 
 class EstimateError(DraglagError):
     """The data is readable but does not determine what was asked."""
+
+
+def message_of(error: BaseException) -> Message:
+    """What an exception says: the message of one of draglag's, or that it was raised with; else its text."""
+    if isinstance(error, DraglagError):
+        return error.message
+    given = error.args[0] if len(error.args) == 1 else None
+    return given if isinstance(given, Message) else phrase(str(error))
+
+
+def cause(error: OSError) -> Message:
+    """Why the system did not do something, in its own words."""
+    return phrase(error.strerror or str(error))
+
+
+def _line(text: str) -> Message:
+    return without_stop(cleaned(text, one_line))
+
+
+def _restored(kind: type[DraglagError], arguments: tuple[Any, ...]) -> DraglagError:
+    return kind.__new__(kind, *arguments)

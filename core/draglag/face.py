@@ -19,6 +19,7 @@ from draglag.analysis import analyze as analyze_session
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
+from draglag.messages import joined, message
 from draglag.recording import Session
 
 if TYPE_CHECKING:
@@ -209,7 +210,10 @@ def fit_curve(
     if speed.shape != latency.shape or speed.ndim != 1:
         raise DataError("speeds and latencies differ in number", "Give one latency for each speed")
     if form != "best" and form not in FORMS:
-        raise EstimateError(f"unknown curve form {form!r}", f"Use best or one of {', '.join(FORMS)}")
+        raise EstimateError(
+            message("unknown curve form {form}", form=repr(form)),
+            message("Use best or one of {forms}", forms=", ".join(FORMS)),
+        )
     points = CurvePoints(speed, latency, np.broadcast_to(np.asarray(se_s, float), speed.shape).copy())
     return fit_best(points) if form == "best" else fit_form(points, form)
 
@@ -236,7 +240,7 @@ def _curve(of: Analysis | CurveFit) -> CurveFit:
     if isinstance(of, CurveFit):
         return of
     if of.curve is None:
-        raise EstimateError(f"{of.session}: there is no curve", "; ".join(of.problems))
+        raise EstimateError(message("{session}: there is no curve", session=of.session), joined("; ", of.problems))
     return of.curve
 
 
@@ -286,7 +290,9 @@ def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "n
         "mat": exchange.write_mat,
     }
     if to not in writers:
-        raise DataError(f"unknown format {to!r}", f"Use one of {', '.join(writers)}")
+        raise DataError(
+            message("unknown format {to}", to=repr(to)), message("Use one of {formats}", formats=", ".join(writers))
+        )
     writers[to](session, Path(path))
     return Path(path)
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl
 
+from draglag.messages import message
 from draglag_devices.other_packages import Driver, drivers_of_others
 from draglag_devices.source import DeviceError
 
@@ -24,11 +25,11 @@ KNOWN_FORMS = (
 )
 
 _NEEDS_TARGET = {
-    "replay": "a file",
-    "csv": "a file",
-    "evdev": "a device",
-    "ethercat": "a network interface",
-    "serial": "a port",
+    "replay": message("the address names no file"),
+    "csv": message("the address names no file"),
+    "evdev": message("the address names no device"),
+    "ethercat": message("the address names no network interface"),
+    "serial": message("the address names no port"),
 }
 _SERVES = {"sim": ROLES, "replay": ROLES, "csv": ("touch", "laser"), "evdev": ("touch",),
            "ethercat": ("laser",), "serial": ("laser", "walt")}  # fmt: skip
@@ -55,14 +56,20 @@ class Address:
             return float(self.options[name])
         except ValueError:
             raise DeviceError(
-                self.text, f"option {name}={self.options[name]} is not a number", f"write e.g. {name}=1"
+                self.text,
+                message("option {name}={value} is not a number", name=name, value=self.options[name]),
+                message("write e.g. {name}=1", name=name),
             ) from None
 
     def choice(self, name: str, known: tuple[str, ...], default: str) -> str:
         """The option as one of the known words. Raises DeviceError on any other."""
         value = self.options.get(name, default)
         if value not in known:
-            raise DeviceError(self.text, f"option {name}={value} is unknown", f"use one of: {', '.join(known)}")
+            raise DeviceError(
+                self.text,
+                message("option {name}={value} is unknown", name=name, value=value),
+                message("use one of: {known}", known=", ".join(known)),
+            )
         return value
 
     def only(self, *names: str) -> None:
@@ -70,7 +77,11 @@ class Address:
         for name in self.options:
             if name not in names:
                 known = ", ".join(names) if names else "none"
-                raise DeviceError(self.text, f"option {name} is unknown here", f"known options: {known}")
+                raise DeviceError(
+                    self.text,
+                    message("option {name} is unknown here", name=name),
+                    message("known options: {options}", options=known),
+                )
 
 
 def parse_address(text: str) -> Address:
@@ -79,20 +90,36 @@ def parse_address(text: str) -> Address:
     scheme, colon, rest = text.partition(":")
     if not colon or (scheme not in _SERVES and scheme not in other_drivers()):
         raise DeviceError(
-            text or "(empty)", "this is not a device address", f"known forms: {' · '.join(known_forms())}"
+            text or "(empty)",
+            "this is not a device address",
+            message("known forms: {forms}", forms=" · ".join(known_forms())),
         )
     target, _, query = rest.partition("?")
     if scheme in _NEEDS_TARGET and not target:
         form = next(form for form in KNOWN_FORMS if form.startswith(scheme))
-        raise DeviceError(text, f"the address names no {_NEEDS_TARGET[scheme].split(' ', 1)[1]}", f"write {form}")
+        raise DeviceError(
+            text,
+            _NEEDS_TARGET[scheme],
+            message("write {form}", form=form),
+        )
     if scheme in DRIVERS and target.startswith(":"):
-        raise DeviceError(text, "the address has one colon too many", f"write {scheme}:{rest.lstrip(':')}")
+        raise DeviceError(
+            text,
+            "the address has one colon too many",
+            message("write {scheme}:{target}", scheme=scheme, target=rest.lstrip(":")),
+        )
     if scheme == "sim" and target:
-        raise DeviceError(text, f"'{target}' means nothing to the simulator", "write sim: or sim:?seed=3&speed=fast")
+        raise DeviceError(
+            text,
+            message("'{target}' means nothing to the simulator", target=target),
+            "write sim: or sim:?seed=3&speed=fast",
+        )
     try:
         options = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=True)) if query else {}
     except ValueError:
-        raise DeviceError(text, f"'{query}' is not a list of options", "write ?name=value&name=value") from None
+        raise DeviceError(
+            text, message("'{query}' is not a list of options", query=query), "write ?name=value&name=value"
+        ) from None
     return Address(text, scheme, target, options)
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
 from draglag.instruments.calibration import AffineFit
+from draglag.messages import message
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM
 from draglag.recording import TouchCalibration
@@ -18,7 +19,7 @@ from draglag.touch_events.frames import Mapping2D
 
 _FORMAT = "draglag-touch-calibration"
 _TOUCHES = ("x_raw", "y_raw", "x_mm", "y_mm")
-_REMEDY = "calibrate again"
+_REMEDY = message("calibrate again")
 # An offset undoes what the axes count: 32 bits of 1 mm each, the coarsest unit, and more than that is no map.
 _LARGEST = 2.0**32
 
@@ -48,7 +49,9 @@ def save_calibration(fit: AffineFit, path: Path, device: str = "", made: TouchCa
         with new_file(path, replace=True) as growing:
             growing.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})", "choose another place") from None
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=cause(error)), "choose another place"
+        ) from None
 
 
 def load_calibration(path: Path) -> tuple[AffineFit, str]:
@@ -59,11 +62,13 @@ def load_calibration(path: Path) -> tuple[AffineFit, str]:
         residual = np.array(content["residual_mm"], np.float64).reshape(-1, 2)
         rms = float(content["rms_mm"])
     except (KeyError, TypeError, ValueError):
-        raise DataError(f"{path}: lacks the matrix or the residuals of a calibration", _REMEDY) from None
+        raise DataError(
+            message("{path}: lacks the matrix or the residuals of a calibration", path=path), _REMEDY
+        ) from None
     if not (np.isfinite(residual).all() and 0 <= rms <= SIZE_MM):
-        raise DataError(f"{path}: its residuals are no lengths", _REMEDY)
+        raise DataError(message("{path}: its residuals are no lengths", path=path), _REMEDY)
     if not (np.abs(matrix) <= _LARGEST).all() or abs(np.linalg.det(matrix[:, :2])) == 0:
-        raise DataError(f"{path}: maps the whole screen onto a line or nowhere", _REMEDY)
+        raise DataError(message("{path}: maps the whole screen onto a line or nowhere", path=path), _REMEDY)
     return AffineFit(matrix, residual, rms), str(content.get("device", ""))
 
 
@@ -75,15 +80,15 @@ def load_touches(path: Path) -> TouchCalibration:
     try:
         x_raw, y_raw, x_mm, y_mm = (np.array(touches[name], np.float64).reshape(-1) for name in _TOUCHES)
     except (KeyError, TypeError, ValueError):
-        raise DataError(f"{path}: its touches are not columns of numbers", _REMEDY) from None
+        raise DataError(message("{path}: its touches are not columns of numbers", path=path), _REMEDY) from None
     columns = (x_raw, y_raw, x_mm, y_mm)
     if len({len(column) for column in columns}) > 1 or not all(np.isfinite(column).all() for column in columns):
-        raise DataError(f"{path}: its touches do not match one to one", _REMEDY)
+        raise DataError(message("{path}: its touches do not match one to one", path=path), _REMEDY)
     return TouchCalibration(x_raw, y_raw, x_mm, y_mm, fit.matrix, device, str(content.get("made_utc", "")))
 
 
 def _read(path: Path) -> dict[str, Any]:
-    content = parse_json(read_text(path, DOCUMENT_BYTES, "check the path"), path, _REMEDY)
+    content = parse_json(read_text(path, DOCUMENT_BYTES, message("check the path")), path, _REMEDY)
     if not isinstance(content, dict) or content.get("format") != _FORMAT or content.get("version") != 1:
-        raise DataError(f"{path}: is not a calibration of version 1", _REMEDY)
+        raise DataError(message("{path}: is not a calibration of version 1", path=path), _REMEDY)
     return content

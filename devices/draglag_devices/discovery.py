@@ -7,6 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from draglag.messages import message
 from draglag.system.packages import advice
 from draglag_devices.addresses import DRIVERS, other_drivers
 
@@ -39,7 +40,7 @@ def discover(probe: Collection[str] = ()) -> list[Found]:
     ``probe``: network interfaces to ask for EtherCAT devices although others use them.
     A driver's package may be missing on this machine: that is one entry, with the remedy.
     """
-    found = [Found("sim:", ("touch", "laser", "walt"), "simulated rig (any screen of the presets)")]
+    found = [Found("sim:", ("touch", "laser", "walt"), message("simulated rig (any screen of the presets)"))]
     for scheme, module_name in DRIVERS.items():
         try:
             module = importlib.import_module(module_name)
@@ -55,6 +56,6 @@ def discover(probe: Collection[str] = ()) -> list[Found]:
             if isinstance(driver, Discovers):
                 found.extend(driver.discover())
         except Exception as error:  # whatever a stranger's driver does must not hide the others
-            problem = f"its driver fails ({type(error).__name__}: {error})"
-            found.append(Found(f"{scheme}:", (), problem, False, "ask who made its package"))
+            problem = message("its driver fails ({kind}: {error})", kind=type(error).__name__, error=error)
+            found.append(Found(f"{scheme}:", (), problem, False, message("ask who made its package")))
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import cast
 
+from draglag.messages import message
 from draglag.system.packages import advice
 from draglag_devices.addresses import DRIVERS, ROLES, Address, known_forms, other_drivers, parse_address, roles_of
 from draglag_devices.replay import replay_source
@@ -26,10 +27,18 @@ def open_source(address: str | Address, role: str, stage: Stage | None = None) -
     """
     parsed = parse_address(address) if isinstance(address, str) else address
     if role not in ROLES:
-        raise DeviceError(parsed.text, f"there is no role '{role}'", f"roles are {', '.join(ROLES)}")
+        raise DeviceError(
+            parsed.text,
+            message("there is no role '{role}'", role=role),
+            message("roles are {roles}", roles=", ".join(ROLES)),
+        )
     if role not in roles_of(parsed.scheme):
         fitting = " · ".join(form for form in known_forms() if role in roles_of(form.split(":", 1)[0]))
-        raise DeviceError(parsed.text, f"cannot serve as {role}", f"for {role} use one of: {fitting}")
+        raise DeviceError(
+            parsed.text,
+            message("cannot serve as {role}", role=role),
+            message("for {role} use one of: {forms}", role=role, forms=fitting),
+        )
     if parsed.scheme == "sim":
         return simulated_source(stage or Stage(), role, parsed)
     if parsed.scheme in ("replay", "csv"):
@@ -47,7 +56,7 @@ def _driver_source(address: Address, role: str) -> Source:
         if missing.name == module_name:
             raise DeviceError(
                 address.text,
-                f"the driver of {address.scheme} devices is not in this version",
+                message("the driver of {scheme} devices is not in this version", scheme=address.scheme),
                 "use sim:, replay:FILE or csv:FILE, or install a newer version",
             ) from None
         raise DeviceError(address.text, *advice(missing.name or "")) from None

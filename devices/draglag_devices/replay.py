@@ -13,6 +13,7 @@ from draglag.errors import DataError
 from draglag.exchange.importers.evemu import read_evemu
 from draglag.exchange.importers.input_log import mapping_of
 from draglag.exchange.tables import line_of_row, read_table
+from draglag.messages import message
 from draglag.protocol.runs import PlannedRun
 from draglag.protocol.targets import Tap
 from draglag.reading.limits import TIME_S
@@ -115,8 +116,8 @@ def replay_source(stage: Stage, role: str, address: Address) -> TimelineSource:
         tape.timelines[role] = timeline
         axes = tape.runs[0].touch.axes if role == "touch" and tape.runs else ()
         return SourceInfo(
-            address.text, role, f"recording of {tape.name}", "as recorded, moved to the start of the run",
-            {"runs": len(tape.runs)}, axes,
+            address.text, role, message("recording of {name}", name=tape.name),
+            message("as recorded, moved to the start of the run"), {"runs": len(tape.runs)}, axes,
         )  # fmt: skip
 
     return TimelineSource(address.text, role, stage.time_base, timeline, describe, map_clock=False)
@@ -146,7 +147,7 @@ def load_tape(address: Address, role: str) -> Tape:
         if path.name.lower().endswith(_EVEMU):
             return _evemu_tape(path, address)
     except DataError as error:
-        raise DeviceError(address.text, error.problem.rstrip("."), error.remedy) from error
+        raise DeviceError(address.text, error.problem, error.remedy) from error
     raise DeviceError(
         address.text,
         "this kind of file is not known",
@@ -160,7 +161,11 @@ def _session_tape(session: Session, address: Address) -> Tape:
         runs = tuple(run for run in runs if run.id == address.options["run"])
         if not runs:
             known = ", ".join(run.id for run in session.runs)
-            raise DeviceError(address.text, f"holds no run '{address.options['run']}'", f"it has {known}")
+            raise DeviceError(
+                address.text,
+                message("holds no run '{run}'", run=address.options["run"]),
+                message("it has {known}", known=known),
+            )
     return Tape(session.name, runs, session.taps)
 
 
@@ -178,8 +183,8 @@ def _evemu_tape(path: Path, address: Address) -> Tape:
             recording, address.number("width_mm"), address.number("height_mm"), address.number("units_per_mm")
         )
     except DataError as error:
-        more = "add ?units_per_mm=…, or ?width_mm=…&height_mm=… of the panel"
-        raise DeviceError(address.text, error.problem.rstrip("."), more) from None
+        more = message("add ?units_per_mm=…, or ?width_mm=…&height_mm=… of the panel")
+        raise DeviceError(address.text, error.problem, more) from None
     touch = recording.touch(mapping)
     return Tape(recording.name or path.name, (_one_run(touch, empty_laser()),))
 
@@ -191,7 +196,7 @@ def _csv_tape(path: Path, role: str) -> Tape:
         touch = TouchTrace(t_s, x_mm, y_mm, np.zeros(len(t_s), np.int64))
         return Tape(path.name, (_one_run(touch, empty_laser()),))
     if not np.isin(columns[1], (0.0, 1.0)).all():
-        raise DataError(f"{path}: light is 0 or 1", "Correct the column light")
+        raise DataError(message("{path}: light is 0 or 1", path=path), "Correct the column light")
     laser = LaserTrace(columns[0], columns[1].astype(np.int64))
     return Tape(path.name, (_one_run(empty_touch(), laser),))
 
@@ -203,5 +208,8 @@ def read_csv(path: Path, columns: tuple[str, ...]) -> list[FloatArray]:
     wrong[1:] |= np.diff(table[:, 0], prepend=-np.inf)[1:] < 0
     if wrong.any():
         line = line_of_row(path, int(np.argmax(wrong)))
-        raise DataError(f"{path}, line {line}: times must be numbers that never go back", "Correct or remove that line")
+        raise DataError(
+            message("{path}, line {line}: times must be numbers that never go back", path=path, line=line),
+            "Correct or remove that line",
+        )
     return [np.ascontiguousarray(column) for column in table.T]

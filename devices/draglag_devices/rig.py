@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from draglag.messages import message
 from draglag.recording import Screen
 from draglag.touch_events.frames import Mapping2D
 from draglag_devices.addresses import Address, parse_address
@@ -89,7 +90,9 @@ def _agreed(addresses: list[Address], option: str, default: str) -> str:
     given = {address.options[option] for address in addresses if option in address.options}
     if len(given) > 1:
         raise DeviceError(
-            addresses[0].text, f"simulated sources differ in {option} ({', '.join(sorted(given))})", "give all the same"
+            addresses[0].text,
+            message("simulated sources differ in {option} ({given})", option=option, given=", ".join(sorted(given))),
+            "give all the same",
         )
     return given.pop() if given else default
 
@@ -98,5 +101,7 @@ def _seed(addresses: list[Address], default: int) -> int:
     text = _agreed(addresses, "seed", str(default))
     number = next((a.number("seed") for a in addresses if "seed" in a.options), float(default))
     if number is None or number < 0 or not math.isfinite(number) or number != int(number):
-        raise DeviceError(addresses[0].text, f"seed={text} is not a whole number", "write e.g. seed=3")
+        raise DeviceError(
+            addresses[0].text, message("seed={text} is not a whole number", text=text), "write e.g. seed=3"
+        )
     return int(number)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from draglag.errors import DraglagError
+from draglag.messages import message, phrase
 from draglag.recording import AxisInfo, ClockBounds, FloatArray, IntArray, LaserTrace, Taps, TouchTrace
 from draglag.touch_events.frames import Mapping2D
 
@@ -18,7 +19,8 @@ class DeviceError(DraglagError):
     def __init__(self, source: str, problem: str, remedy: str = "") -> None:
         self.source = source
         # A source may be no more than a scheme, "ethercat:", which brings the colon.
-        super().__init__(f"{source.removesuffix(':')}: {problem}", remedy)
+        where = source.removesuffix(":")
+        super().__init__(message("{source}: {problem}", source=where, problem=phrase(problem)), remedy)
 
 
 @dataclass(frozen=True)

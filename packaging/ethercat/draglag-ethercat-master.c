@@ -170,10 +170,12 @@ int main(int argc, char **argv)
         return 2;
     }
     if (argv[1][0] != '-' && !is_allowed(argv[1])) {
-        /* As a message of the bus process, so that it reaches people like its own refusals. */
-        printf("{\"m\": \"refused\", \"code\": \"not_allowed\", \"problem\": \"the network interface %s was not allowed "
-               "when the EtherCAT helper was installed, only %s\", \"remedy\": \"install it again for this interface: "
-               DRAGLAG_INSTALL " %s\"}\n", argv[1], DRAGLAG_INTERFACES, argv[1]);
+        /* As a message of the bus process, so that it reaches people like its own refusals: words for people are
+           their template and its arguments (draglag.messages). */
+        printf("{\"m\": \"refused\", \"code\": \"not_allowed\", \"problem\": {\"template\": \"the network interface {name} "
+               "was not allowed when the EtherCAT helper was installed, only {others}\", \"arguments\": {\"name\": \"%s\", "
+               "\"others\": \"%s\"}}, \"remedy\": {\"template\": \"install it again for this interface: {command}\", "
+               "\"arguments\": {\"command\": \"" DRAGLAG_INSTALL " %s\"}}}\n", argv[1], DRAGLAG_INTERFACES, argv[1]);
         return 1;
     }
     if (!is_trusted(DRAGLAG_PYTHON)) {

@@ -16,6 +16,7 @@ from draglag.errors import DataError, EstimateError
 from draglag.instruments.clocks import rate_words
 from draglag.latency.estimate import WINDOW_S
 from draglag.latency.estimators import OWN, estimator_names
+from draglag.messages import message
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.system.packages import need
@@ -179,10 +180,16 @@ def analyze(
 def _refuse_early(session: Path, save: bool, report: Path | None, save_model: Path | None) -> None:
     """Raise before long work for what cannot be written."""
     if save and not session.is_file():
-        raise DataError(f"{session}: only a session file can keep a result", "Import it first, or leave --save out")
+        raise DataError(
+            message("{session}: only a session file can keep a result", session=session),
+            "Import it first, or leave --save out",
+        )
     if report is not None:
         if (report / "report.html").exists():
-            raise DataError(f"{report / 'report.html'}: exists already and is not overwritten", "Choose another folder")
+            raise DataError(
+                message("{path}: exists already and is not overwritten", path=report / "report.html"),
+                "Choose another folder",
+            )
         need("matplotlib")
     if save_model is not None:
         refuse_existing(save_model)
@@ -215,7 +222,9 @@ def _refuse_without_latency(session: Path, analysis: Analysis) -> None:
     if analysis.runs and all(run.latency_s is None for run in analysis.runs):
         why = ", ".join(dict.fromkeys(flag.replace("_", " ") for run in analysis.runs for flag in run.flags))
         raise EstimateError(
-            f"{session}: none of {len(analysis.runs)} runs gave a latency ({why})",
+            message(
+                "{session}: none of {n} runs gave a latency ({why})", session=session, n=len(analysis.runs), why=why
+            ),
             "Check that the laser sees the stylus cross the beam, and record again",
         )
 
@@ -268,7 +277,7 @@ def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> 
     from draglag.model.file import Provenance, model_of, save_model
 
     if analysis.curve is None:
-        raise DataError(f"{source}: there is no curve to save", "See the verdict on its runs")
+        raise DataError(message("{source}: there is no curve to save", source=source), "See the verdict on its runs")
     rate = analysis.options.update_rate_hz
     provenance = Provenance(
         session=data.name,

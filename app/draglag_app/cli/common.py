@@ -14,7 +14,8 @@ from typing import Any
 
 import click
 
-from draglag.errors import DataError, one_line
+from draglag.errors import DataError, cause, one_line
+from draglag.messages import message
 from draglag.reading.limits import WHOLE_MOST
 from draglag.recording import LogEntry, Session
 
@@ -66,14 +67,19 @@ def written_whole(path: Path) -> Iterator[Path]:
         with new_file(path) as growing:
             yield growing
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=cause(error)), "Check the folder and free space"
+        ) from error
 
 
 def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> None:
     """Raise DataError for the id of a run that a session does not have; ``all`` is none."""
     unknown = sorted(set(ids) - {run.id for run in session.runs} - {"all"})
     if unknown:
-        raise DataError(f"{path}: there is no run {unknown[0]!r}", "See draglag analyze for the ids")
+        raise DataError(
+            message("{path}: there is no run {name}", path=path, name=repr(unknown[0])),
+            "See draglag analyze for the ids",
+        )
 
 
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
@@ -110,11 +116,16 @@ def warn(*texts: str) -> None:
 def refuse_existing(path: Path) -> None:
     """Raise DataError if something is there, before long work rather than after it."""
     if os.path.lexists(path):
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+        raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
     if len(os.fsencode(path.name)) > NAME_BYTES:
-        raise DataError(f"{path.name[:40]}…: is too long for the name of a file", "Choose a shorter one")
+        raise DataError(
+            message("{name}…: is too long for the name of a file", name=path.name[:40]), "Choose a shorter one"
+        )
     if not os.path.isdir(path.absolute().parent):
-        raise DataError(f"{path.absolute().parent}: there is no such folder", "Make it first, or choose another")
+        raise DataError(
+            message("{path}: there is no such folder", path=path.absolute().parent),
+            "Make it first, or choose another",
+        )
 
 
 @contextmanager

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.reading.limits import TIME_S
 from draglag.recording import FloatArray
 from draglag.system.packages import need
@@ -90,7 +91,7 @@ def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool
             undone_s, undone_x, undone_y, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s
         )
     except DataError as error:
-        raise DataError(f"{source}: {error.problem}", error.remedy) from error
+        raise DataError(message("{source}: {problem}", source=source, problem=error.problem), error.remedy) from error
     columns = {
         "t_s": t_s,
         "x_mm": x_mm,
@@ -108,7 +109,9 @@ def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool
         with new_file(out) as growing:
             np.savetxt(growing, rows, delimiter=",", header=",".join(columns), comments="", fmt=form)
     except OSError as error:
-        raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=out, why=cause(error)), "Check the folder and free space"
+        ) from error
     return {
         **done.report(),
         "not_compensated": list(correction.left_but_law),
@@ -123,9 +126,11 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
 
     rows = read_events(path, ("t_s", "x_mm", "y_mm"))
     if not len(rows):
-        raise DataError(f"{path}: holds no events", "Give one row t_s,x_mm,y_mm for each event")
+        raise DataError(message("{path}: holds no events", path=path), "Give one row t_s,x_mm,y_mm for each event")
     if np.nanmax(np.abs(rows[:, 0]), initial=0.0, where=np.isfinite(rows[:, 0])) > TIME_S:
-        raise DataError(f"{path}: t_s holds times that cannot be seconds", "Give the times in seconds")
+        raise DataError(
+            message("{path}: t_s holds times that cannot be seconds", path=path), "Give the times in seconds"
+        )
     return rows[:, 0], rows[:, 1], rows[:, 2]
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import click
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
-from draglag.errors import DataError, DraglagError
+from draglag.errors import DataError, DraglagError, cause
+from draglag.messages import message
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.store import add_analysis, read_session
@@ -38,7 +39,9 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
     need("matplotlib")
     path = out / "session.h5"
     if path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another folder with --out")
+        raise DataError(
+            message("{path}: exists already and is not overwritten", path=path), "Choose another folder with --out"
+        )
     protocol = load_protocol("demo")
     rig = make_rig(
         dict.fromkeys(("touch", "laser", "walt"), "sim:"),
@@ -49,7 +52,9 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose a folder you may write") from None
+        raise DataError(
+            message("{path}: cannot be made ({why})", path=out, why=cause(error)), "Choose a folder you may write"
+        ) from None
     record_with(protocol, rig, None, path, session_options(rig, screen_name, seed))
     session = read_session(path)
     options = AnalysisOptions()

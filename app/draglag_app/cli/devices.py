@@ -8,6 +8,7 @@ import socket
 import click
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag_devices.addresses import known_forms
 from draglag_devices.discovery import Found, discover
 
@@ -45,7 +46,10 @@ def _check(interfaces: tuple[str, ...]) -> None:
     for interface in interfaces:
         if interface not in known:
             others = ", ".join(name for name in known if name != "lo") or "none"
-            raise DataError(f"there is no network interface called {interface}", f"this computer has: {others}")
+            raise DataError(
+                message("there is no network interface called {name}", name=interface),
+                message("this computer has: {others}", others=others),
+            )
 
 
 def _line(device: Found, width: int) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag_app.cli.common import FiniteRange, load_session, progress, refuse_existing, say_warnings, session_argument
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def import_(
     refuse_existing(out)
     for path in paths:
         if not path.exists():
-            raise DataError(f"{path}: there is no such folder or file", "Check the path")
+            raise DataError(message("{path}: there is no such folder or file", path=path), "Check the path")
     first = paths[0]
     if kind == "exchange" or (kind is None and (first.is_dir() or first.name == "session.json")):
         data = _exchange(paths, laser, mapped)

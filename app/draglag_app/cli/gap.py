@@ -20,6 +20,7 @@ from draglag.gap.wording import (
     tolerated_in_words,
 )
 from draglag.gap.workflow import close_gap
+from draglag.messages import joined, message
 from draglag.model.file import save_model
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects
@@ -128,7 +129,9 @@ def gap(
     if result.verdict is None:
         has_remedy = any(". " in words for words in result.missing)  # an estimate's own refusal has one
         remedy = "" if has_remedy else "Record what is missing"
-        raise EstimateError(f"{session}: no verdict: {'; '.join(result.missing)}", remedy)
+        raise EstimateError(
+            message("{session}: no verdict: {missing}", session=session, missing=joined("; ", result.missing)), remedy
+        )
     _write(session, data, result, unnamed, report, model_path)
     if not as_json:
         print_finding(result, report)

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.system.packages import need
 from draglag_app.cli.batch import Outcome
 from draglag_app.cli.common import number, print_json, progress, refuse_existing, table, written_whole
@@ -53,7 +54,8 @@ def sessions_in(paths: Sequence[Path]) -> list[Path]:
         some = _in_one(path)
         if not some:
             raise DataError(
-                f"{path}: holds no session", "Name session files (.h5), exchange folders, or folders of them"
+                message("{path}: holds no session", path=path),
+                "Name session files (.h5), exchange folders, or folders of them",
             )
         found |= dict.fromkeys(some)
     return list(found)

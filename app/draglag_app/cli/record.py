@@ -17,6 +17,7 @@ from typing import Any, cast
 import click
 
 from draglag.errors import DataError, DraglagError
+from draglag.messages import message
 from draglag.protocol.presets import load_screen_file
 from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Screen, Stylus, TouchCalibration
@@ -139,9 +140,13 @@ def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
     """Have the touchscreen at ``touch`` map with a saved calibration, which the session keeps. Raises DataError."""
     fit, device = load_calibration(path)
     if "calibration" in parse_address(touch).options:
-        raise DataError(f"{touch}: the address brings a calibration of its own", "leave out one of the two")
+        raise DataError(
+            message("{touch}: the address brings a calibration of its own", touch=touch), "leave out one of the two"
+        )
     if not give_calibration(rig, as_mapping(fit), device, fit.rms_mm):
-        raise DataError(f"{touch}: only a touchscreen (evdev:…) takes a calibration", "leave out --calibration")
+        raise DataError(
+            message("{touch}: only a touchscreen (evdev:…) takes a calibration", touch=touch), "leave out --calibration"
+        )
     return load_touches(path)
 
 
@@ -184,7 +189,10 @@ def record_with(
         else:
             path = _on_screen(number)(number, measure, options.screen, control)
     if problem:
-        raise DataError(f"the session is not whole: {problem}", f"what was recorded is in {path}")
+        raise DataError(
+            message("the session is not whole: {problem}", problem=problem),
+            message("what was recorded is in {path}", path=path),
+        )
     return path
 
 
@@ -196,7 +204,9 @@ def _on_screen(number: int) -> _OnScreen:
     except ModuleNotFoundError as missing:
         if not (missing.name or "").startswith("draglag_app.windows"):
             problem, remedy = advice(missing.name or "")
-            raise DraglagError(f"screen {number} cannot be drawn on: {problem}", remedy) from None
+            raise DraglagError(
+                message("screen {number} cannot be drawn on: {problem}", number=number, problem=problem), remedy
+            ) from None
         raise DraglagError("drawing on a screen is not built in this version", "use --display offscreen") from None
     return cast(_OnScreen, module.record_on_screen)
 

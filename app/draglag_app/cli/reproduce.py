@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.system.packages import need
 from draglag_app.cli.common import Seed, json_option, print_json, progress, table
 
@@ -35,13 +36,18 @@ def reproduce(out: Path | None, seed: int, n_further: int, as_json: bool) -> Non
     from draglag.reproduction.write import SIMULATED_WORDS, table_2, table_3, words, write_reproduction
 
     if out is not None and (out / "reproduction.html").exists():
-        raise DataError(f"{out / 'reproduction.html'}: exists already and is not overwritten", "Choose another folder")
+        raise DataError(
+            message("{path}: exists already and is not overwritten", path=out / "reproduction.html"),
+            "Choose another folder",
+        )
     if out is not None:
         need("matplotlib")
         try:  # before minutes of work rather than after them
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose another folder") from error
+            raise DataError(
+                message("{path}: cannot be made ({why})", path=out, why=cause(error)), "Choose another folder"
+            ) from error
     with progress("Reproducing") as on_progress:
         result = measure(seed, on_progress, n_further)
     written = None if out is None else write_reproduction(result, out)

@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from draglag.errors import EstimateError
+from draglag.messages import message
 from draglag.provenance import is_simulated
 from draglag.recording import FloatArray, Run
 from draglag_app.cli.common import (
@@ -73,7 +74,10 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
 
     done, problems = _each(runs, validated)
     if not done:
-        raise EstimateError(f"{session}: no run could be validated", problems[0] if problems else "It holds no runs")
+        raise EstimateError(
+            message("{session}: no run could be validated", session=session),
+            problems[0] if problems else "It holds no runs",
+        )
     if as_json:
         about = {"file": str(model_path), "form": model.form, "session": model.provenance.session}
         print_json(

@@ -12,12 +12,13 @@ from pathlib import Path
 import click
 
 from draglag.errors import DataError, DraglagError
+from draglag.messages import message
 from draglag.system.packages import need
 from draglag_app.cli.main import OPERATOR_WINDOW, load
 
 WINDOW_MODULES = ("PySide6", "pyqtgraph")
 
-_REMEDY = "Start it from a desktop, or use a command that needs none"
+_REMEDY = message("Start it from a desktop, or use a command that needs none")
 _NEED_NONE = ("offscreen", "minimal")  # platforms of Qt that draw into memory
 _TIMEOUT_S = 20.0  # Qt starts within half a second; a display that does not answer may take for ever
 
@@ -31,10 +32,10 @@ def need_display() -> None:
         raise DraglagError("there is no display to draw on", _REMEDY)
     if _on_x():
         if not display or not _x_answers():
-            raise DraglagError(f"the display {display or 'of X'} does not answer", _REMEDY)
+            raise DraglagError(message("the display {display} does not answer", display=display or "of X"), _REMEDY)
     elif not _qt_starts():
         where = f"QT_QPA_PLATFORM={platform}" if platform else f"WAYLAND_DISPLAY={os.environ['WAYLAND_DISPLAY']}"
-        raise DraglagError(f"Qt cannot draw on the display that is set ({where})", _REMEDY)
+        raise DraglagError(message("Qt cannot draw on the display that is set ({where})", where=where), _REMEDY)
 
 
 def _qt_starts() -> bool:
@@ -64,7 +65,8 @@ def open_window(session: Path | None = None) -> int:
             raise
         library = str(error).partition(":")[0]
         raise DraglagError(
-            f"the operator window needs {library}, which is not installed", "./run app in a checkout says how to get it"
+            message("the operator window needs {library}, which is not installed", library=library),
+            "./run app in a checkout says how to get it",
         ) from error
     return int(opener(session) or 0)
 
@@ -101,5 +103,5 @@ def _load_x_plugin() -> None:
 def open_session(ctx: click.Context, session: Path) -> None:
     """Open the operator window on the results of a session file."""
     if not session.is_file():
-        raise DataError(f"{session}: there is no such file", "Check the name")
+        raise DataError(message("{session}: there is no such file", session=session), "Check the name")
     ctx.exit(open_window(session))

@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import draglag
-from draglag.errors import DataError
+from draglag.errors import DataError, message_of
+from draglag.messages import chained, message
 from draglag.protocol.runs import Protocol, expand
 from draglag.recording import LogEntry, Session
 from draglag.store import SessionWriter
@@ -51,7 +52,7 @@ def run_session(
     roles = {source.role for source in rig.sources}
     _check_roles(protocol, roles)
     if out.exists():
-        raise DataError(f"{out}: exists already and is not overwritten", "Choose another name")
+        raise DataError(message("{path}: exists already and is not overwritten", path=out), "Choose another name")
     give_panel(rig.sources, options.screen)
     infos = open_all(rig.sources)
     try:
@@ -91,7 +92,7 @@ def _finish(recorder: Recorder, writer: SessionWriter, control: Control, listene
         return close(writer, control, listener)
     except DataError as error:
         writer.abandon()
-        listener(events.SessionFinished(writer.partial, str(error)))
+        listener(events.SessionFinished(writer.partial, message_of(error)))
         raise
 
 
@@ -100,9 +101,12 @@ def _check_roles(protocol: Protocol, roles: set[str]) -> None:
     missing = [role for role in ("touch", "laser", "walt") if role in needed - roles]
     if missing:
         raise DeviceError(
-            f"protocol '{protocol.name}'",
-            f"needs a {' and a '.join(missing)} source",
-            "add " + " ".join(f"--{role} ADDRESS" for role in missing),
+            message("protocol '{protocol}'", protocol=protocol.name),
+            message(
+                "needs a {roles} source",
+                roles=chained("{before} and a {next}", (message("{role}", role=role) for role in missing)),
+            ),
+            message("add {options}", options=" ".join(f"--{role} ADDRESS" for role in missing)),
         )
 
 

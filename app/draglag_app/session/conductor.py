@@ -11,6 +11,7 @@ import numpy as np
 
 from draglag.errors import DraglagError
 from draglag.instruments.orientation import WORDS, wrong_way_round
+from draglag.messages import chained, joined, message
 from draglag.protocol.runs import PlannedRun, Protocol
 from draglag.protocol.targets import Tap
 from draglag.recording import AxisInfo, Run, empty_laser, empty_touch
@@ -37,11 +38,7 @@ MOST_ATTEMPTS = 3
 # A hand that follows the target has touched the screen by then.
 TOUCHED_AFTER_S = 4.0
 
-_TURNED = (
-    "screen or touchscreen was turned after the calibration. Stop, calibrate the touchscreen again, and start again."
-)
-_SILENT = "check that the stylus is on the screen under test and that this is the touchscreen in use."
-NO_TOUCH = "No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them."
+NO_TOUCH = message("No touch was recorded in any run. Check which touchscreen is in use: draglag devices lists them.")
 RUN_ROLES = ("touch", "laser")
 TAP_ROLES = ("touch", "walt")
 
@@ -147,11 +144,11 @@ class Conductor:
         if self._saver.failure is not None:
             self.problem = self._saver.failure.problem
         elif self._control.stopping:
-            self.problem = "Stopped by the operator."
+            self.problem = message("Stopped by the operator.")
         elif "touch" in self._saver.lost:
-            self.problem = str(self._saver.lost["touch"])
+            self.problem = self._saver.lost["touch"].message
         elif self._saver.lost and not self.problem:
-            self.problem = " ".join(str(error) for error in self._saver.lost.values())
+            self.problem = joined(" ", (error.message for error in self._saver.lost.values()))
         hopeless = self._saver.failure is not None or self._control.stopping or "touch" in self._saver.lost
         return hopeless
 
@@ -248,7 +245,7 @@ class Conductor:
         return whole and resume_elsewhere(self._saver, self._control, self._emit)
 
     def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
-        self._display.prompt(f"{run_id}: follow the target")
+        self._display.prompt(message("{run}: follow the target", run=run_id))
         self._display.show(planned.target, start_s)
         self._watch.check_disk(force=True)
         run = self._empty_run(planned, run_id, start_s)
@@ -257,7 +254,7 @@ class Conductor:
             if planned.note:
                 self._watch.log("info", "protocol", planned.note)
             if planned.practice:
-                self._watch.log("info", "protocol", "practice")
+                self._watch.log("info", "protocol", message("practice"))
         except DraglagError:
             return Signal.FAILURE
         self._stage.begin_run(planned, start_s, run_id)
@@ -280,13 +277,26 @@ class Conductor:
         run = self._saver.call(self._saver.so_far)
         wrong = None if run is None else wrong_way_round(run.touch, planned.target, start_s, self._options.screen)
         if wrong is not None:
-            self._watch.log("error", "touch", f"The touches are {WORDS[wrong]} against the target: {_TURNED}")
+            self._watch.log(
+                "error",
+                "touch",
+                message(
+                    "The touches are {how} against the target: screen or touchscreen was turned after the calibration. "
+                    "Stop, calibrate the touchscreen again, and start again.",
+                    how=WORDS[wrong],
+                ),
+            )
         return wrong is not None
 
     def _check_touch(self, run_id: str, after_s: float) -> None:
         run = self._saver.call(self._saver.so_far)
         if run is not None and not len(run.touch.t_s):
-            words = f"No touch has come in the first {after_s:.0f} s of {run_id}: {_SILENT}"
+            words = message(
+                "No touch has come in the first {seconds:.0f} s of {run}: check that the stylus is on the screen under "
+                "test and that this is the touchscreen in use.",
+                seconds=after_s,
+                run=run_id,
+            )
             self._watch.log("warning", "touch", words)
 
     def _preview(self, end_s: float) -> None:
@@ -318,17 +328,24 @@ class Conductor:
     def _taps(self, count: int, interval_s: float) -> None:
         missing = [role for role in TAP_ROLES if role not in self._roles or role in self._saver.lost]
         if missing:
-            self._watch.log("warning", "protocol", f"taps were left out: there is no {' and no '.join(missing)} source")
+            self._watch.log(
+                "warning",
+                "protocol",
+                message(
+                    "taps were left out: there is no {roles} source",
+                    roles=chained("{before} and no {next}", (message("{role}", role=role) for role in missing)),
+                ),
+            )
             return
         screen = self._options.screen
         tap = Tap(screen.width_mm / 2, screen.height_mm / 2, count, interval_s)
         self._control.take_abort()
         # Waited for, as a WALT keeps one shock only while it is asked for other things.
-        self._display.prompt("Comparing clocks: leave the screen alone")
+        self._display.prompt(message("Comparing clocks: leave the screen alone"))
         self._compare.wait(TAP_ROLES)
         already = self._saver.tap_count
         start_s = self._time.now() + self._options.countdown_s
-        self._display.prompt(f"Tap the spot {count} times")
+        self._display.prompt(message("Tap the spot {n} times", n=count))
         self._display.show(tap, start_s)
         self._saver.call(self._saver.begin_taps)
         self._stage.begin_taps(tap, start_s)
@@ -348,14 +365,14 @@ class Conductor:
 
     def _clock_check(self, duration_s: float) -> None:
         self._control.take_abort()
-        self._display.prompt("Comparing clocks: leave the screen alone")
+        self._display.prompt(message("Comparing clocks: leave the screen alone"))
         self._watch.wait_until(self._time.now() + duration_s, ())
         self._display.prompt("")
 
     def _rest(self) -> bool:
         """Pause before the next step. False if the session is to end."""
         self._control.take_abort()
-        self._display.prompt("Rest")
+        self._display.prompt(message("Rest"))
         by_hand = not self._control.auto
         until_s = self._time.now() + (np.inf if by_hand else self._protocol.rest_s)
         self._emit(events.Resting(until_s - self._time.now()))

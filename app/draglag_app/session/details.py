@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from draglag.errors import DataError
+from draglag.messages import message
 
 STANDARD = ("participant", "session", "operator")
 TEMPLATE = "{date}_{time}_{protocol}-{screen}"
@@ -24,8 +25,8 @@ def check_name(name: str) -> str:
     """The name of a free field itself, if it can be one. Raises DataError."""
     if not _NAME.match(name) or name in GIVEN:
         raise DataError(
-            f"“{name[:60]}” cannot be the name of a field",
-            "Use letters, digits and _, a letter first, and none of " + ", ".join(GIVEN),
+            message("“{name}” cannot be the name of a field", name=name[:60]),
+            message("Use letters, digits and _, a letter first, and none of {names}", names=", ".join(GIVEN)),
         )
     return name
 
@@ -36,7 +37,7 @@ def parse_details(texts: Iterable[str]) -> dict[str, str]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals:
-            raise DataError(f"“{text[:60]}” is no detail", "Write NAME=TEXT, as participant=P07")
+            raise DataError(message("“{text}” is no detail", text=text[:60]), "Write NAME=TEXT, as participant=P07")
         out[check_name(name.strip())] = value.strip()
     return {name: value for name, value in out.items() if value}
 
@@ -52,9 +53,12 @@ def check_template(template: str, fields: Iterable[str] = ()) -> str:
     places = [f"{name}{':' + spec if spec else ''}{'!' + turn if turn else ''}" for _, name, spec, turn in parts]
     unknown = [place for place in places if place not in known]
     if unknown:
-        raise DataError(f"the file name asks for {{{unknown[0]}}}", "Known are " + ", ".join(sorted(known)))
+        raise DataError(
+            message("the file name asks for {{{name}}}", name=unknown[0]),
+            message("Known are {names}", names=", ".join(sorted(known))),
+        )
     if not places and not template.strip():
-        raise DataError("the file name is empty", f"The usual one is {TEMPLATE}")
+        raise DataError("the file name is empty", message("The usual one is {template}", template=TEMPLATE))
     return template
 
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from draglag.messages import message
 from draglag.recording import LaserTrace, TouchTrace
 from draglag_devices.source import Batch, Notice
 
@@ -42,9 +43,10 @@ class Order:
         notices = batch.notices
         if lost and not self._said:
             self._said = True
-            words = (
-                f"{lost} samples came with stamps that go back in time or are no times: they are left out and counted "
-                "as lost, as further ones will be. Check the device."
+            words = message(
+                "{n} samples came with stamps that go back in time or are no times: they are left out and "
+                "counted as lost, as further ones will be. Check the device.",
+                n=lost,
             )
             notices = (*notices, Notice(batch.until_s, "error", words))
         return replace(batch, touch=touch, laser=laser, notices=notices)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from draglag.errors import DataError, DraglagError
+from draglag.messages import message
 from draglag.store import SessionWriter
 from draglag_app.session import events
 from draglag_app.session.control import Control
@@ -41,7 +42,8 @@ def close(writer: SessionWriter, control: Control, emit: events.Listener) -> Pat
 def elsewhere(failure: DraglagError, partial: Path) -> DataError:
     """The failure with what to do once the session has ended."""
     return DataError(
-        failure.problem, f"Make room on the disk, then `draglag verify {partial}`, or save it elsewhere with --out"
+        failure.problem,
+        message("Make room on the disk, then `draglag verify {file}`, or save it elsewhere with --out", file=partial),
     )
 
 

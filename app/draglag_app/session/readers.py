@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from draglag.messages import joined, message, phrase
 from draglag.recording import concatenate, empty_laser, empty_touch
 from draglag_app.session.orderly import Order
 from draglag_devices.source import Batch, Concludes, DeviceError, Paced, Source, SourceInfo
@@ -37,9 +38,9 @@ class OpenFaults(DeviceError):
         self.faults = faults
         super().__init__(faults[0].source, "")
         self.source = ", ".join(fault.source for fault in faults)
-        self.problem = " ".join(str(fault) for fault in faults)
-        self.remedy = ""
-        self.args = (self.problem,)
+        self.problem = self.message = joined(" ", (fault.message for fault in faults))
+        self.remedy = phrase("")
+        self.args = (str(self.message),)
 
 
 def open_all(sources: tuple[Source, ...]) -> dict[str, SourceInfo]:
@@ -67,7 +68,11 @@ def as_device_error(source: Source, error: Exception) -> DeviceError:
     if isinstance(error, DeviceError):
         return error
     reason = str(error) or type(error).__name__
-    return DeviceError(source.address, f"{source.role} stopped working ({reason})", "check the device and try again")
+    return DeviceError(
+        source.address,
+        message("{role} stopped working ({why})", role=source.role, why=reason),
+        "check the device and try again",
+    )
 
 
 class ReaderThread(threading.Thread):

@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from draglag.errors import DataError, DraglagError
+from draglag.errors import DataError, DraglagError, cause, message_of
+from draglag.messages import message
 from draglag.recording import ClockBounds, DisplayTrace, LogEntry, Run
 from draglag.store import SessionWriter
 from draglag_app.session import events
@@ -26,7 +27,7 @@ from draglag_devices.source import Batch, DeviceError
 
 # A crash may cost at most 0.5 s of data; live plots follow the flushes.
 FLUSH_S = 0.2
-DELETED = "was deleted while it was recorded into, and was written again"
+DELETED = message("was deleted while it was recorded into, and was written again")
 _T = TypeVar("_T")
 
 
@@ -167,7 +168,7 @@ class Saver:
 
     def give_up(self, role: str) -> None:
         """Treat a source that does not report any more as lost."""
-        error = DeviceError(role, f"the {role} source does not report any more", "check the device")
+        error = DeviceError(role, message("the {role} source does not report any more", role=role), "check the device")
         self._take_loss(Lost(role, error))
 
     def begin_taps(self) -> None:
@@ -194,7 +195,7 @@ class Saver:
             except DraglagError as error:
                 self._fail(error)
             except Exception as error:  # an unforeseen fault must end the run with an outcome, not the thread
-                self._fail(DataError(f"{self.partial}: cannot be written ({error})"))
+                self._fail(DataError(message("{path}: cannot be written ({why})", path=self.partial, why=error)))
             if item is None:
                 self._emit_pending()
                 return
@@ -222,7 +223,7 @@ class Saver:
         self._pending_events.append(events.DeviceFault(item.role, error.source, error.problem, error.remedy))
         t_s = self._marks[item.role]
         with suppress(DraglagError):  # it is kept as ``failure``
-            self.log(LogEntry(t_s if np.isfinite(t_s) else 0.0, "error", item.role, str(error)))
+            self.log(LogEntry(t_s if np.isfinite(t_s) else 0.0, "error", item.role, error.message))
 
     def _take_batch(self, role: str, batch: Batch) -> None:
         opened = self._run
@@ -275,13 +276,19 @@ class Saver:
         try:
             done = append()
         except OSError as error:
-            failure: DraglagError = DataError(f"{self.partial}: cannot be written ({error.strerror or error})")
+            failure: DraglagError = DataError(
+                message("{path}: cannot be written ({why})", path=self.partial, why=cause(error))
+            )
         except DraglagError as error:
             failure = error
         else:
             if self._writer.restored > self._restored:
                 self._restored = self._writer.restored
-                self._pending_events.append(events.NoticeRaised(0.0, "warning", "file", f"{self.partial}: {DELETED}"))
+                self._pending_events.append(
+                    events.NoticeRaised(
+                        0.0, "warning", "file", message("{path}: {what}", path=self.partial, what=DELETED)
+                    )
+                )
             return done
         self._fail(failure)
         raise failure
@@ -304,4 +311,4 @@ class Saver:
             with self._progress:
                 self.failure = error
                 self._progress.notify_all()
-            self._pending_events.append(events.NoticeRaised(0.0, "error", "file", str(error)))
+            self._pending_events.append(events.NoticeRaised(0.0, "error", "file", message_of(error)))

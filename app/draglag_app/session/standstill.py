@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from draglag.messages import message
+
 # Between two samples. A reader waits 0.1 s at most for its device.
 _PERIOD_S = 0.05
 # A thread that wakes so late did not merely wait its turn: on two cores with a load of 12 the longest wait in a minute
@@ -30,13 +32,15 @@ class Standstill:
     def message(self) -> str:
         """What happened and what it means for the run, in one sentence and a half."""
         if self.suspended_s > SLEPT_S:
-            return (
-                f"the computer was suspended for {self.suspended_s:.1f} s: nothing was recorded meanwhile. "
-                "Keep it awake, and record the run again."
+            return message(
+                "the computer was suspended for {s:.1f} s: nothing was recorded meanwhile. Keep it awake, and "
+                "record the run again.",
+                s=self.suspended_s,
             )
-        return (
-            f"this program did not run for {self.to_s - self.from_s:.1f} s (it was stopped, or the computer was too "
-            "busy): the target stood still and events may be lost. Record the run again."
+        return message(
+            "this program did not run for {s:.1f} s (it was stopped, or the computer was too busy): the "
+            "target stood still and events may be lost. Record the run again.",
+            s=self.to_s - self.from_s,
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from draglag.errors import DraglagError
 from draglag.latency.conduct import STANDSTILL
+from draglag.messages import message
 from draglag.recording import LogEntry
 from draglag_app.session import events
 from draglag_app.session.control import Control
@@ -107,7 +108,7 @@ class Watch:
         patience_s = STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
         late = self._saver.wait_past(until_s, roles, patience_s)
         for role in late:
-            self.log("warning", role, f"{role} did not report up to the end of the run")
+            self.log("warning", role, message("{role} did not report up to the end of the run", role=role))
         if self._saver.failure is not None:
             return Signal.FAILURE
         return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
@@ -130,7 +131,11 @@ class Watch:
         self._emit(events.DiskStatus(free, size))
         if free < _DISK_LOW and not self._disk_warned:
             self._disk_warned = True
-            self.log("warning", "disk", f"only {free // 1_000_000} MB are free in {folder}: make room")
+            self.log(
+                "warning",
+                "disk",
+                message("only {free} MB are free in {folder}: make room", free=free // 1_000_000, folder=folder),
+            )
 
     def log(self, level: str, source: str, text: str) -> None:
         entry = LogEntry(self._time.now(), level, source, text)

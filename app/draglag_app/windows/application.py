@@ -51,7 +51,7 @@ def install_excepthook(report: Callable[[str], None]) -> None:
             QCoreApplication.quit()
             return
         if isinstance(error, DraglagError):
-            report(str(error))
+            report(error.message)
             return
         where = write_fault(kind, error, trace)
         said = translate("Application", "Something went wrong ({error}). Details are in {where}.")

@@ -45,7 +45,7 @@ def begin(window: OperatorWindow, asked: bool = False) -> None:
     try:
         space.recording.start(make_order(space))
     except DraglagError as error:
-        window.notify("error", str(error))
+        window.notify("error", error.message)
 
 
 def _start_anyway(window: OperatorWindow, problems: str) -> bool:

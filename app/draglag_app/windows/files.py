@@ -137,7 +137,7 @@ def _save_each(window: OperatorWindow, left: list[Path], folder: Path | None) ->
                 saved.append(salvage(path, None if folder is None else folder / final_name(path).name).path.name)
             except DraglagError as error:
                 failed.append(path)
-                why = str(error)
+                why = error.message
         return saved, failed, why
 
     def done(result: tuple[list[str], list[Path], str]) -> None:

@@ -144,7 +144,7 @@ class SessionDialog(QDialog):
             self.preview.setText(self.tr("Saved as {name}").format(name=path.name))
             problem = ""
         except DraglagError as error:
-            problem = in_words(str(error))
+            problem = in_words(error.message)
             problem = problem[:1].upper() + problem[1:]
             self.preview.setText(problem)
         restyle(self.preview, "level", "bad" if problem else "")

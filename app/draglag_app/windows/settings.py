@@ -12,8 +12,9 @@ import tomli_w
 from platformdirs import user_config_path, user_documents_path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from draglag.errors import DataError, DraglagError
+from draglag.errors import DataError, DraglagError, cause
 from draglag.instruments.calibration import AffineFit
+from draglag.messages import message
 from draglag.protocol.presets import load_screen_file
 from draglag.protocol.runs import load_protocol
 from draglag.reading import parse_toml, read_bytes, read_text
@@ -166,12 +167,19 @@ def load_settings(path: Path) -> tuple[Settings, str]:
     try:
         known = parse_toml(read_text(path, DOCUMENT_BYTES), path)
     except DataError as error:
-        return Settings(), f"{error.problem} The settings start from the defaults.{_kept(path)}"
+        return Settings(), message(
+            "{problem} The settings start from the defaults.{kept}", problem=error.problem, kept=_kept(path)
+        )
     try:
         settings, problem = Settings.model_validate(known), ""
     except ValidationError as error:
         wrong = sorted({".".join(str(part) for part in fault["loc"]) for fault in error.errors()})
-        problem = f"{path}: {', '.join(wrong)} cannot be used and starts from the default.{_kept(path)}"
+        problem = message(
+            "{path}: {names} cannot be used and starts from the default.{kept}",
+            path=path,
+            names=", ".join(wrong),
+            kept=_kept(path),
+        )
         try:
             settings = Settings.model_validate(_without(known, [fault["loc"] for fault in error.errors()]))
         except ValidationError:
@@ -179,11 +187,11 @@ def load_settings(path: Path) -> tuple[Settings, str]:
     try:
         settings.panel.screen()
     except DraglagError as error:
-        return settings.model_copy(update={"panel": PanelSettings()}), str(error)
+        return settings.model_copy(update={"panel": PanelSettings()}), error.message
     try:
         load_protocol(settings.protocol)
     except DraglagError as error:
-        return settings, problem or str(error)
+        return settings, problem or error.message
     return settings, problem
 
 
@@ -206,7 +214,7 @@ def _kept(path: Path) -> str:
         copy.write_bytes(read_bytes(path, DOCUMENT_BYTES))
     except (DataError, OSError):
         return ""
-    return f" As it was it is kept in {copy.name}."
+    return message(" As it was it is kept in {name}.", name=copy.name)
 
 
 def save_settings(settings: Settings, path: Path) -> None:
@@ -217,4 +225,6 @@ def save_settings(settings: Settings, path: Path) -> None:
         temporary.write_text(tomli_w.dumps(settings.model_dump(exclude_none=True)), "utf-8")
         temporary.replace(path)
     except OSError as error:
-        raise DataError(f"{path}: the settings cannot be saved ({error.strerror})", "Check the folder") from None
+        raise DataError(
+            message("{path}: the settings cannot be saved ({why})", path=path, why=cause(error)), "Check the folder"
+        ) from None

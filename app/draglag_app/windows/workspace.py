@@ -51,7 +51,7 @@ class Workspace(QObject):
     """Another session is at hand, or none."""
     analysis_changed = Signal()
     comments_changed = Signal()
-    noticed = Signal(str, str)
+    noticed = Signal(str, object)
     """(level, sentence) for the operator."""
     saved = Signal(object)
     """The path of what was written for the operator."""
@@ -83,7 +83,7 @@ class Workspace(QObject):
         try:
             save_settings(self.settings, self.settings_file)
         except DraglagError as error:
-            self.noticed.emit("warning", str(error))
+            self.noticed.emit("warning", error.message)
         self.settings_changed.emit()
 
     def change_protocol(self, protocol: Protocol, what: str) -> None:

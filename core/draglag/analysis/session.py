@@ -18,6 +18,7 @@ from draglag.latency.conduct import why_excluded, with_conduct
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.estimators import estimator_of
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
+from draglag.messages import message
 from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
 from draglag.shown import table_html
@@ -177,7 +178,11 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
             options.window_s,
         )
         estimates.append(with_conduct(with_systematics(found, correct=options.estimator != "paper"), run))
-    problems = [f"{e.id}: no latency ({', '.join(e.flags)})" for e in estimates if e.latency_s is None]
+    problems: list[str] = [
+        message("{run}: no latency ({flags})", run=e.id, flags=", ".join(e.flags))
+        for e in estimates
+        if e.latency_s is None
+    ]
     tap_bound_s = tap_uncertainty_s(session.taps, session.clocks)
     taps = summarise_taps(session.taps, tap_bound_s)
     excluded = _excluded(session, estimates, options)
@@ -253,12 +258,12 @@ def _curve(
     estimates: list[RunEstimate], taps: Mapping[str, TapSummary], options: AnalysisOptions
 ) -> tuple[CurveFit | None, list[str]]:
     tied_s, tied_se_s = None, 0.0
-    problems = []
+    problems: list[str] = []
     if options.tie_asymptote:
         if "release" in taps:
             tied_s, tied_se_s = taps["release"].median_s, taps["release"].median_se_s
         else:
-            problems.append("the asymptote could not be tied: the session has no release taps")
+            problems.append(message("the asymptote could not be tied: the session has no release taps"))
     points = curve_points(estimates)
     try:
         if options.form == "best":
@@ -267,9 +272,11 @@ def _curve(
             curve = fit_form(points, options.form, tied_s, tied_se_s)
         return (curve if options.tie_asymptote else _with_common_shift(curve)), problems
     except KeyError:
-        raise EstimateError(f"unknown curve form {options.form!r}", "See draglag analyze --help") from None
+        raise EstimateError(
+            message("unknown curve form {form}", form=repr(options.form)), "See draglag analyze --help"
+        ) from None
     except EstimateError as error:
-        return None, [*problems, str(error)]
+        return None, [*problems, error.message]
 
 
 def _with_common_shift(curve: CurveFit) -> CurveFit:
@@ -289,9 +296,12 @@ def _off_the_curve(curve: CurveFit | None) -> list[str]:
     if curve is None or curve.points is None or curve.between_runs_s < FAR_OFF_S:
         return []
     return [
-        f"Runs lie {1e3 * curve.between_runs_s:.1f} ms off the curve beyond their own errors: something other than "
-        "speed moves their latency, or the curve is too simple for them. See what draglag gap finds before using the "
-        "curve."
+        message(
+            "Runs lie {off:.1f} ms off the curve beyond their own errors: something other than speed moves "
+            "their latency, or the curve is too simple for them. See what draglag gap finds before using the "
+            "curve.",
+            off=1e3 * curve.between_runs_s,
+        )
     ]
 
 
@@ -311,13 +321,14 @@ def _validate(
 ) -> tuple[list[Validation], list[str]]:
     varying = [run for run in session.runs if not has_constant_speed(run) and run.id not in excluded]
     if curve is None:
-        return [], [f"{run.id}: not validated, there is no curve" for run in varying]
-    out, problems = [], []
+        return [], [message("{run}: not validated, there is no curve", run=run.id) for run in varying]
+    out: list[Validation] = []
+    problems: list[str] = []
     for run in varying:
         on_progress(1 - len(varying) / max(len(session.runs), 1), run.id)
         try:
             ready = prepare(_with_hindsight(run, session), session.stylus.diameter_mm, options.update_rate_hz)
             out.append(validate_run(ready, curve.predict_s, curve.speed_range_mm_s))
         except EstimateError as error:
-            problems.append(str(error))
+            problems.append(error.message)
     return out, problems

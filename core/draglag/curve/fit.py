@@ -13,6 +13,7 @@ from draglag.curve.forms import FORMS, Form
 from draglag.curve.points import CurvePoints, distinct_speeds
 from draglag.curve.separable import evaluated_ms, jacobian_ms, shown_s, slope_s_per_mm_s, solved
 from draglag.errors import EstimateError
+from draglag.messages import message, phrase
 from draglag.recording import FloatArray
 from draglag.shown import table_html
 
@@ -144,11 +145,18 @@ def fit_form(
     """
     form = FORMS[form_name]
     if tied_asymptote_s is not None and "a7_ms" not in form.names:
-        raise EstimateError(f"the form {form_name} has no asymptote to tie", "Choose an exponential form")
+        raise EstimateError(
+            message("the form {form} has no asymptote to tie", form=form_name), "Choose an exponential form"
+        )
     free = form.n_parameters - (tied_asymptote_s is not None)
     if points.speed_mm_s.size < free:
         raise EstimateError(
-            f"{points.speed_mm_s.size} runs cannot determine the {free} parameters of {form.title}",
+            message(
+                "{n} runs cannot determine the {k} parameters of {form}",
+                n=points.speed_mm_s.size,
+                k=free,
+                form=phrase(form.title),
+            ),
             "Measure more speeds or choose a simpler form",
         )
     # From loose to tight: with the runs' own standard errors alone the fastest runs would pin the first descent.
@@ -181,7 +189,9 @@ def fit_best(
     n_speeds = distinct_speeds(points.speed_mm_s)
     if n_speeds < FEWEST_SPEEDS:
         raise EstimateError(
-            f"{n_speeds} different speeds are too few for a curve: at least {FEWEST_SPEEDS} are needed",
+            message(
+                "{n} different speeds are too few for a curve: at least {k} are needed", n=n_speeds, k=FEWEST_SPEEDS
+            ),
             "Record runs at more speeds",
         )
     fits = []

@@ -13,6 +13,7 @@ from draglag.errors import DataError
 from draglag.exchange.header import CalibrationPart, ClockPart, EntryPart, HeaderPart, RunPart
 from draglag.exchange.streams import LASER_MORE, TOUCH_MORE, read_display, read_gaps, whole
 from draglag.exchange.tables import column_names, find_table, read_table, write_table
+from draglag.messages import message
 from draglag.provenance import SIMULATED, is_simulated
 from draglag.reading import read_text
 from draglag.reading.limits import HEADER_BYTES, TIME_S
@@ -166,7 +167,8 @@ def _clock(path: Path, stream: str) -> ClockBounds:
     device_s, host_min_s, host_max_s = columns[:3]
     if not (np.abs(device_s) <= TIME_S).all() or not (host_min_s <= host_max_s).all():
         raise DataError(
-            f"{path}: expected finite device_s and host_min_s no later than host_max_s", "Correct or remove those rows"
+            message("{path}: expected finite device_s and host_min_s no later than host_max_s", path=path),
+            "Correct or remove those rows",
         )
     epoch = whole(path, "epoch", columns[3]) if len(columns) > 3 else np.empty(0, np.int64)
     return ClockBounds(stream, device_s, host_min_s, host_max_s, epoch)
@@ -182,7 +184,7 @@ def _gaps(folder: Path, stem: str) -> FloatArray:
 def _protocol(folder: Path, header: HeaderPart) -> str:
     if header.protocol_file is None:
         return ""
-    return read_text(folder / header.protocol_file, HEADER_BYTES, "Remove the key protocol_file")
+    return read_text(folder / header.protocol_file, HEADER_BYTES, message("Remove the key protocol_file"))
 
 
 def _write_clock(path: Path, bounds: ClockBounds) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
 from draglag.exchange.extras import (
     entries,
     find_pair,
@@ -30,6 +30,7 @@ from draglag.exchange.header import FORMAT, VERSION, HeaderPart, RunPart, read_h
 from draglag.exchange.results import write_results
 from draglag.exchange.streams import read_laser, read_taps, read_touch
 from draglag.exchange.tables import write_table
+from draglag.messages import message
 from draglag.reading.limits import HEADER_BYTES
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
 from draglag.store.analysis import StoredAnalysis
@@ -56,12 +57,15 @@ def read_exchange(folder: Path | str) -> Session:
     for part in header.runs:
         check_run_id(part.id, f"{folder / 'session.json'}")
         if part.id in ids:
-            raise DataError(f"{folder / 'session.json'}: there are two runs “{part.id}”", "Rename one of them")
+            raise DataError(
+                message("{path}: there are two runs “{run}”", path=folder / "session.json", run=part.id),
+                "Rename one of them",
+            )
         ids.add(part.id)
         runs.append(_run(folder, part))
     if not any(len(run.touch.t_s) or len(run.laser.t_s) for run in runs):
         raise DataError(
-            f"{folder}: holds no data of any run",
+            message("{path}: holds no data of any run", path=folder),
             "Expected <id>.touch.csv and <id>.laser.csv (or .csv.gz) for every run in session.json",
         )
     taps, said = _taps(folder, header)
@@ -98,8 +102,13 @@ def _run(folder: Path, part: RunPart) -> Run:
     outside = (times < start_s - _SLACK_S) | (times > start_s + duration_s + _SLACK_S)
     if outside.any():
         said.append(
-            f"{int(outside.sum())} samples lie outside the run's {start_s:g} to {start_s + duration_s:g} s: all "
-            "times must be on one host clock, not relative to the run"
+            message(
+                "{n} samples lie outside the run's {start_s:g} to {end_s:g} s: all times must be on one host "
+                "clock, not relative to the run",
+                n=int(outside.sum()),
+                start_s=start_s,
+                end_s=start_s + duration_s,
+            )
         )
     return Run(
         id=part.id,
@@ -122,7 +131,7 @@ def _run(folder: Path, part: RunPart) -> Run:
 def _log(part: RunPart, start_s: float, said: list[str]) -> tuple[LogEntry, ...]:
     """The run's log, and what the import has to add: an earlier import may have said the same."""
     log = entries(part.log)
-    new = [LogEntry(start_s, "warning", "import", f"{part.id}: {text}") for text in said]
+    new = [LogEntry(start_s, "warning", "import", message("{run}: {text}", run=part.id, text=text)) for text in said]
     return (*log, *(entry for entry in new if entry not in log))
 
 
@@ -166,10 +175,17 @@ def _header_bytes(header: dict[str, Any], folder: Path) -> bytes:
     try:
         data = (json.dumps(header, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode("utf-8", "replace")
     except ValueError as error:
-        raise DataError(f"{folder}: a value of the session is not a finite number", "Run draglag verify") from error
+        raise DataError(
+            message("{path}: a value of the session is not a finite number", path=folder), "Run draglag verify"
+        ) from error
     if len(data) > HEADER_BYTES:
         raise DataError(
-            f"{folder}: logs and notes need more than {HEADER_BYTES // 2**20} MiB in session.json", "Export to netcdf"
+            message(
+                "{path}: logs and notes need more than {most} MiB in session.json",
+                path=folder,
+                most=HEADER_BYTES // 2**20,
+            ),
+            "Export to netcdf",
         )
     return data
 
@@ -182,7 +198,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """
     # "/" and "." have no name of their own.
     if not folder.name or (folder.exists() and (not folder.is_dir() or any(folder.iterdir()))):
-        raise DataError(f"{folder}: exists already and is not overwritten", "Choose another name")
+        raise DataError(message("{path}: exists already and is not overwritten", path=folder), "Choose another name")
     made = False
     try:
         with temporary_for(folder) as growing:
@@ -191,8 +207,12 @@ def new_folder(folder: Path) -> Iterator[Path]:
             yield growing
             growing.rename(folder)
     except OSError as error:
-        word, remedy = ("written", "Check free space") if made else ("made", "Choose another place")
-        raise DataError(f"{folder}: cannot be {word} ({error.strerror})", remedy) from error
+        problem = message(
+            "{path}: cannot be written ({why})" if made else "{path}: cannot be made ({why})",
+            path=folder,
+            why=cause(error),
+        )
+        raise DataError(problem, "Check free space" if made else "Choose another place") from error
 
 
 def _header(session: Session, taps: str | None) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import HEADER_BYTES, RUNS, SIZE_MM, SIZE_PX, TIME_S
 
@@ -148,10 +149,17 @@ def read_header(path: Path) -> HeaderPart:
     """The validated header. Raises DataError naming the file and the line or key."""
     data = _json(path)
     if not isinstance(data, dict):
-        raise DataError(f"{path}: expected a JSON object with the keys format, version, screen, runs")
+        raise DataError(
+            message("{path}: expected a JSON object with the keys format, version, screen, runs", path=path)
+        )
     if data.get("format") == FORMAT and isinstance(data.get("version"), int) and data["version"] > VERSION:
         raise DataError(
-            f"{path}: is version {data['version']} of the exchange format, this draglag knows {VERSION}",
+            message(
+                "{path}: is version {version} of the exchange format, this draglag knows {known}",
+                path=path,
+                version=data["version"],
+                known=VERSION,
+            ),
             "Install a newer draglag",
         )
     try:
@@ -160,15 +168,22 @@ def read_header(path: Path) -> HeaderPart:
         first = error.errors(include_url=False)[0]
         where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in first["loc"]).lstrip(".")
         given = "" if first["type"] == "missing" else f", not {json.dumps(first['input'], default=str)[:60]}"
-        raise DataError(f"{path}: {where}: {_plain(first)}{given}", "Correct this key and import again") from error
+        raise DataError(
+            message("{path}: {where}: {what}{given}", path=path, where=where, what=_plain(first), given=given),
+            "Correct this key and import again",
+        ) from error
 
 
 def _json(path: Path) -> Any:
     if not os.path.isdir(path.parent):
-        raise DataError(f"{path.parent}: there is no such folder", "Name the folder that holds session.json")
+        raise DataError(
+            message("{path}: there is no such folder", path=path.parent), "Name the folder that holds session.json"
+        )
     if not os.path.exists(path):
-        raise DataError(f"{path.parent}: holds no session.json", "Name the folder that holds session.json")
-    return parse_json(read_text(path, HEADER_BYTES), path, "Correct that line")
+        raise DataError(
+            message("{path}: holds no session.json", path=path.parent), "Name the folder that holds session.json"
+        )
+    return parse_json(read_text(path, HEADER_BYTES), path, message("Correct that line"))
 
 
 def _plain(error: Any) -> str:
@@ -177,7 +192,7 @@ def _plain(error: Any) -> str:
     text = text.replace("a valid dictionary", "an object {…}").replace("a valid list", "a list […]")
     text = text.removeprefix("Value error, ")
     if error["type"] == "missing":
-        return "is missing"
+        return message("is missing")
     if error["type"] == "string_pattern_mismatch":
-        return "expected the name of a file in the same folder"
+        return message("expected the name of a file in the same folder")
     return text.replace("Input should be", "expected").replace("Input", "input")

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.io import savemat
 from scipy.io.matlab import MatWriteError
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.recording import Session
 from draglag.store.analysis import StoredAnalysis, result_nodes
 from draglag.store.session_nodes import distinct, session_nodes
@@ -53,9 +54,13 @@ def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalys
         with new_file(path) as growing, growing.open("wb") as file:
             _save(file, root, compress=size <= _COMPRESSED_BYTES)
     except MatWriteError as error:
-        raise DataError(f"{path}: the session is larger than the 4 GiB of a MATLAB file", "Export to netcdf") from error
+        raise DataError(
+            message("{path}: the session is larger than the 4 GiB of a MATLAB file", path=path), "Export to netcdf"
+        ) from error
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=cause(error)), "Check the folder and free space"
+        ) from error
     return path
 
 

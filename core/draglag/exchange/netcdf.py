@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.recording import Session
 from draglag.store.analysis import StoredAnalysis, result_nodes
 from draglag.store.build import reason, zero_utc
@@ -38,7 +39,10 @@ def write_netcdf(session: Session, path: Path | str, results: Sequence[StoredAna
             for node in distinct(chain(session_nodes(session), *map(result_nodes, results))):
                 _put(file, node, start)
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({reason(error)})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=reason(error)),
+            "Check the folder and free space",
+        ) from error
     return path
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from draglag.errors import DataError
 from draglag.exchange.tables import column_names, line_of_row, read_table
+from draglag.messages import message
 from draglag.reading.limits import TIME_S
 from draglag.recording import DisplayTrace, LaserTrace, Taps, TouchTrace, empty_laser, empty_touch
 
@@ -30,17 +31,20 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
     something to be found, not mended. Estimates go by the last of them, as a program that reads them does.
     """
     if path is None:
-        return empty_touch(), ["there is no touch file"]
+        return empty_touch(), [message("there is no touch file")]
     table, names = _with_more(path, read_table(path, ("t_s", "x_mm", "y_mm")), more, TOUCH_MORE)
     rows, notes = _finite(path, table, 3)
     rows, sorting = _in_order(path, rows)
     notes += sorting
     doubled = np.append((np.diff(rows, axis=0) == 0).all(axis=1), False)[: len(rows)]
     if doubled.any() and not as_recorded:
-        notes.append(f"{path.name}: {int(doubled.sum())} rows come twice and count once")
+        notes.append(message("{path}: {n} rows come twice and count once", path=path.name, n=int(doubled.sum())))
         rows = rows[~doubled]
     if not len(rows):
-        return empty_touch(), notes if as_recorded else [*notes, f"{path.name}: holds no touch events"]
+        return empty_touch(), notes if as_recorded else [
+            *notes,
+            message("{path}: holds no touch events", path=path.name),
+        ]
     t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T[:3])
     return TouchTrace(t_s, x_mm, y_mm, **_further(more, names, rows[:, 3:])), notes
 
@@ -53,27 +57,32 @@ def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = 
     Raises DataError for a level other than 0 and 1.
     """
     if path is None:
-        return empty_laser(), ["there is no laser file"]
+        return empty_laser(), [message("there is no laser file")]
     table = read_table(path, ("t_s", "light"))
     odd = np.flatnonzero(~np.isin(table[:, 1], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     table, names = _with_more(path, table, more, LASER_MORE)
     rows, notes = _finite(path, table, 2)
     if len(odd):
         raise DataError(
-            f"{path}, line {line_of_row(path, int(odd[0]))}: expected light 0 or 1, found {table[odd[0], 1]:g}",
+            message(
+                "{path}, line {line}: expected light 0 or 1, found {found:g}",
+                path=path,
+                line=line_of_row(path, int(odd[0])),
+                found=table[odd[0], 1],
+            ),
             "Correct or remove that line",
         )
     rows, sorting = _in_order(path, rows)
     notes += sorting
     same = np.append(False, (np.diff(rows[:, 0]) == 0) & (np.diff(rows[:, 1]) == 0))[: len(rows)]
     if same.any() and not as_recorded:
-        notes.append(f"{path.name}: {int(same.sum())} edges come twice and count once")
+        notes.append(message("{path}: {n} edges come twice and count once", path=path.name, n=int(same.sum())))
         rows = rows[~same]
     if not len(rows):
-        return empty_laser(), notes if as_recorded else [*notes, f"{path.name}: holds no edges"]
+        return empty_laser(), notes if as_recorded else [*notes, message("{path}: holds no edges", path=path.name)]
     missed = 0 if as_recorded else int((np.diff(rows[:, 1]) == 0).sum())
     if missed:
-        notes.append(f"{path.name}: {missed} edges are missing (the same level twice running)")
+        notes.append(message("{path}: {n} edges are missing (the same level twice running)", path=path.name, n=missed))
     light = rows[:, 1].astype(np.int64)
     further = _further(more, names, rows[:, 2:])
     return LaserTrace(np.ascontiguousarray(rows[:, 0]), light, missed=missed, **further), notes
@@ -82,13 +91,20 @@ def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = 
 def read_taps(path: Path) -> tuple[Taps, list[str]]:
     """Taps as they were timed. Raises DataError."""
     if not path.is_file():
-        raise DataError(f"{path}: there is no such file", "Set taps to null in session.json if there are none")
+        raise DataError(
+            message("{path}: there is no such file", path=path), "Set taps to null in session.json if there are none"
+        )
     table = read_table(path, ("physical_s", "registered_s", "down"))
     rows, notes = _finite(path, table)
     odd = np.flatnonzero(~np.isin(table[:, 2], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     if len(odd):
         raise DataError(
-            f"{path}, line {line_of_row(path, int(odd[0]))}: expected down 0 or 1, found {table[odd[0], 2]:g}",
+            message(
+                "{path}, line {line}: expected down 0 or 1, found {found:g}",
+                path=path,
+                line=line_of_row(path, int(odd[0])),
+                found=table[odd[0], 2],
+            ),
             "Correct or remove that line",
         )
     rows, more = _in_order(path, rows)
@@ -110,7 +126,10 @@ def read_gaps(path: Path) -> Floats:
     bad = np.flatnonzero(~((gaps[:, 0] <= gaps[:, 1]) & (np.abs(gaps) <= TIME_S).all(axis=1)))
     if len(bad):
         line = line_of_row(path, int(bad[0]))
-        raise DataError(f"{path}, line {line}: expected start_s no later than end_s", "Correct or remove that line")
+        raise DataError(
+            message("{path}, line {line}: expected start_s no later than end_s", path=path, line=line),
+            "Correct or remove that line",
+        )
     return gaps
 
 
@@ -127,7 +146,13 @@ def _with_more(
     extra = read_table(more, ("t_s", *names))
     if len(extra) != len(table) or not np.array_equal(extra[:, 0], table[:, 0], equal_nan=True):
         raise DataError(
-            f"{more}: its rows are not those of {path.name} ({len(extra)} against {len(table)}, with the same t_s)",
+            message(
+                "{path}: its rows are not those of {other} ({n} against {of}, with the same t_s)",
+                path=more,
+                other=path.name,
+                n=len(extra),
+                of=len(table),
+            ),
             "Export both files again, or remove this optional one",
         )
     return np.column_stack([table, extra[:, 1:]]), names
@@ -143,7 +168,10 @@ def _further(more: Path | None, names: tuple[str, ...], columns: Floats) -> dict
 def whole(path: Path, name: str, values: Floats) -> NDArray[np.int64]:
     """A column of whole numbers. Raises DataError: fractions, NaN, beyond what a double holds exactly."""
     if not ((np.abs(values) <= 2**53) & (np.mod(values, 1) == 0)).all():
-        raise DataError(f"{path}: expected whole numbers for {name}", "Correct or remove this optional file")
+        raise DataError(
+            message("{path}: expected whole numbers for {name}", path=path, name=name),
+            "Correct or remove this optional file",
+        )
     return values.astype(np.int64)
 
 
@@ -152,19 +180,36 @@ def _finite(path: Path, rows: Floats, among: int = 3) -> tuple[Floats, list[str]
     numbers = rows[:, :among]
     far = np.flatnonzero(np.isfinite(rows[:, 0]) & (np.abs(rows[:, 0]) > TIME_S))
     if len(far):
-        found = f"{path}, line {line_of_row(path, int(far[0]))}: {rows[far[0], 0]:g} cannot be a time in seconds"
+        found = message(
+            "{path}, line {line}: {found:g} cannot be a time in seconds",
+            path=path,
+            line=line_of_row(path, int(far[0])),
+            found=rows[far[0], 0],
+        )
         raise DataError(found, "Give all times in seconds")
     bad = np.flatnonzero(~np.isfinite(numbers).all(axis=1))
     if not len(bad):
         return rows, []
     first = line_of_row(path, int(bad[0]))
     keep = np.isfinite(numbers).all(axis=1)
-    return rows[keep], [f"{path.name}: {len(bad)} rows hold no number and are left out, the first in line {first}"]
+    return rows[keep], [
+        message(
+            "{path}: {n} rows hold no number and are left out, the first in line {first}",
+            path=path.name,
+            n=len(bad),
+            first=first,
+        )
+    ]
 
 
 def _in_order(path: Path, rows: Floats) -> tuple[Floats, list[str]]:
     back = np.flatnonzero(np.diff(rows[:, 0]) < 0)
     if not len(back):
         return rows, []
-    notes = f"{path.name}: times go back {len(back)} times (first to {rows[back[0] + 1, 0]:g} s); put in order"
+    notes = message(
+        "{path}: times go back {n} times (first to {t_s:g} s); put in order",
+        path=path.name,
+        n=len(back),
+        t_s=rows[back[0] + 1, 0],
+    )
     return rows[np.argsort(rows[:, 0], kind="stable")], [notes]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.reading.files import decoded, plain_lines
 from draglag.store.stored import blocks
 
@@ -21,7 +22,10 @@ def find_table(folder: Path, stem: str) -> Path | None:
     """``<stem>.csv`` or ``<stem>.csv.gz``, whichever is there. Raises DataError where both are."""
     found = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.csv.gz") if path.is_file()]
     if len(found) > 1:
-        raise DataError(f"{found[0]}: exists in addition to {found[1].name}", "Remove the one that is out of date")
+        raise DataError(
+            message("{path}: exists in addition to {other}", path=found[0], other=found[1].name),
+            "Remove the one that is out of date",
+        )
     return found[0] if found else None
 
 
@@ -39,7 +43,12 @@ def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     missing = [name for name in columns if name not in names]
     if missing:
         raise DataError(
-            f"{path}, line 1: expected the header {expected}, found “{head.strip()[:80]}”",
+            message(
+                "{path}, line 1: expected the header {expected}, found “{found}”",
+                path=path,
+                expected=expected,
+                found=head.strip()[:80],
+            ),
             "Write the column names in the first line",
         )
     if not body.strip():
@@ -74,7 +83,10 @@ def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     names = [name.strip().strip('"') for name in lines[first].split(between)]
     missing = [name for name in columns if name not in names]
     if missing:
-        raise DataError(f"{path}: no column {missing[0]} in its first line", f"Head the columns {','.join(columns)}")
+        raise DataError(
+            message("{path}: no column {column} in its first line", path=path, column=missing[0]),
+            message("Head the columns {columns}", columns=",".join(columns)),
+        )
     wanted = [names.index(name) for name in columns]
     rows = []
     for number, line in enumerate(lines[first + 1 :], first + 2):
@@ -83,7 +95,14 @@ def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
         cells = line.split(between)
         if len(cells) != len(names):
             raise DataError(
-                f"{path}, line {number}: expected {len(names)} cells ({','.join(names)}), found {len(cells)}",
+                message(
+                    "{path}, line {line}: expected {wanted} cells ({names}), found {found}",
+                    path=path,
+                    line=number,
+                    wanted=len(names),
+                    names=",".join(names),
+                    found=len(cells),
+                ),
                 "Correct or remove that line",
             )
         rows.append([_number(cells[place], comma=between == ";") for place in wanted])
@@ -159,7 +178,14 @@ def _refuse(path: Path, body: str, names: Sequence[str]) -> NoReturn:
         cells = line.split(",")
         if len(cells) != len(names):
             raise DataError(
-                f"{path}, line {number}: expected {len(names)} numbers ({','.join(names)}), found {len(cells)}",
+                message(
+                    "{path}, line {line}: expected {wanted} numbers ({names}), found {found}",
+                    path=path,
+                    line=number,
+                    wanted=len(names),
+                    names=",".join(names),
+                    found=len(cells),
+                ),
                 "Correct or remove that line",
             )
         for name, cell in zip(names, cells, strict=True):
@@ -167,7 +193,16 @@ def _refuse(path: Path, body: str, names: Sequence[str]) -> NoReturn:
                 float(cell)
             except ValueError:
                 raise DataError(
-                    f"{path}, line {number}: expected a number for {name}, found “{cell.strip()[:40]}”",
+                    message(
+                        "{path}, line {line}: expected a number for {name}, found “{text}”",
+                        path=path,
+                        line=number,
+                        name=name,
+                        text=cell.strip()[:40],
+                    ),
                     "Correct or remove that line",
                 ) from None
-    raise DataError(f"{path}: holds something other than numbers", f"Expected columns {','.join(names)}")
+    raise DataError(
+        message("{path}: holds something other than numbers", path=path),
+        message("Expected columns {names}", names=",".join(names)),
+    )

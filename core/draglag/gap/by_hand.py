@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from draglag.errors import DataError, EstimateError
+from draglag.errors import DataError, EstimateError, message_of
 from draglag.gap.compose import Gap, Model, Shrinkage, shown_by_streams, shrinkage, with_one_more
 from draglag.gap.constants import STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm
@@ -21,6 +21,7 @@ from draglag.gap.results import GapReport, Step
 from draglag.gap.steps import deviance_gained
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
+from draglag.messages import joined, message, phrase
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, twins_of
 from draglag.system.blas import one_blas_thread
@@ -40,7 +41,10 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     """
     before = report.last
     if before is None or report.judgement is None:
-        raise EstimateError(f"{report.session}: there is no model to add to", "; ".join(report.missing) or "Try again")
+        raise EstimateError(
+            message("{session}: there is no model to add to", session=report.session),
+            joined("; ", report.missing) or "Try again",
+        )
     session = report.judged(session)
     _check(report, before, effect)
     repaired = inspect(session)[1] if any(shown_by_streams(step.effect) for step in report.steps) else session
@@ -48,7 +52,10 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     try:
         fit = with_one_more(repaired, before, column_of(effect), old.pool.unsure_ages)
     except (np.linalg.LinAlgError, ValueError) as problem:
-        raise EstimateError(f"the model cannot be fitted with {effect}: {problem}", "Choose another effect") from None
+        raise EstimateError(
+            message("the model cannot be fitted with {effect}: {problem}", effect=effect, problem=message_of(problem)),
+            "Choose another effect",
+        ) from None
     fits = {**old.fits, effects_in(fit): fit}
     pool = compared(list(fits.values()), frozenset(EFFECTS), old.pool.unsure_ages)
     changed = shrinkage(_gap(session, before, old.pool), _gap(session, fit, pool))
@@ -73,10 +80,15 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
 
 def _check(report: GapReport, before: Fit, effect: str) -> None:
     if effect not in BY_HAND:
-        raise DataError(f"{effect} cannot be fitted to edges", f"Choose one of {', '.join(BY_HAND)}")
+        raise DataError(
+            message("{effect} cannot be fitted to edges", effect=effect),
+            message("Choose one of {names}", names=", ".join(BY_HAND)),
+        )
     there = {column_of(step.effect) for step in report.steps} | set(effects_in(before))
     if column_of(effect) in there:
-        raise DataError(f"{effect} is in the model already, or one like it", "Choose another effect")
+        raise DataError(
+            message("{effect} is in the model already, or one like it", effect=effect), "Choose another effect"
+        )
 
 
 def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) -> Step:
@@ -87,7 +99,12 @@ def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) ->
         where_of(effect, fit),
         effect_class(effect).follows,
         float(chi2.sf(max(deviance_gained(before, fit), 0.0), max(fit.design.shape[1] - before.design.shape[1], 1))),
-        f"added by hand; held-out gap changed by {low:+.3f} to {high:+.3f} mm (95 %): {changed.verdict}",
+        message(
+            "added by hand; held-out gap changed by {low:+.3f} to {high:+.3f} mm (95 %): {verdict}",
+            low=low,
+            high=high,
+            verdict=phrase(changed.verdict),
+        ),
         changed.before_mm,
         changed.after_mm,
         min(pool.probability_of(column_of(effect)), STATED_AT_MOST),

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from draglag.errors import DataError, EstimateError
+from draglag.errors import DataError, EstimateError, message_of
 from draglag.gap.constants import PREDICTS_NATS, SHARED, STATED_AT_MOST
 from draglag.gap.correction import without_effects
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks, squares_by_run
@@ -35,6 +35,7 @@ from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
 from draglag.latency.conduct import kept_runs
+from draglag.messages import message
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, known_effects
 from draglag.system.blas import one_blas_thread
@@ -70,24 +71,33 @@ class Model:
         values that are missing, no number or beyond what the library allows.
         """
         if effect_id not in EFFECTS:
-            raise DataError(f"unknown effect '{effect_id}'", f"Known are {', '.join(EFFECTS)}")
+            raise DataError(
+                message("unknown effect '{effect}'", effect=effect_id),
+                message("Known are {effects}", effects=", ".join(EFFECTS)),
+            )
         if effect_id in self.effects or effect_id in dict(self.held):
-            raise DataError(f"{effect_id} is in the model already", "Add another effect")
+            raise DataError(message("{effect} is in the model already", effect=effect_id), "Add another effect")
         if values is None:
             if column_of(effect_id) not in COLUMNS and not shown_by_streams(effect_id):
-                raise DataError(f"{effect_id} cannot be fitted to edges", "Give its values, or add another effect")
+                raise DataError(
+                    message("{effect} cannot be fitted to edges", effect=effect_id),
+                    "Give its values, or add another effect",
+                )
             return replace(self, effects=(*self.effects, effect_id))
         known = {spec.name for spec in EFFECTS[effect_id].parameters}
         unknown = set(values) - known
         if unknown:
-            raise DataError(f"{effect_id} has no parameter '{min(unknown)}'", f"Known are {', '.join(sorted(known))}")
+            raise DataError(
+                message("{effect} has no parameter '{parameter}'", effect=effect_id, parameter=min(unknown)),
+                message("Known are {names}", names=", ".join(sorted(known))),
+            )
         _check_held(effect_id, values)
         return replace(self, held=(*self.held, (effect_id, tuple(sorted(values.items())))))
 
     def without_effect(self, effect_id: str) -> Model:
         """The model without one of its effects. Raises DataError where it has none of that id."""
         if effect_id not in self.effects and effect_id not in dict(self.held):
-            raise DataError(f"{effect_id} is not in the model", "Take out one that is")
+            raise DataError(message("{effect} is not in the model", effect=effect_id), "Take out one that is")
         effects = tuple(e for e in self.effects if e != effect_id)
         return Model(effects, tuple(item for item in self.held if item[0] != effect_id))
 
@@ -177,7 +187,9 @@ def find(session: Session, model: Model | None = None) -> Gap:
     start = model.fit if model.of == _of(session) else None
     disorder = times_out_of_order(session)
     if disorder:
-        raise EstimateError(f"{session.name}: {disorder}", "Export and import it")
+        raise EstimateError(
+            message("{session}: {problem}", session=session.name, problem=disorder), "Export and import it"
+        )
     repairs = any(map(shown_by_streams, model.effects))
     try:
         in_streams, repaired = inspect(session)
@@ -194,7 +206,10 @@ def find(session: Session, model: Model | None = None) -> Gap:
         pool = compared([fit], frozenset(EFFECTS), unsure)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise EstimateError(
-            f"{session.name}: the model cannot be fitted: {problem}", "Remove an effect from the model"
+            message(
+                "{session}: the model cannot be fitted: {problem}", session=session.name, problem=message_of(problem)
+            ),
+            "Remove an effect from the model",
         ) from None
     found = replace(model, law=fit.law, geometry=fit.geometry, terms=fit.terms, fit=fit, of=_of(session))
     return Gap(ready, found, fit, pool, streams, gap_mm(fit), floor_mm(fit))
@@ -209,7 +224,10 @@ def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) ->
     wanted = tuple(sorted({*effects_in(fit), effect}))
     fits = grown(session, {effects_in(fit): fit}, pool, wanted)
     if wanted not in fits:
-        raise EstimateError(f"{session.name}: the model cannot be fitted with {effect}", "Choose another effect")
+        raise EstimateError(
+            message("{session}: the model cannot be fitted with {effect}", session=session.name, effect=effect),
+            "Choose another effect",
+        )
     return fits[wanted]
 
 
@@ -252,7 +270,9 @@ def shrinkage(before: Gap, after: Gap) -> Shrinkage:
     """
     if _of(before.session) != _of(after.session):
         raise DataError(
-            f"the gaps are of two sessions, {before.session.name} and {after.session.name}",
+            message(
+                "the gaps are of two sessions, {one} and {other}", one=before.session.name, other=after.session.name
+            ),
             "Compare two models on the same session",
         )
     old, new = squares_by_run(before.fit), squares_by_run(after.fit)
@@ -275,18 +295,39 @@ def shrinkage(before: Gap, after: Gap) -> Shrinkage:
 
 def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
     if effect_class(effect_id).undone_in not in ("laser", "touch"):
-        raise DataError(f"{effect_id} cannot be held at a value", "Leave its values out: then it is fitted")
+        raise DataError(
+            message("{effect} cannot be held at a value", effect=effect_id), "Leave its values out: then it is fitted"
+        )
     specs = EFFECTS[effect_id].parameters
     if not values:
         names = ", ".join(spec.name for spec in specs)
-        raise DataError(f"{effect_id} has no value to be held at", f"Give {names}, or leave values out: it is fitted")
+        raise DataError(
+            message("{effect} has no value to be held at", effect=effect_id),
+            message("Give {names}, or leave values out: it is fitted", names=names),
+        )
     for spec in specs:
         value = values.get(spec.name, spec.typical)
         if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-            raise DataError(f"{effect_id} cannot be held at {spec.name} {value!r}", "Give a number")
+            raise DataError(
+                message(
+                    "{effect} cannot be held at {parameter} {value}",
+                    effect=effect_id,
+                    parameter=spec.name,
+                    value=repr(value),
+                ),
+                "Give a number",
+            )
         if not spec.lower <= value <= spec.upper:  # nor is nan
-            bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
-            raise DataError(f"{effect_id} cannot be held at {spec.name} {value:g}", f"Give {bounds}")
+            bounds = message("{low:g} to {high:g} {unit}", low=spec.lower, high=spec.upper, unit=spec.unit)
+            raise DataError(
+                message(
+                    "{effect} cannot be held at {parameter} {value:g}",
+                    effect=effect_id,
+                    parameter=spec.name,
+                    value=value,
+                ),
+                message("Give {bounds}", bounds=bounds),
+            )
 
 
 def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, float], ...]]]) -> Session:

@@ -6,11 +6,12 @@ import numpy as np
 
 from draglag.gap.constants import ENOUGH_TAPS, WIDE_ENOUGH
 from draglag.gap.fitting.joint import Fit, effects_in
+from draglag.messages import message
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of
 
 CHANGING = ("chirp", "multisine", "step")
-TOO_SUDDEN = "a slower chirp or step: no edge of those here could be placed surely"
+TOO_SUDDEN = message("a slower chirp or step: no edge of those here could be placed surely")
 
 
 def not_shown(session: Session, fit: Fit) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from draglag.messages import message, phrase
 from draglag.recording import FloatArray, Run, Session
 
 FEWEST_EDGES = 6  # of a run that counts
@@ -13,15 +14,31 @@ BACK_AT_MOST = 0.01  # of the touch events
 def what_is_missing(session: Session) -> tuple[str, ...]:
     """Plain words on what a session lacks before any verdict can be given; empty when it has enough."""
     steady = [r for r in session.runs if r.protocol in ("circle", "free") and r.laser.t_s.size >= FEWEST_EDGES]
-    missing = []
+    missing: list[str] = []
     if len(steady) < 5:
-        missing.append(f"{_counted(len(steady), 'circle run')} with edges: at least 5 are needed")
+        missing.append(
+            message(
+                "1 circle run with edges: at least 5 are needed"
+                if len(steady) == 1
+                else "{n} circle runs with edges: at least 5 are needed",
+                n=len(steady),
+            )
+        )
     speeds = sorted({round(r.nominal_speed_mm_s) for r in steady if r.nominal_speed_mm_s})
     if speeds and (len(speeds) < 4 or speeds[-1] < 3 * speeds[0]):
-        missing.append(f"{_counted(len(speeds), 'drag speed')}: at least 4, spread over a factor of 3, are needed")
+        missing.append(
+            message(
+                "1 drag speed: at least 4, spread over a factor of 3, are needed"
+                if len(speeds) == 1
+                else "{n} drag speeds: at least 4, spread over a factor of 3, are needed",
+                n=len(speeds),
+            )
+        )
     edges = sum(r.laser.t_s.size for r in session.runs)
     if edges < 80:
-        missing.append(f"{_counted(edges, 'edge')}: at least 80 are needed")
+        missing.append(
+            message("1 edge: at least 80 are needed" if edges == 1 else "{n} edges: at least 80 are needed", n=edges)
+        )
     disorder = times_out_of_order(session)
     if disorder:
         return (*missing, disorder)
@@ -29,13 +46,19 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
     travel = [_travel_mm(r) for r in shown]
     apart = [r for r in shown if _edges_while_touched(r) < FEWEST_EDGES]
     if steady and not shown:
-        missing.append("no circle run shows where the stylus was: its touch positions are missing or not numbers")
+        missing.append(
+            message("no circle run shows where the stylus was: its touch positions are missing or not numbers")
+        )
     elif travel and max(travel) < 5.0:
-        missing.append("the circles hardly travel sideways: slope and latency cannot be told apart")
+        missing.append(message("the circles hardly travel sideways: slope and latency cannot be told apart"))
     elif apart and len(shown) - len(apart) < 5:
         missing.append(
-            f"edges and touch events of {len(apart)} of {len(steady)} circle runs lie at different times: "
-            "both have to be on one clock"
+            message(
+                "edges and touch events of {n} of {of} circle runs lie at different times: both have to be on "
+                "one clock",
+                n=len(apart),
+                of=len(steady),
+            )
         )
     return tuple(missing)
 
@@ -45,8 +68,12 @@ def times_out_of_order(session: Session) -> str:
     bad = [run.id for run in session.runs if _is_out_of_order(run.touch.t_s)]
     if not bad:
         return ""
-    some = ", ".join(bad[:3]) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-    return f"touch times of {some} go back or are no numbers: exported and imported again they are put in order"
+    some = phrase(", ".join(bad[:3]))
+    if len(bad) > 3:
+        some = message("{shown} and {n} more", shown=some, n=len(bad) - 3)
+    return message(
+        "touch times of {runs} go back or are no numbers: exported and imported again they are put in order", runs=some
+    )
 
 
 def _is_out_of_order(t_s: FloatArray) -> bool:
@@ -57,10 +84,6 @@ def _is_out_of_order(t_s: FloatArray) -> bool:
 def _edges_while_touched(run: Run) -> int:
     t_s, slack_s = run.touch.t_s, 1.0
     return int(np.count_nonzero((run.laser.t_s > t_s[0] - slack_s) & (run.laser.t_s < t_s[-1] + slack_s)))
-
-
-def _counted(n: int, what: str) -> str:
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def _travel_mm(run: Run) -> float:

@@ -25,6 +25,7 @@ from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
 from draglag.gap.streams.stalls import stalls
 from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
+from draglag.messages import message
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, Effect, effect_class, twins_of
 
@@ -279,10 +280,10 @@ def with_taps(
     step = Step(
         best,
         {EFFECTS[best].parameters[0].name: (offset.value_s, offset.ci95_s)},
-        "every edge alike",
+        message("every edge alike"),
         BY_TAPS,
         1 - offset.probability,
-        f"release taps lie {1e3 * offset.value_s:+.1f} ms off the fitted asymptote",
+        message("release taps lie {ms:+.1f} ms off the fitted asymptote", ms=1e3 * offset.value_s),
         gap_mm(last),
         gap_mm(after),
         offset.probability * sum(shares[e] for e in (best, *rivals)),

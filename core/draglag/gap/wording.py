@@ -20,6 +20,7 @@ from draglag.gap.results import (
 )
 from draglag.instruments.clocks import rate_words, remapped
 from draglag.latency.on_clock import nearby
+from draglag.messages import message
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, title_of
 
@@ -173,19 +174,20 @@ def drift_in_analysis(session: Session, report: GapReport) -> str:
         return ""
     ppm = drift_of_stamps_ppm(session)
     if ppm is None:
-        return (
+        return message(
             "draglag analyze says nothing of this drift: the session holds no comparison of the laser's clock with "
             "the host's."
         )
     _, (low, high) = next(iter(step.parameters.values()))
     if effect_class(step.effect).undone_in == "laser" and low <= ppm <= high:
-        return (
-            f"draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps run "
-            f"{rate_words(ppm)}. It takes that out before it estimates."
+        return message(
+            "draglag analyze sees the same drift: by the session's comparisons of clocks the laser's stamps "
+            "run {rate}. It takes that out before it estimates.",
+            rate=rate_words(ppm),
         )
-    return (
-        f"draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run "
-        f"{rate_words(ppm)}."
+    return message(
+        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run {rate}.",
+        rate=rate_words(ppm),
     )
 
 

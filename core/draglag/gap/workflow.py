@@ -19,12 +19,13 @@ from draglag.gap.steps import reported
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.traces.run_data import gather
 from draglag.latency.conduct import kept_runs
+from draglag.messages import message
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.simulation.effects import effect_class, known_effects
 from draglag.system.blas import one_blas_thread
 
-UNFITTED = (
+UNFITTED = message(
     "edges that no law can be fitted to: touch or laser misses a large part of most runs, or they are not of one drag"
 )
 NO_FIT = (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError)
@@ -66,7 +67,7 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
     try:
         ready, first = _first_fit(whole if named else session, whole)
     except NO_FIT as problem:
-        why = str(problem) if isinstance(problem, EstimateError) else UNFITTED
+        why = problem.message if isinstance(problem, EstimateError) else UNFITTED
         return GapReport(session.name, None, missing=(why,))
     unsure = any(effect_class(s.effect).uneven_ages and not (s.undone and named) for s in in_streams)
     most = max(max_effects - len(named), 0)

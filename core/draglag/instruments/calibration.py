@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.errors import DataError, EstimateError
+from draglag.messages import message
 from draglag.recording import FloatArray, Screen
 
 FEWEST_TARGETS = 5
@@ -73,11 +74,15 @@ def fit_affine(
         raise DataError("touches and targets do not match one to one", "touch every target once")
     n = len(raw)
     if n < FEWEST_TARGETS:
-        raise EstimateError(f"{n} targets do not determine a calibration", f"touch {FEWEST_TARGETS} or better 9")
-    for points, what in ((places, "targets"), (raw, "touches")):
+        raise EstimateError(
+            message("{n} targets do not determine a calibration", n=n),
+            message("touch {k} or better 9", k=FEWEST_TARGETS),
+        )
+    along = message("the targets lie nearly along one line"), message("the touches lie nearly along one line")
+    for points, problem in zip((places, raw), along, strict=True):
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[1] < 0.1 * spread[0]:
-            raise EstimateError(f"the {what} lie nearly along one line", "use targets spread over the whole screen")
+            raise EstimateError(problem, "use targets spread over the whole screen")
     # Centred and scaled, so that 32-bit units condition as well as pixels.
     middle, scale = raw.mean(axis=0), raw.std(axis=0).max()
     design = np.column_stack([(raw - middle) / scale, np.ones(n)])
@@ -89,7 +94,12 @@ def fit_affine(
     if fit.worst_mm > largest_residual_mm:
         worst = int(np.argmax(np.hypot(*residual.T)))
         raise EstimateError(
-            f"target {worst + 1} is off by {fit.worst_mm:.1f} mm after the fit (limit {largest_residual_mm:.1f} mm)",
+            message(
+                "target {target} is off by {off_mm:.1f} mm after the fit (limit {limit_mm:.1f} mm)",
+                target=worst + 1,
+                off_mm=fit.worst_mm,
+                limit_mm=largest_residual_mm,
+            ),
             "touch the targets again, in the order shown",
         )
     return fit
@@ -107,7 +117,7 @@ def target_places(width_mm: float, height_mm: float, count: int = 9) -> tuple[Fl
     Raises DataError on another count.
     """
     if count not in (5, 9):
-        raise DataError(f"{count} targets: only 5 or 9 can be shown")
+        raise DataError(message("{n} targets: only 5 or 9 can be shown", n=count))
     across, down = np.meshgrid([0.1, 0.5, 0.9], [0.1, 0.5, 0.9])
     places = np.column_stack([across.ravel() * width_mm, down.ravel() * height_mm])
     if count == 5:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.messages import Message, message
 from draglag.recording import ClockBounds, FloatArray, IntArray, Run, concatenate
 
 # No quartz in an instrument is further off; it bounds the band while the bounds span little time.
@@ -92,7 +93,11 @@ class ClockFit:
         for number in np.unique(epochs).tolist():
             if number not in self.epochs:
                 raise DataError(
-                    f"the {self.stream} clock was never compared with the host's in its epoch {number}",
+                    message(
+                        "the {stream} clock was never compared with the host's in its epoch {epoch}",
+                        stream=self.stream,
+                        epoch=number,
+                    ),
                     "compare the clocks before or after each run",
                 )
             here = epochs == number
@@ -110,10 +115,16 @@ def fit_clock(bounds: ClockBounds | Sequence[ClockBounds]) -> ClockFit:
     if not parts:
         raise DataError("there are no clock comparisons to fit")
     if len({part.stream for part in parts}) > 1:
-        raise DataError(f"clock comparisons of several devices: {', '.join(sorted({p.stream for p in parts}))}")
+        raise DataError(
+            message(
+                "clock comparisons of several devices: {streams}", streams=", ".join(sorted({p.stream for p in parts}))
+            )
+        )
     whole = concatenate([_with_epochs(part) for part in parts])
     if not np.isfinite(whole.device_s).all() or np.isnan(whole.host_min_s).any() or np.isnan(whole.host_max_s).any():
-        raise DataError(f"the clock comparisons of the {whole.stream} hold stamps that are not numbers")
+        raise DataError(
+            message("the clock comparisons of the {stream} hold stamps that are not numbers", stream=whole.stream)
+        )
     fitted: dict[int, EpochClock] = {}
     for epoch in np.unique(whole.epoch).tolist():
         here = whole.epoch == epoch
@@ -132,27 +143,52 @@ def fit_clocks(bounds: Iterable[ClockBounds]) -> dict[str, ClockFit]:
     return {stream: fit_clock(parts) for stream, parts in streams.items()}
 
 
-def rate_words(fast_ppm: float, digits: int = 1) -> str:
+def rate_words(fast_ppm: float, digits: int = 1) -> Message:
     """A clock's rate against the host's in words, the same everywhere: "24.4 ppm fast"."""
-    return f"{abs(fast_ppm):.{digits}f} ppm {'fast' if fast_ppm >= 0 else 'slow'}"
+    ppm = f"{abs(fast_ppm):.{digits}f}"
+    return message("{ppm} ppm fast", ppm=ppm) if fast_ppm >= 0 else message("{ppm} ppm slow", ppm=ppm)
 
 
-def clock_warnings(fit: ClockFit) -> list[str]:
-    """Plain sentences about what the operator should know of a clock; empty where all is well."""
-    said = []
+def clock_warnings(fit: ClockFit, of_width: bool = True) -> list[str]:
+    """Plain sentences about what the operator should know of a clock; empty where all is well.
+
+    ``of_width``: also that its time is not known well enough.
+    """
+    said: list[str] = []
     for clock in fit.epochs.values():
-        where = f"The {fit.stream} clock" + (f" (epoch {clock.epoch})" if len(fit.epochs) > 1 else "")
+        which = message("The {stream} clock", stream=fit.stream)
+        if len(fit.epochs) > 1:
+            which = message("The {stream} clock (epoch {epoch})", stream=fit.stream, epoch=clock.epoch)
         _, width = clock.to_host(np.linspace(clock.first_s, clock.last_s, 33))
         worst = float(width.max())
-        if worst > WARN_S:
-            said.append(f"{where} is known to ±{1e3 * worst:.2f} ms only; above {1e3 * WARN_S:.0f} ms it matters.")
+        if of_width and worst > WARN_S:
+            said.append(
+                message(
+                    "{clock} is known to ±{worst:.2f} ms only; above {limit:.0f} ms it matters.",
+                    clock=which,
+                    worst=1e3 * worst,
+                    limit=1e3 * WARN_S,
+                )
+            )
         if clock.slack_s > 1e-4:
-            said.append(f"{where} does not run evenly: its comparisons contradict each other by "
-                        f"{1e3 * clock.slack_s:.2f} ms.")  # fmt: skip
+            said.append(
+                message(
+                    "{clock} does not run evenly: its comparisons contradict each other by {slack:.2f} ms.",
+                    clock=which,
+                    slack=1e3 * clock.slack_s,
+                )
+            )
         low, high = clock.drift_interval
         if low > PAPER_DRIFT or high < -PAPER_DRIFT:
-            said.append(f"{where} runs {rate_words(clock.fast_ppm)} ({0.06 * abs(clock.fast_ppm):.2f} ms in 60 s); "
-                        "it is corrected, but more than the paper's 1 ms in 60 s.")  # fmt: skip
+            said.append(
+                message(
+                    "{clock} runs {rate} ({ms:.2f} ms in 60 s); it is corrected, but more than the paper's 1 ms in "
+                    "60 s.",
+                    clock=which,
+                    rate=rate_words(clock.fast_ppm),
+                    ms=0.06 * abs(clock.fast_ppm),
+                )
+            )
     return said
 
 
@@ -198,7 +234,9 @@ def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
 def _with_epochs(part: ClockBounds) -> ClockBounds:
     n = len(part.device_s)
     if len(part.host_min_s) != n or len(part.host_max_s) != n or len(part.epoch) not in (0, n):
-        raise DataError(f"the clock comparisons of the {part.stream} have columns of different lengths")
+        raise DataError(
+            message("the clock comparisons of the {stream} have columns of different lengths", stream=part.stream)
+        )
     return part if len(part.epoch) == n else replace(part, epoch=np.zeros(n, np.int64))
 
 

@@ -6,15 +6,16 @@ from typing import Literal
 
 import numpy as np
 
+from draglag.messages import message
 from draglag.protocol.targets import Target
 from draglag.recording import FloatArray, Screen, TouchTrace
 
 Orientation = Literal["turned", "left_right", "top_bottom"]
 
 WORDS: dict[Orientation, str] = {
-    "turned": "turned by half a turn",
-    "left_right": "mirrored left to right",
-    "top_bottom": "mirrored top to bottom",
+    "turned": message("turned by half a turn"),
+    "left_right": message("mirrored left to right"),
+    "top_bottom": message("mirrored top to bottom"),
 }
 FEWEST_TOUCHES = 30
 # A hand on the target stays within this of it, a panel's lag allowed for; a trace off by less is no matter of mirrors.

@@ -9,6 +9,7 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.instruments.beam import Lines
 from draglag.latency.edges import Edges, clean_edges
+from draglag.messages import message
 from draglag.path.events import hold_at_rate, last_of_batches, sample_interval_s, usable
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.shown import brief
@@ -163,7 +164,8 @@ def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = 
     touch, stamps = last_of_batches(usable(run.touch)), "kernel"
     if touch.t_s.size < 20:
         raise EstimateError(
-            f"{run.id}: {touch.t_s.size} touch events", "Record the run again with the stylus on the screen"
+            message("{run}: {n} touch events", run=run.id, n=touch.t_s.size),
+            "Record the run again with the stylus on the screen",
         )
     if update_rate_hz is not None:
         touch, stamps = hold_at_rate(touch, update_rate_hz), f"last event held at {update_rate_hz:g} Hz"

@@ -11,6 +11,7 @@ from draglag.errors import DraglagError, EstimateError
 from draglag.latency.efficient import estimate_efficient
 from draglag.latency.estimate import Prepared, RunEstimate
 from draglag.latency.paper import estimate_paper
+from draglag.messages import message
 from draglag.system.plugins import brought
 
 GROUP = "draglag.estimators"
@@ -31,7 +32,10 @@ def estimator_of(name: str) -> Estimator:
         return OWN[name]
     others = _of_other_packages()
     if name not in others:
-        raise EstimateError(f"unknown estimator {name!r}", f"Use one of {', '.join([*OWN, *others])}")
+        raise EstimateError(
+            message("unknown estimator {name}", name=repr(name)),
+            message("Use one of {names}", names=", ".join([*OWN, *others])),
+        )
     return _guarded(name, others[name])
 
 
@@ -61,7 +65,10 @@ def _guarded(name: str, one: Estimator) -> Estimator:
         else:
             if isinstance(found, RunEstimate) and found.id == blank.id:
                 return found
-            problem = f"it returned a {type(found).__name__}, not the RunEstimate of this run"
-        raise EstimateError(f"{blank.id}: the estimator {name} failed ({problem})", "Ask who made its package")
+            problem = message("it returned a {kind}, not the RunEstimate of this run", kind=type(found).__name__)
+        raise EstimateError(
+            message("{run}: the estimator {name} failed ({problem})", run=blank.id, name=name, problem=problem),
+            "Ask who made its package",
+        )
 
     return estimate

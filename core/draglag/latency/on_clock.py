@@ -12,6 +12,7 @@ from draglag.instruments.clocks import WARN_S, clock_warnings, fit_clocks, remap
 from draglag.latency.budget import widened
 from draglag.latency.estimate import WINDOW_S, RunEstimate
 from draglag.latency.run import estimate_run
+from draglag.messages import message
 from draglag.recording import ClockBounds, FloatArray, Run, Session, Taps
 
 # Comparisons this long before and after a run still constrain its clock: over longer times no quartz is linear.
@@ -108,34 +109,48 @@ def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float
 
 def warnings_of(session: Session, estimates: Sequence[RunEstimate], tap_bounds: Mapping[str, float]) -> list[str]:
     """Plain sentences about the session's clocks, as far as they touch its figures; empty where all is well."""
-    said = []
+    said: list[str] = []
     unsure = {e.id: e.clock_uncertainty_s for e in estimates if "clock_uncertain" in e.flags}
     if unsure:
         worst = max(bound for bound in unsure.values() if bound is not None)
         said.append(
-            f"The laser's clock shifts the latency of {_listed(list(unsure))} by up to ±{1e3 * worst:.2f} ms (more "
-            f"than {1e3 * WARN_S:.0f} ms); the intervals hold it. Use another port and close other programs."
+            message(
+                "The laser's clock shifts the latency of {runs} by up to ±{worst:.2f} ms (more than {limit:.0f} "
+                "ms); the intervals hold it. Use another port and close other programs.",
+                runs=_listed(list(unsure)),
+                worst=1e3 * worst,
+                limit=1e3 * WARN_S,
+            )
         )
     unknown = [e.id for e in estimates if "clock_unknown" in e.flags]
     if unknown:
         said.append(
-            f"The laser's clock was never compared with the host's in {_listed(unknown)}: a shift of the latency would "
-            "not show. Record again with the clocks compared."
+            message(
+                "The laser's clock was never compared with the host's in {runs}: a shift of the latency would "
+                "not show. Record again with the clocks compared.",
+                runs=_listed(unknown),
+            )
         )
     for name, bound_s in tap_bounds.items():
         if bound_s > WARN_S:
-            said.append(f"The {name}'s clock shifts the tap latencies by up to ±{1e3 * bound_s:.2f} ms.")
+            said.append(
+                message(
+                    "The {name}'s clock shifts the tap latencies by up to ±{worst:.2f} ms.",
+                    name=name,
+                    worst=1e3 * bound_s,
+                )
+            )
     everything = [*session.clocks, *(part for run in session.runs for part in run.sync)]
     try:
         fits = fit_clocks(everything)
     except DataError as error:
-        return [*said, f"The clock comparisons cannot be read: {error.problem}."]
+        return [*said, message("The clock comparisons cannot be read: {problem}.", problem=error.problem)]
     # Of the width each run has had its say above.
     for fit in fits.values():
-        said += [text for text in clock_warnings(fit) if " is known to " not in text]
+        said += clock_warnings(fit, of_width=False)
     return said
 
 
 def _listed(names: list[str]) -> str:
     shown = ", ".join(names[:4])
-    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"
+    return shown if len(names) <= 4 else message("{shown} and {n} more", shown=shown, n=len(names) - 4)

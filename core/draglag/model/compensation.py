@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.path.events import contact_losses, in_contact, sample_interval_s, usable
 from draglag.path.inversion import Law, stylus_path, stylus_speed, stylus_time_s
 from draglag.path.motion import local_fit
@@ -107,7 +108,9 @@ def compensate(
         raise DataError("times and positions differ in number", "Give one t, x and y for each event")
     touch = usable(TouchTrace(t_s, x_mm, y_mm))
     if touch.t_s.size < 8:
-        raise DataError(f"{touch.t_s.size} usable touch events are too few", "Give at least eight with finite t, x, y")
+        raise DataError(
+            message("{n} usable touch events are too few", n=touch.t_s.size), "Give at least eight with finite t, x, y"
+        )
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
     half_s = max(0.05, 4.5 * sample_interval_s(touch.t_s))
     own_s = stylus_time_s(touch.t_s, xy_mm, touch.t_s, law, half_s)

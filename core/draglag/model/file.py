@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 import draglag
 from draglag.curve import FORMS, CurveFit
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.provenance import Source
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, RUNS
@@ -21,7 +22,7 @@ from draglag.simulation.effects import EFFECTS
 from draglag.system.temporary import new_file
 
 VERSION = 1
-MADE_BY = "Give a file made by analyze --save-model or gap --save-model"
+MADE_BY = message("Give a file made by analyze --save-model or gap --save-model")
 LONGEST_S = 60.0  # no drag latency is near
 OF_SPEED = "law of speed"  # what an effect is undone in
 IN_THE_LAW = (OF_SPEED, "law")
@@ -199,7 +200,9 @@ def save_model(model: LatencyModel, path: Path | str) -> None:
             text = json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False) + "\n"
             growing.write_text(text, "utf-8")
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=cause(error)), "Check the folder and free space"
+        ) from error
 
 
 def load_model(path: Path | str) -> LatencyModel:
@@ -212,21 +215,21 @@ def load_model(path: Path | str) -> LatencyModel:
     path = Path(path)
     raw: Any = parse_json(read_text(path, DOCUMENT_BYTES), path, MADE_BY)
     if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version", VERSION) != VERSION:
-        known = f"model version {raw.get('version')!r} is not known here, only {VERSION}"
-        raise DataError(f"{path}: {known}", "Save the model again, or update draglag")
+        known = message(
+            "model version {version} is not known here, only {known}", version=repr(raw.get("version")), known=VERSION
+        )
+        raise DataError(message("{path}: {known}", path=path, known=known), "Save the model again, or update draglag")
     try:
         model = LatencyModel.model_validate(raw)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         what = first["msg"].removeprefix("Value error, ")
-        raise DataError(
-            f"{path}: not a latency model: {place + ': ' if place else ''}{what[:1].lower()}{what[1:]}",
-            MADE_BY,
-        ) from None
-    wrong = _wrong_effect(model)
-    if wrong:
-        raise DataError(f"{path}: not a latency model: {wrong}", MADE_BY)
+        wrong = message("{key}: {what}" if place else "{what}", key=place, what=what[:1].lower() + what[1:])
+        raise DataError(message("{path}: not a latency model: {wrong}", path=path, wrong=wrong), MADE_BY) from None
+    fault = _wrong_effect(model)
+    if fault:
+        raise DataError(message("{path}: not a latency model: {wrong}", path=path, wrong=fault), MADE_BY)
     return model
 
 
@@ -238,30 +241,40 @@ def _wrong_effect(model: LatencyModel) -> str:
     ids = [effect.id for effect in model.effects]
     for effect in model.effects:
         if ids.count(effect.id) > 1:
-            return f"the effect {effect.id} is named twice"
+            return message("the effect {effect} is named twice", effect=effect.id)
         if not effect.parameters and effect.shape is None and EFFECTS[effect.id].parameters:
-            return f"the effect {effect.id} has no size"
+            return message("the effect {effect} has no size", effect=effect.id)
         for spec in EFFECTS[effect.id].parameters:
             value, extent = effect.parameters.get(spec.name, spec.typical), spec.upper - spec.lower
             if not spec.lower - extent <= value <= spec.upper + extent:
-                bounds = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
-                return f"the effect {effect.id} has {spec.name} {value:g}; the library knows {bounds}"
+                bounds = message("{low:g} to {high:g} {unit}", low=spec.lower, high=spec.upper, unit=spec.unit)
+                return message(
+                    "the effect {effect} has {parameter} {value:g}; the library knows {bounds}",
+                    effect=effect.id,
+                    parameter=spec.name,
+                    value=value,
+                    bounds=bounds,
+                )
     return ""
 
 
 def other_screen(model: LatencyModel, screen: str) -> str:
     """In words that a model was fitted on another screen than the one named; empty where it was not, or is unknown."""
     of = model.provenance.screen
-    return f"the model was fitted on {of}, this is {screen}" if of and screen and of != screen else ""
+    return (
+        message("the model was fitted on {of}, this is {screen}", of=of, screen=screen)
+        if of and screen and of != screen
+        else ""
+    )
 
 
 def left_unexplained(model: LatencyModel) -> str:
     """In words that the model's own session holds a gap without a name; empty where it does not, or is unknown."""
     if model.provenance.verdict != "unexplained":
         return ""
-    gap = "" if model.provenance.gap_mm is None else f" of {model.provenance.gap_mm[1]:.3f} mm"
-    own = f"its own session ({model.provenance.session})"
-    return f"the model leaves a gap{gap} in {own} that none of its effects explains"
+    gap = "" if model.provenance.gap_mm is None else message(" of {gap_mm:.3f} mm", gap_mm=model.provenance.gap_mm[1])
+    own = message("its own session ({session})", session=model.provenance.session)
+    return message("the model leaves a gap{gap} in {own} that none of its effects explains", gap=gap, own=own)
 
 
 def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
@@ -279,7 +292,7 @@ def save_lookup(model: LatencyModel, path: Path | str) -> None:
     """
     path = Path(path)
     if path.suffix not in (".csv", ".mat"):
-        raise DataError(f"{path}: the ending says neither CSV nor MATLAB", "Name it .csv or .mat")
+        raise DataError(message("{path}: the ending says neither CSV nor MATLAB", path=path), "Name it .csv or .mat")
     columns = lookup_table(model)
     try:
         if path.suffix == ".csv":
@@ -293,4 +306,6 @@ def save_lookup(model: LatencyModel, path: Path | str) -> None:
             with new_file(path) as growing, growing.open("wb") as file:
                 savemat(file, content, oned_as="column")
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=cause(error)), "Check the folder and free space"
+        ) from error

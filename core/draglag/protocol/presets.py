@@ -11,7 +11,8 @@ from typing import Annotated, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticCustomError
 
-from draglag.errors import DataError
+from draglag.errors import DataError, message_of
+from draglag.messages import message, phrase
 from draglag.reading import parse_toml, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM, SIZE_PX
 from draglag.recording import Screen
@@ -91,8 +92,16 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
     path = Path(name_or_path)
     if not os.path.exists(path):
         known = ", ".join(presets(folder))
-        raise DataError(f"no {what} preset or file '{name_or_path}'", f"presets are {known}; or give a TOML file")
-    return str(path), read_text(path, DOCUMENT_BYTES, "give a TOML file")
+        raise DataError(
+            message(
+                "no protocol preset or file '{name_or_path}'"
+                if folder == "protocols"
+                else "no screen preset or file '{name_or_path}'",
+                name_or_path=name_or_path,
+            ),
+            message("presets are {known}; or give a TOML file", known=known),
+        )
+    return str(path), read_text(path, DOCUMENT_BYTES, message("give a TOML file"))
 
 
 def _line_of(text: str, location: Sequence[int | str]) -> int:
@@ -130,12 +139,17 @@ def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tup
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part + 1) if isinstance(part, int) else part for part in first["loc"])
-        what = first["msg"].removeprefix("Value error, ")
-        what = what[:1].lower() + what[1:]
+        refused = first.get("ctx", {}).get("error")  # what a validator of ours raised
+        given = first["msg"][:1].lower() + first["msg"][1:]
+        what = message_of(refused) if isinstance(refused, ValueError) else phrase(given)
         if first["type"] == "extra_forbidden":
-            what = "there is no such key"
+            what = message("there is no such key")
+        if place:
+            what = message("{key}: {what}", key=place, what=what)
         line = _line_of(text, first["loc"])
-        raise DataError(f"{label}, line {line}: {place + ': ' if place else ''}{what}", "correct the file") from error
+        raise DataError(
+            message("{path}, line {line}: {what}", path=label, line=line, what=what), "correct the file"
+        ) from error
 
 
 def load_screen_file(name_or_path: str | Path) -> ScreenFile:

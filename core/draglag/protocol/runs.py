@@ -15,6 +15,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from draglag.messages import message
 from draglag.protocol.presets import Length, Positive, Strict, load_screen, load_screen_file, read_toml
 from draglag.protocol.targets import SIDEWAYS_PX_S, Chirp, Circle, MultiSine, Step, Target, check_on_screen
 from draglag.reading.limits import RUNS, SIZE_MM, WHOLE_MOST
@@ -57,9 +58,9 @@ class RunPlan(Strict):
     def _speeds(self) -> RunPlan:
         given = (self.speed_mm_s is not None) + bool(self.speeds_mm_s)
         if self.kind == "circle" and given != 1:
-            raise ValueError("a circle needs either speed_mm_s or speeds_mm_s")
+            raise ValueError(message("a circle needs either speed_mm_s or speeds_mm_s"))
         if self.kind != "circle" and given:
-            raise ValueError(f"a {self.kind} has no speed_mm_s: its speed varies")
+            raise ValueError(message("a {kind} has no speed_mm_s: its speed varies", kind=self.kind))
         return self
 
     @property
@@ -99,9 +100,9 @@ class Protocol(Strict):
     @model_validator(mode="after")
     def _something(self) -> Protocol:
         if not (self.runs or self.taps or self.clock_check):
-            raise ValueError("a protocol needs at least one of [[runs]], [taps] and [clock_check]")
+            raise ValueError(message("a protocol needs at least one of [[runs]], [taps] and [clock_check]"))
         if sum(plan.repeats * len(plan.all_speeds_mm_s) for plan in self.runs) > RUNS:
-            raise ValueError(f"a protocol has at most {RUNS} runs")
+            raise ValueError(message("a protocol has at most {most} runs", most=RUNS))
         return self
 
     @property
@@ -143,7 +144,12 @@ def _sideways(plan: RunPlan, screen: Screen, half_width_mm: float, duration_s: f
     speed = max(0.0, min(asked, room / duration_s))
     note = ""
     if speed < asked:
-        note = f"sideways speed lowered from {asked:.2f} to {speed:.2f} mm/s to stay on {screen.name}"
+        note = message(
+            "sideways speed lowered from {asked:.2f} to {speed:.2f} mm/s to stay on {screen}",
+            asked=asked,
+            speed=speed,
+            screen=screen.name,
+        )
     return (screen.width_mm - speed * duration_s) / 2, speed, note
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.recording import Screen
 
 FloatArray = NDArray[np.float64]
@@ -250,13 +251,18 @@ def minimum_jerk(u: FloatArray) -> FloatArray:
 def target_from_parameters(kind: str, parameters: Mapping[str, float | int | str]) -> Target:
     """The target that ``parameters()`` described. Raises DataError on an unknown kind or odd numbers."""
     if kind not in _KINDS:
-        raise DataError(f"unknown target kind '{kind}'", f"use one of {', '.join(KINDS)}")
+        raise DataError(
+            message("unknown target kind '{kind}'", kind=kind), message("use one of {kinds}", kinds=", ".join(KINDS))
+        )
     cls = _KINDS[kind]
     wanted = {f.name: f for f in fields(cls)}
     given = {k: v for k, v in parameters.items() if k != "kind"}
     for name in given:
         if name not in wanted:
-            raise DataError(f"a {kind} target has no parameter '{name}'", f"known: {', '.join(wanted)}")
+            raise DataError(
+                message("a {kind} target has no parameter '{name}'", kind=kind, name=name),
+                message("known: {names}", names=", ".join(wanted)),
+            )
     try:
         values = {
             k: int(v) if wanted[k].type in (int, "int") else float(v)  # annotations are strings here
@@ -264,7 +270,9 @@ def target_from_parameters(kind: str, parameters: Mapping[str, float | int | str
         }
         return cls(**values)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
-        raise DataError(f"parameters of a {kind} target are incomplete or not numbers: {error}") from error
+        raise DataError(
+            message("parameters of a {kind} target are incomplete or not numbers: {error}", kind=kind, error=error)
+        ) from error
 
 
 def to_px(screen: Screen, x_mm: ArrayLike, y_mm: ArrayLike) -> Pair:
@@ -279,11 +287,19 @@ def check_on_screen(target: Target, screen: Screen, margin_mm: float = 0.0) -> N
     for name, p, size in zip("xy", target.position_mm(t), (screen.width_mm, screen.height_mm), strict=True):
         low, high = float(p.min()), float(p.max())
         if low < margin_mm - 1e-9 or high > size - margin_mm + 1e-9:
-            cure = "a smaller size"
-            if name == "x":
-                cure = "a smaller radius, a slower sideways speed or a shorter run"
             raise DataError(
-                f"the {target.kind} target leaves the screen: {name} runs from {low:.1f} to {high:.1f} mm, "
-                f"but {screen.name} allows {margin_mm:.1f} to {size - margin_mm:.1f} mm",
-                f"choose {cure}",
+                message(
+                    "the {kind} target leaves the screen: {name} runs from {low:.1f} to {high:.1f} mm, but {screen} "
+                    "allows {from_mm:.1f} to {to_mm:.1f} mm",
+                    kind=target.kind,
+                    name=name,
+                    low=low,
+                    high=high,
+                    screen=screen.name,
+                    from_mm=margin_mm,
+                    to_mm=size - margin_mm,
+                ),
+                "choose a smaller radius, a slower sideways speed or a shorter run"
+                if name == "x"
+                else "choose a smaller size",
             )

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.reading.limits import DEPTH, KEY_PARTS, WHOLE_MOST
 
+_CORRECT, _CORRECT_LINE = message("Correct the file"), message("Correct the file at that line")
 _HALF = re.compile("[\ud800-\udfff]")  # of a character beyond U+FFFF
 # A part begins where no other character of a part stands before it, so that every stretch is looked at once.
 _LONG_KEY = re.compile(
@@ -18,12 +20,18 @@ _LONG_KEY = re.compile(
 )
 
 
-def parse_json(text: str, where: Path | str, remedy: str = "Correct the file") -> Any:
+def parse_json(text: str, where: Path | str, remedy: str = _CORRECT) -> Any:
     """The value of a JSON text. Raises DataError naming file, line and column."""
     try:
         return checked(json.loads(text), where, remedy)
     except json.JSONDecodeError as error:
-        problem = f"{where}, line {error.lineno}, column {error.colno}: is not JSON ({error.msg})"
+        problem = message(
+            "{path}, line {line}, column {column}: is not JSON ({why})",
+            path=where,
+            line=error.lineno,
+            column=error.colno,
+            why=error.msg,
+        )
         raise DataError(problem, remedy) from error
     except RecursionError as error:
         raise _too_deep(where, remedy) from error
@@ -31,14 +39,14 @@ def parse_json(text: str, where: Path | str, remedy: str = "Correct the file") -
         raise _too_long(where, remedy) from error
 
 
-def parse_toml(text: str, where: Path | str, remedy: str = "Correct the file at that line") -> dict[str, Any]:
+def parse_toml(text: str, where: Path | str, remedy: str = _CORRECT_LINE) -> dict[str, Any]:
     """The table of a TOML text. Raises DataError naming file and line."""
     if _LONG_KEY.search(text):
-        raise DataError(f"{where}: a dotted key has more than {KEY_PARTS} parts", remedy)
+        raise DataError(message("{path}: a dotted key has more than {most} parts", path=where, most=KEY_PARTS), remedy)
     try:
         table: dict[str, Any] = checked(tomllib.loads(text), where, remedy)
     except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{where} is not valid TOML: {error}", remedy) from error
+        raise DataError(message("{path} is not valid TOML: {error}", path=where, error=error), remedy) from error
     except RecursionError as error:
         raise _too_deep(where, remedy) from error
     except ValueError as error:
@@ -46,7 +54,7 @@ def parse_toml(text: str, where: Path | str, remedy: str = "Correct the file at 
     return table
 
 
-def checked(value: Any, where: Path | str, remedy: str = "Correct the file") -> Any:
+def checked(value: Any, where: Path | str, remedy: str = _CORRECT) -> Any:
     """The value itself. Raises DataError where it is nested too deep, holds a whole number that is too long, or half a
     character (JSON can escape one of a pair alone), which no file and no message could hold."""
     waiting: list[tuple[Any, int, str]] = [(value, 0, "")]
@@ -60,15 +68,17 @@ def checked(value: Any, where: Path | str, remedy: str = "Correct the file") -> 
         elif isinstance(item, list):
             waiting.extend((inner, depth + 1, key) for inner in item)
         elif isinstance(item, int) and not -WHOLE_MOST <= item <= WHOLE_MOST:
-            raise DataError(f"{where}: {key[:40]}: holds a number that is too long", remedy)
+            raise DataError(message("{path}: {key}: holds a number that is too long", path=where, key=key[:40]), remedy)
         elif isinstance(item, str) and _HALF.search(item):
-            raise DataError(f"{where}: holds half a character (an escape of D800 to DFFF alone)", remedy)
+            raise DataError(
+                message("{path}: holds half a character (an escape of D800 to DFFF alone)", path=where), remedy
+            )
     return value
 
 
 def _too_deep(where: Path | str, remedy: str) -> DataError:
-    return DataError(f"{where}: is nested too deep (more than {DEPTH} levels)", remedy)
+    return DataError(message("{path}: is nested too deep (more than {most} levels)", path=where, most=DEPTH), remedy)
 
 
 def _too_long(where: Path | str, remedy: str) -> DataError:
-    return DataError(f"{where}: holds a number that is too long", remedy)
+    return DataError(message("{path}: holds a number that is too long", path=where), remedy)

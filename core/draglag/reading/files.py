@@ -11,16 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.reading.limits import GZIP_FREE_BYTES, GZIP_RATIO, LINE_BYTES, TABLE_BYTES, TABLE_ROWS
 
 _PIECE_BYTES = 2**20
 _GZIP = b"\x1f\x8b"
 # Without waiting for the other end of a pipe, and without becoming a terminal's process.
+_CHECK = message("Check the name and the rights")
 _FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
-def read_bytes(path: Path | str, most: int, remedy: str = "Check the name and the rights") -> bytes:
+def read_bytes(path: Path | str, most: int, remedy: str = _CHECK) -> bytes:
     """The whole file, at most ``most`` bytes.
 
     Raises DataError: not there, not readable, a folder, no regular file, or longer.
@@ -32,15 +34,15 @@ def read_bytes(path: Path | str, most: int, remedy: str = "Check the name and th
             _regular(path, os.fstat(descriptor).st_mode)
             data = _up_to(file, most + 1)
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", remedy) from error
+        raise DataError(message("{path}: cannot be read ({why})", path=path, why=cause(error)), remedy) from error
     except ValueError as error:  # a name that holds a NUL
-        raise DataError(f"{str(path)!r}: cannot be the name of a file", remedy) from error
+        raise DataError(message("{path}: cannot be the name of a file", path=repr(str(path))), remedy) from error
     if len(data) > most:
-        raise DataError(f"{path}: is longer than {_size(most)}", remedy)
+        raise DataError(message("{path}: is longer than {size}", path=path, size=_size(most)), remedy)
     return data
 
 
-def read_text(path: Path | str, most: int, remedy: str = "Check the name and the rights") -> str:
+def read_text(path: Path | str, most: int, remedy: str = _CHECK) -> str:
     """The whole file as UTF-8 text; a byte-order mark is left out. Raises DataError."""
     return decoded(path, read_bytes(path, most, remedy))
 
@@ -51,7 +53,9 @@ def decoded(path: Path | str, data: bytes) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
-        problem = f"{path}, line {line}: is not UTF-8 text (byte {error.start})"
+        problem = message(
+            "{path}, line {line}: is not UTF-8 text (byte {byte})", path=path, line=line, byte=error.start
+        )
         raise DataError(problem, "Save it as UTF-8") from error
 
 
@@ -60,7 +64,7 @@ def plain_bytes(path: Path | str) -> bytes:
 
     Raises DataError: as ``read_bytes``; not sound gzip; too many bytes.
     """
-    data = read_bytes(path, TABLE_BYTES, "Check the file and its rights")
+    data = read_bytes(path, TABLE_BYTES, message("Check the file and its rights"))
     return _unpacked(path, data) if data[:2] == _GZIP or Path(path).suffix == ".gz" else data
 
 
@@ -72,11 +76,11 @@ def plain_lines(path: Path | str) -> bytes:
     data = plain_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
     if len(ends) > TABLE_ROWS:
-        raise DataError(f"{path}: has more than {TABLE_ROWS} lines", "Split the run")
+        raise DataError(message("{path}: has more than {most} lines", path=path, most=TABLE_ROWS), "Split the run")
     lengths = np.diff(np.concatenate([[-1], ends, [len(data)]]))
     if lengths.max() > LINE_BYTES:
         line = int(np.argmax(lengths > LINE_BYTES)) + 1
-        problem = f"{path}, line {line}: is longer than {LINE_BYTES} bytes"
+        problem = message("{path}, line {line}: is longer than {most} bytes", path=path, line=line, most=LINE_BYTES)
         raise DataError(problem, "Expected numbers separated by commas, one record a line")
     return data
 
@@ -87,9 +91,14 @@ def _unpacked(path: Path | str, packed: bytes) -> bytes:
         with gzip.GzipFile(fileobj=BytesIO(packed)) as file:
             data = _up_to(file, most + 1)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise DataError(f"{path}: is not sound gzip ({error})", "Copy or compress it again") from error
+        raise DataError(
+            message("{path}: is not sound gzip ({error})", path=path, error=error), "Copy or compress it again"
+        ) from error
     if len(data) > most:
-        raise DataError(f"{path}: unpacks to more than {_size(most)}, as no table of numbers does", "Split the run")
+        raise DataError(
+            message("{path}: unpacks to more than {size}, as no table of numbers does", path=path, size=_size(most)),
+            "Split the run",
+        )
     return data
 
 
@@ -104,9 +113,11 @@ def _up_to(file: BufferedIOBase, most: int) -> bytes:
 
 def _regular(path: Path | str, mode: int) -> None:
     if stat.S_ISDIR(mode):
-        raise DataError(f"{path}: is a folder", "Name a file in it")
+        raise DataError(message("{path}: is a folder", path=path), "Name a file in it")
     if not stat.S_ISREG(mode):
-        raise DataError(f"{path}: is not a regular file", "Name a file on a disk, not a pipe or a device")
+        raise DataError(
+            message("{path}: is not a regular file", path=path), "Name a file on a disk, not a pipe or a device"
+        )
 
 
 def _size(count: int) -> str:

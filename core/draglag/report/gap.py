@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from draglag.drawing.style import FIGURE_CSS, house_style, sign, themed
-from draglag.errors import DataError, DraglagError
+from draglag.errors import DataError, DraglagError, cause
 from draglag.gap.provisional import Provisional
 from draglag.gap.replaying.replay import Replay, replays
 from draglag.gap.results import FLOOR_REACHES, GapReport, Step, stated, unjudged
@@ -25,6 +25,7 @@ from draglag.gap.wording import (
     tolerated_in_words,
     verdict_in_words,
 )
+from draglag.messages import joined, message
 from draglag.provenance import Source, source_of
 from draglag.recording import Session
 from draglag.report import replayed
@@ -58,7 +59,10 @@ def write_gap_report(
     Raises DataError when the report has no verdict or the folder cannot be written.
     """
     if report.first is None or report.last is None:
-        raise DataError("there is no verdict to report", "Record what is missing: " + "; ".join(report.missing))
+        raise DataError(
+            "there is no verdict to report",
+            message("Record what is missing: {missing}", missing=joined("; ", report.missing)),
+        )
     again, unsimulated = _simulated(session, report, progress)
     source = source_of(session)
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
@@ -86,7 +90,8 @@ def write_gap_report(
             growing.write_text(_PAGE.format(title=title, css=FIGURE_CSS, body="".join(body)), "utf-8")
     except OSError as problem:
         raise DataError(
-            f"{path}: cannot be written ({problem.strerror})", "Choose a folder that can be written to"
+            message("{path}: cannot be written ({why})", path=path, why=cause(problem)),
+            "Choose a folder that can be written to",
         ) from None
     return path
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from draglag.analysis import Analysis
 from draglag.drawing import style
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.recording import Session
 from draglag.report import figures
 
@@ -28,9 +29,11 @@ def write_journal_figures(session: Session, analysis: Analysis, folder: Path | s
     try:
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
-            raise DataError(f"{out}: is not empty", "Choose a new or an empty folder")
+            raise DataError(message("{path}: is not empty", path=out), "Choose a new or an empty folder")
     except OSError as error:
-        raise DataError(f"{out}: cannot be made ({error.strerror})", "Choose another folder") from None
+        raise DataError(
+            message("{path}: cannot be made ({why})", path=out, why=cause(error)), "Choose another folder"
+        ) from None
     written = []
     for name, draw in _drawings(session, analysis):
         for columns, width_mm in WIDTHS_MM.items():

@@ -16,7 +16,8 @@ from draglag.analysis import Analysis
 from draglag.curve import FORMS, CurveFit
 from draglag.curve.symbols import symbol_html
 from draglag.drawing import style
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.provenance import source_of
 from draglag.recording import Session
 from draglag.report import figures
@@ -44,7 +45,7 @@ def write_report(session: Session, analysis: Analysis, out_dir: Path | str) -> P
     out = Path(out_dir)
     report = out / "report.html"
     if report.exists():
-        raise DataError(f"{report}: exists already and is not overwritten", "Choose another folder")
+        raise DataError(message("{path}: exists already and is not overwritten", path=report), "Choose another folder")
     try:
         with style.house_style():
             out.mkdir(parents=True, exist_ok=True)
@@ -58,7 +59,9 @@ def write_report(session: Session, analysis: Analysis, out_dir: Path | str) -> P
                     os.replace(picture, out / "figures" / picture.name)
                 publish(growing, report)
     except OSError as error:
-        raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=out, why=cause(error)), "Check the folder and free space"
+        ) from error
     return report
 
 

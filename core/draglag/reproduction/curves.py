@@ -10,6 +10,7 @@ from scipy.special import stdtrit
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.curve import CurveFit
 from draglag.errors import EstimateError
+from draglag.messages import message
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2
@@ -77,7 +78,7 @@ def measured_row(screen: str, seed: int) -> Row2:
     tied = screen.endswith("(corrected)")
     analysis = analyze(session, AnalysisOptions(form="double_exponential", tie_asymptote=tied, exclude=exclude))
     if analysis.curve is None:
-        raise EstimateError(f"{screen}: no curve from the simulated sweep", "Try another --seed")
+        raise EstimateError(message("{screen}: no curve from the simulated sweep", screen=screen), "Try another --seed")
     paper = TABLE_2[screen]
     return Row2(
         screen,

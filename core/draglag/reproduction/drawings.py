@@ -13,7 +13,8 @@ import numpy as np
 from draglag.curve import CurveFit
 from draglag.curve.ranking import Ranked, Ranking
 from draglag.drawing import style
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.model.tracking import TrackingResponse
 from draglag.provenance import Source, joint_source
 from draglag.report.many_curves import MOST_IN_COLOURS, each_figure, ranked_figure
@@ -94,9 +95,9 @@ def tracking_figure(responses: Mapping[str, TrackingResponse]) -> Any:
 def save_tracking(responses: Mapping[str, TrackingResponse], path: Path, source: Source) -> None:
     """Write gain and phase as .svg or .png. Raises DataError for other endings or where it cannot be written."""
     if path.suffix not in (".svg", ".png"):
-        raise DataError(f"{path}: the ending says neither SVG nor PNG", "Name it .svg or .png")
+        raise DataError(message("{path}: the ending says neither SVG nor PNG", path=path), "Name it .svg or .png")
     if path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+        raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
     try:
         with style.house_style():
             figure = tracking_figure(responses)
@@ -104,7 +105,9 @@ def save_tracking(responses: Mapping[str, TrackingResponse], path: Path, source:
             with new_file(path) as growing:
                 figure.savefig(growing)
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})", "Check the folder") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=cause(error)), "Check the folder"
+        ) from error
 
 
 def embed(figure: Any) -> str:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from draglag.drawing import style
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.model.tracking import tracking_response
 from draglag.provenance import Source
 from draglag.report import figures
@@ -42,7 +43,7 @@ def write_reproduction(result: Reproduction, out: Path) -> Path:
     """
     path = out / "reproduction.html"
     if path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another folder")
+        raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another folder")
     try:
         (out / "figures").mkdir(parents=True, exist_ok=True)
         body = f"<p><strong>SIMULATED.</strong> {SIMULATED_WORDS}</p>"
@@ -59,7 +60,9 @@ def write_reproduction(result: Reproduction, out: Path) -> Path:
         with new_file(path, replace=True) as growing:
             growing.write_text(page("Reproduction of the drag-latency paper (SIMULATED)", body), "utf-8")
     except OSError as error:
-        raise DataError(f"{out}: cannot be written ({error.strerror})", "Check the folder and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=out, why=cause(error)), "Check the folder and free space"
+        ) from error
     return path
 
 

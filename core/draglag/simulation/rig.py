@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.protocol.presets import load_screen_file
 from draglag.recording import Beam, Screen, Stylus
 from draglag.simulation.law import LatencyLaw
@@ -69,7 +70,9 @@ def rig_for_screen(name_or_path: str | Path) -> Rig:
     """
     preset = load_screen_file(name_or_path)
     if preset.law is None:
-        raise DataError(f"screen '{preset.name}' has no latency law", "add a [law] table with a1_ms … a7_ms")
+        raise DataError(
+            message("screen '{screen}' has no latency law", screen=preset.name), "add a [law] table with a1_ms … a7_ms"
+        )
     screen = Screen(preset.name, **preset.screen.model_dump())
     slope = 0.005
     return Rig(

@@ -16,6 +16,7 @@ import numpy as np
 
 import draglag
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.store.build import safe_hdf5
 from draglag.store.checksum import raw_checksum
 from draglag.store.journal import is_journal
@@ -72,7 +73,7 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
             if _is_same(file[f"analysis/{name}"], result, options, checksum):
                 return int(name)
     if not path.stat().st_mode & stat.S_IWRITE:  # a file of that kind can be replaced all the same
-        raise DataError(f"{path}: is write-protected", "Copy it, or give it the right to be written")
+        raise DataError(message("{path}: is write-protected", path=path), "Copy it, or give it the right to be written")
     about = _SOFTWARE, created_utc, checksum, True
     stored = StoredAnalysis(number, dict(result), dict(options), *about)
     room = _BASE + _COPIES * (len(to_json(options)) + len(to_json(result)))
@@ -90,7 +91,9 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
                 os.close(descriptor)
             os.replace(copy, path)
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({short(error)})", "Check rights and free space") from error
+        raise DataError(
+            message("{path}: cannot be written ({why})", path=path, why=short(error)), "Check rights and free space"
+        ) from error
     return number
 
 

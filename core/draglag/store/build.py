@@ -20,6 +20,7 @@ from typing import Any
 import h5py
 
 from draglag.errors import DataError
+from draglag.messages import Message, message, phrase
 from draglag.recording import Session
 from draglag.store import schema, session_nodes
 from draglag.store.checksum import raw_checksum
@@ -47,7 +48,9 @@ def write_session(session: Session, path: Path | str) -> Path:
     ids = [run.id for run in session.runs]
     twice = next((run_id for k, run_id in enumerate(ids) if run_id in ids[:k]), None)
     if twice is not None:
-        raise DataError(f"{path}: there are two runs “{twice}”", "Give every run an id of its own")
+        raise DataError(
+            message("{path}: there are two runs “{run}”", path=path, run=twice), "Give every run an id of its own"
+        )
     owners: dict[str, schema.Value] = {}
     nodes = [separate(node, owners) for node in session_nodes.session_nodes(session)]
     bytes_ = sum(getattr(values, "nbytes", 0) for node in nodes for values in node.rows.values())
@@ -68,7 +71,9 @@ def build(nodes: Iterable[Node], out: Path, size: int) -> Path:
     try:
         fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
     except OSError as error:
-        raise DataError(f"{out}: cannot be made ({reason(error)})", "Choose a folder you may write") from error
+        raise DataError(
+            message("{path}: cannot be made ({why})", path=out, why=reason(error)), "Choose a folder you may write"
+        ) from error
     try:
         lock(fd)  # so that nobody takes it for a leftover
         _write(nodes, fd, int(_OVERHEAD * size) + _BASE, out)
@@ -76,8 +81,8 @@ def build(nodes: Iterable[Node], out: Path, size: int) -> Path:
         sync_folder(out.absolute().parent)
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-        remedy = "Make room there, or choose another place" if full else "Choose another place"
-        raise DataError(f"{out}: cannot be written ({reason(error)})", remedy) from error
+        remedy = message("Make room there, or choose another place" if full else "Choose another place")
+        raise DataError(message("{path}: cannot be written ({why})", path=out, why=reason(error)), remedy) from error
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -106,11 +111,11 @@ def zero_utc(started_utc: str, started_s: float | None) -> str:
         return ""
 
 
-def reason(error: BaseException) -> str:
+def reason(error: BaseException) -> Message:
     """Why something could not be written, in the system's words."""
     if isinstance(error, OSError) and error.errno:
-        return os.strerror(error.errno)
-    return " ".join(str(error).split())[:200]
+        return phrase(os.strerror(error.errno))
+    return phrase(" ".join(str(error).split())[:200])
 
 
 @contextmanager
@@ -132,7 +137,9 @@ def safe_hdf5(fd: int, mode: str, room: int, where: Path) -> Iterator[tuple[Any,
             yield file, lambda: target.error is not None
     except BROKEN as error:
         if target.error is None and not isinstance(error, OSError):
-            raise DataError(f"{where}: cannot be made from what it shall hold ({reason(error)})") from error
+            raise DataError(
+                message("{path}: cannot be made from what it shall hold ({why})", path=where, why=reason(error))
+            ) from error
         raise target.error or error from error
     if target.error is not None:
         raise target.error

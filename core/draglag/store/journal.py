@@ -12,7 +12,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import joined, message, phrase
 from draglag.recording import LogEntry, empty_laser, empty_touch
 from draglag.store import schema, session_nodes
 from draglag.store.build import fill
@@ -22,20 +23,20 @@ from draglag.store.schema import Node
 
 RECORDING = "recording"
 PARTIAL = ".partial"
-UNFINISHED = "the recording was not closed"
+UNFINISHED = message("the recording was not closed")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _NO_TIMES = np.empty(0)
 # Words for the streams of which rows can be missing.
 _STREAMS = {
-    "touch": ("touch events", "dropped"),
-    "laser": ("laser edges", "missed"),
-    "gaps": ("marked gaps", ""),
-    "display": ("frames of the display", ""),
-    "sync": ("clock comparisons", ""),
-    "clocks": ("clock comparisons", ""),
-    "taps": ("taps", ""),
-    "log": ("lines of the log", ""),
-    "notes": ("notes", ""),
+    "touch": (message("touch events"), "dropped"),
+    "laser": (message("laser edges"), "missed"),
+    "gaps": (message("marked gaps"), ""),
+    "display": (message("frames of the display"), ""),
+    "sync": (message("clock comparisons"), ""),
+    "clocks": (message("clock comparisons"), ""),
+    "taps": (message("taps"), ""),
+    "log": (message("lines of the log"), ""),
+    "notes": (message("notes"), ""),
 }
 
 
@@ -94,7 +95,9 @@ def open_journal(path: Path) -> Iterator[int]:
     try:
         fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})", "Check name and rights") from error
+        raise DataError(
+            message("{path}: cannot be read ({why})", path=path, why=cause(error)), "Check name and rights"
+        ) from error
     try:
         yield fd
     finally:
@@ -106,14 +109,16 @@ def lock_journal(fd: int, path: Path) -> bool:
     try:
         return lock(fd)
     except Locked:
-        raise DataError(f"{path}: another program is writing it", "Wait until the recording has ended") from None
+        raise DataError(
+            message("{path}: another program is writing it", path=path), "Wait until the recording has ended"
+        ) from None
 
 
 def survey(fd: int, where: str) -> Survey:
     """Scan all records. Raises DataError where none describes the session."""
     found = Survey()
     if os.fstat(fd).st_size == 0:
-        raise DataError(f"{where}: is empty: the recording ended before it began", "Delete it")
+        raise DataError(message("{path}: is empty: the recording ended before it began", path=where), "Delete it")
     received: dict[str, int] = {}
     last_s: dict[str, float] = {}
     expected, end = 0, 0
@@ -130,17 +135,21 @@ def survey(fd: int, where: str) -> Survey:
                 received[path] = before
         if record.runs > found.begun:
             whole = record.runs - max(found.begun, len(found.runs))
-            found.losses += [f"{whole} runs are missing whole"] if whole > 0 else []
+            found.losses += [message("{n} runs are missing whole", n=whole)] if whole > 0 else []
             found.begun = record.runs
         _count_rows(found, record, received, last_s)
     if not {"", "screen", "stylus"} <= {node.path for node in found.session}:
         raise DataError(
-            f"{where}: holds {found.records} readable records, and none says what the session is",
+            message(
+                "{path}: holds {records} readable records, and none says what the session is",
+                path=where,
+                records=found.records,
+            ),
             "Keep the file; try another copy of it",
         )
     found.unfinished_bytes = bytes_after(fd, end)
     if found.unfinished_bytes:
-        found.losses.append(f"the last {found.unfinished_bytes} bytes are no whole record")
+        found.losses.append(message("the last {n} bytes are no whole record", n=found.unfinished_bytes))
     return found
 
 
@@ -150,7 +159,7 @@ def in_memory(fd: int, where: str) -> Any:
     A journal that is being recorded may be read: it only grows.
     """
     found = survey(fd, where)
-    lost = "; ".join((UNFINISHED, *remarks(found)))
+    lost = joined("; ", (UNFINISHED, *remarks(found)))
     file = h5py.File(where, "w", driver="core", backing_store=False)
     try:
         fill(file, nodes(fd, found, [LogEntry(found.last_s, "warning", "file", lost)]))
@@ -177,12 +186,12 @@ def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[No
         yield from found.holes.get(number, ())
         yield from (node for node in record.nodes if _run_of(node.path) in (None, *found.runs))
     if count != found.records:
-        raise DataError(f"{found.records - count} records could be read once and not again", "Try again")
+        raise DataError(message("{n} records could be read once and not again", n=found.records - count), "Try again")
     for run_id, run in found.runs.items():
         yield Node(f"runs/{run_id}", {"outcome": outcome(run)})
         if run.losses:
             at_s = run.last_s if np.isfinite(run.last_s) else _span(run)[0]
-            words = "; ".join(run.losses)
+            words = joined("; ", run.losses)
             yield from session_nodes.log_nodes(f"runs/{run_id}/log", [LogEntry(at_s, "error", "file", words)])
     yield from session_nodes.log_nodes("notes", notes)
 
@@ -202,7 +211,7 @@ def all_losses(found: Survey) -> tuple[str, ...]:
 
 def remarks(found: Survey) -> tuple[str, ...]:
     """What to know of a recording that was not closed: runs that were cut off, and all losses."""
-    cut = [f"{run_id} was cut off" for run_id, run in found.runs.items() if run.outcome == RECORDING]
+    cut = [message("{run} was cut off", run=run_id) for run_id, run in found.runs.items() if run.outcome == RECORDING]
     return (*cut, *all_losses(found))
 
 
@@ -252,7 +261,7 @@ def _hole(found: Survey, number: int, path: str, missing: int, before_s: float |
     parts = path.split("/")
     stream = parts[-1] if parts[-1] == "gaps" else parts[2] if parts[0] == "runs" and len(parts) > 2 else parts[0]
     words, counter = _STREAMS.get(stream, (path, ""))
-    loss = f"{missing} {words} are missing"
+    loss = message("{n} {stream} are missing", n=missing, stream=phrase(words))
     if run is None:
         found.losses.append(loss)
         return
@@ -284,4 +293,8 @@ def _run_of(path: str) -> str | None:
 
 
 def _records_missing(first: int, last: int) -> str:
-    return f"record {first} is missing" if first == last else f"records {first} to {last} are missing"
+    return (
+        message("record {first} is missing", first=first)
+        if first == last
+        else message("records {first} to {last} are missing", first=first, last=last)
+    )

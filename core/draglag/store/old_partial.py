@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.recording import Run, Session
 from draglag.store import schema
 from draglag.store.checksum import raw_checksum
@@ -53,19 +54,22 @@ def recover(path: Path) -> tuple[Session, list[str]]:
     with open_hdf5(path) as file, h5py.File("salvage", "w", driver="core", backing_store=False) as copy:
         check_schema(file, path)
         problems = _problems(file)
-        losses += [f"/{name} {problem}" for name, problem in problems]
+        losses += [message("/{name} {problem}", name=name, problem=problem) for name, problem in problems]
         if any(problem == TOO_LARGE for _, problem in problems):
-            raise DataError(f"{path}: unpacked it is far larger than a recording can be", "Use the file as recorded")
+            raise DataError(
+                message("{path}: unpacked it is far larger than a recording can be", path=path),
+                "Use the file as recorded",
+            )
         if not problems:  # a checksum looks at everything, also where it should not
-            _attempt(losses, "the checksum", lambda: _compare_checksum(file, losses))
+            _attempt(losses, message("the checksum"), lambda: _compare_checksum(file, losses))
         left_out = frozenset(name for name, _ in problems)
-        _attempt(losses, "the root", lambda: _copy_attrs(file, copy))
+        _attempt(losses, message("the root"), lambda: _copy_attrs(file, copy))
         for name in schema.RAW_GROUPS:
             _attempt(losses, f"/{name}", partial(_copy, file, name, copy, losses, left_out))
         _attempt(losses, "/protocol_toml", lambda: _copy(file, "protocol_toml", copy, losses, left_out))
         runs: list[Run] = []
         for name in list(copy["runs"]) if "runs" in copy else []:
-            _attempt(losses, f"run {name}", partial(_add_run, runs, copy["runs"], name, losses))
+            _attempt(losses, message("run {name}", name=name), partial(_add_run, runs, copy["runs"], name, losses))
         session = _with_header(copy, tuple(runs), losses, path)
         return session, losses
 
@@ -74,14 +78,19 @@ def _with_header(copy: Any, runs: tuple[Run, ...], losses: list[str], path: Path
     """The session; of its parts other than runs, those that cannot be read are left out one by one."""
     for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "details", "protocol_toml"):
         if optional and optional in copy:
-            losses.append(f"/{optional} is lost")
+            losses.append(message("/{optional} is lost", optional=optional))
             del copy[optional]
         try:
             return session_of(copy, runs)
         except (*BROKEN, DataError) as error:
             why = error
     raise DataError(
-        f"{path}: {len(runs)} runs can be read, and what the session is cannot ({short(why)})",
+        message(
+            "{path}: {n} runs can be read, and what the session is cannot ({why})",
+            path=path,
+            n=len(runs),
+            why=short(why),
+        ),
         "Keep the file; try another copy of it",
     ) from why
 
@@ -91,7 +100,7 @@ def _problems(file: Any) -> list[tuple[str, str]]:
     try:
         found.extend(tree_problems(file))
     except BROKEN:
-        found.append(("", "cannot be looked through as a whole"))
+        found.append(("", message("cannot be looked through as a whole")))
     return found
 
 
@@ -102,7 +111,7 @@ def _compare_checksum(file: Any, losses: list[str]) -> None:
     except BROKEN:
         return  # what cannot be read is named item by item
     if not same:
-        losses.append("some raw data were changed after recording: the checksum does not match")
+        losses.append(message("some raw data were changed after recording: the checksum does not match"))
 
 
 def _add_run(runs: list[Run], parent: Any, name: str, losses: list[str]) -> None:
@@ -110,12 +119,12 @@ def _add_run(runs: list[Run], parent: Any, name: str, losses: list[str]) -> None
     group = parent[name]
     for stream in _STREAMS:
         if not isinstance(group.get(stream), h5py.Group):
-            losses.append(f"run {name}: {stream} is lost")
+            losses.append(message("run {name}: {stream} is lost", name=name, stream=stream))
             _make_empty(group, stream)
     _guess_attrs(group, name, losses)
     for optional in ("", "log", "sync", "display", "target", "touch/axes", "touch/gaps", "laser/gaps"):
         if optional and optional in group:
-            losses.append(f"run {name}: {optional} is lost")
+            losses.append(message("run {name}: {optional} is lost", name=name, optional=optional))
             del group[optional]
         try:
             run = run_of(group)
@@ -143,7 +152,7 @@ def _guess_attrs(group: Any, name: str, losses: list[str]) -> None:
     start_s, end_s = (float(times.min()), float(times.max())) if len(times) else (0.0, 0.0)
     for key, value in (("protocol", "free"), ("start_s", start_s), ("duration_s", end_s - start_s)):
         if key not in group.attrs:
-            losses.append(f"run {name}: {key} is lost, it was estimated from the samples")
+            losses.append(message("run {name}: {key} is lost, it was estimated from the samples", name=name, key=key))
             group.attrs[key] = value
 
 
@@ -157,7 +166,14 @@ def _in_order(run: Run, losses: list[str]) -> Run:
         near[near] = [not first_problem(stream, trace.t_s[k : k + 1], run) for k in np.flatnonzero(near)]
         latest = np.maximum.accumulate(np.where(near, trace.t_s, -np.inf))
         kept = near & (trace.t_s >= latest)
-        losses.append(f"run {run.id}: {int((~kept).sum())} {stream} samples have times that cannot be")
+        losses.append(
+            message(
+                "run {run}: {n} {stream} samples have times that cannot be",
+                run=run.id,
+                n=int((~kept).sum()),
+                stream=stream,
+            )
+        )
         columns = {
             key: values[kept]
             for key, values in vars(trace).items()
@@ -171,7 +187,7 @@ def _attempt(losses: list[str], what: str, action: Callable[[], object]) -> None
     try:
         action()
     except (*BROKEN, DataError) as error:
-        losses.append(f"{what} is lost ({short(error)})")
+        losses.append(message("{what} is lost ({why})", what=what, why=short(error)))
 
 
 def _copy_attrs(source: Any, target: Any, losses: list[str] | None = None) -> None:
@@ -183,7 +199,7 @@ def _copy_attrs(source: Any, target: Any, losses: list[str] | None = None) -> No
         except BROKEN as error:
             if losses is None:
                 raise
-            losses.append(f"{source.name}: {key} is lost ({short(error)})")
+            losses.append(message("{source}: {key} is lost ({why})", source=source.name, key=key, why=short(error)))
 
 
 def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: frozenset[str], depth: int = 0) -> None:
@@ -215,17 +231,25 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
     length = len(scale.values) if scale is not None else 0
     longest = max((len(column.values) for column in columns.values()), default=0)
     if longest > length:
-        losses.append(f"{source.name}: {longest - length} unfinished rows are lost")
+        losses.append(message("{source}: {n} unfinished rows are lost", source=source.name, n=longest - length))
     kept = _rows_with_times(scale, table, length)
     if not kept.all():
-        losses.append(f"{source.name}: {int((~kept).sum())} rows are lost with their times")
+        losses.append(message("{source}: {n} rows are lost with their times", source=source.name, n=int((~kept).sum())))
     for column in table.every():
         rows = columns.get(column.name)
         if rows is None and column.optional:
             continue
         lost = length - (0 if rows is None else int(rows.readable[:length].sum()))
         if lost and column is not table.scale:
-            losses.append(f"{source.name}/{column.name}: {lost} of {length} values are lost")
+            losses.append(
+                message(
+                    "{source}/{column}: {lost} of {length} values are lost",
+                    source=source.name,
+                    column=column.name,
+                    lost=lost,
+                    length=length,
+                )
+            )
         values = np.full(length, column.fill, column.dtype)
         if rows is not None:
             values[: len(rows.values)] = rows.values[:length]

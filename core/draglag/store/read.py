@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.recording import (
     AxisInfo,
     Beam,
@@ -47,7 +48,9 @@ from draglag.store.stored import stored_columns
 Columns = Callable[[Any, schema.Table], dict[str, Any]]
 """How the columns of a stream are read: ``read_columns`` at once, ``stored_columns`` when they are asked for."""
 
-CHANGED = "The raw data were changed after recording: the checksum of the file does not match. Use an untouched copy."
+CHANGED = message(
+    "The raw data were changed after recording: the checksum of the file does not match. Use an untouched copy."
+)
 
 
 def read_session(path: Path | str) -> Session:
@@ -169,7 +172,7 @@ READERS: dict[int, Callable[..., Session]] = {1: read_layout, 2: read_layout}
 def _group(parent: Any, name: str) -> Any:
     group = parent.get(name)
     if not isinstance(group, h5py.Group):
-        raise DataError(f"the group {parent.name.rstrip('/')}/{name} is missing")
+        raise DataError(message("the group {group}/{name} is missing", group=parent.name.rstrip("/"), name=name))
     return group
 
 
@@ -193,7 +196,7 @@ def _long_text(group: Any, name: str) -> str:
         return ""
     value = group[name][()]
     if not isinstance(value, bytes):
-        raise DataError(f"{group.name}{name} is not text")
+        raise DataError(message("{group}{name} is not text", group=group.name, name=name))
     return value.decode("utf-8", "replace")
 
 

@@ -11,7 +11,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from draglag.errors import DataError, DraglagError
+from draglag.errors import DataError, DraglagError, message_of
+from draglag.messages import Message, message, phrase
 from draglag.store.frames import MAGIC
 from draglag.store.schema import (
     SCHEMA,
@@ -35,7 +36,7 @@ _OF_SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}  # read by HDF5 alone
 _FILTERS = {"1", "2", "3", "gzip", "shuffle", "fletcher32"}  # built in; others would load a plug-in
 # Of every open column: they are read from end to end, so what has been read is not needed again. HDF5 2.0 takes 8 MiB.
 _CHUNK_CACHE_BYTES = 2**18
-TOO_LARGE = "makes the file too large when unpacked"
+TOO_LARGE = message("makes the file too large when unpacked")
 BROKEN = (
     OSError,
     RuntimeError,
@@ -71,7 +72,8 @@ def named_errors(path: Path) -> Iterator[None]:
         raise _named(error, path) from error
     except BROKEN as error:
         raise DataError(
-            f"{path}: is damaged ({short(error)})", f"Try `draglag verify {path}` to see what can be saved"
+            message("{path}: is damaged ({why})", path=path, why=short(error)),
+            message("Try `draglag verify {path}` to see what can be saved", path=path),
         ) from error
 
 
@@ -79,19 +81,25 @@ def _named(error: DraglagError, path: Path) -> DraglagError:
     """The error with the name of the file and a remedy, where it has none yet."""
     if error.problem.startswith(str(path)) and error.remedy:
         return error
-    problem = error.problem if error.problem.startswith(str(path)) else f"{path}: {error.problem}"
-    return DataError(problem, error.remedy or f"Try `draglag verify {path}` to see what can be saved")
+    named = error.problem.startswith(str(path))
+    problem = error.problem if named else message("{path}: {problem}", path=path, problem=error.problem)
+    return DataError(
+        problem, error.remedy or message("Try `draglag verify {path}` to see what can be saved", path=path)
+    )
 
 
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[Any]:
     """An HDF5 file, read only. Raises DataError."""
     if not path.exists():
-        raise DataError(f"{path}: there is no such file", "Check the name")
+        raise DataError(message("{path}: there is no such file", path=path), "Check the name")
     if is_unfinished(path):
-        raise DataError(f"{path}: is a recording that was not closed", f"Save it first with `draglag verify {path}`")
+        raise DataError(
+            message("{path}: is a recording that was not closed", path=path),
+            message("Save it first with `draglag verify {path}`", path=path),
+        )
     if not path.is_file():
-        raise DataError(f"{path}: is not a file", "Name a session file, such as session.h5")
+        raise DataError(message("{path}: is not a file", path=path), "Name a session file, such as session.h5")
     try:
         file = h5py.File(path, "r", rdcc_nbytes=_CHUNK_CACHE_BYTES)
     except (OSError, RuntimeError) as error:
@@ -114,12 +122,18 @@ def is_unfinished(path: Path) -> bool:
 def _cannot_open(path: Path, error: BaseException) -> DataError:
     text = str(error)
     if "unable to lock" in text:
-        return DataError(f"{path}: another program is writing it", "Wait until the recording has ended")
+        return DataError(
+            message("{path}: another program is writing it", path=path), "Wait until the recording has ended"
+        )
     if isinstance(error, PermissionError) or "Permission denied" in text:
-        return DataError(f"{path}: may not be read", "Ask for the right to read it")
+        return DataError(message("{path}: may not be read", path=path), "Ask for the right to read it")
     if "truncated" in text:
-        return DataError(f"{path}: is truncated: the end of the file is missing", "Copy it again from its source")
-    return DataError(f"{path}: is not an HDF5 file, or is damaged", "A session file is what draglag recorded")
+        return DataError(
+            message("{path}: is truncated: the end of the file is missing", path=path), "Copy it again from its source"
+        )
+    return DataError(
+        message("{path}: is not an HDF5 file, or is damaged", path=path), "A session file is what draglag recorded"
+    )
 
 
 def check_schema(file: Any, path: Path) -> int:
@@ -128,12 +142,22 @@ def check_schema(file: Any, path: Path) -> int:
         name = text_attr(file, "schema")
         version = int_attr(file, "schema_version")
     except DataError as error:
-        raise DataError(f"{path}: is HDF5 but not a draglag session", "Name a file that draglag recorded") from error
+        raise DataError(
+            message("{path}: is HDF5 but not a draglag session", path=path), "Name a file that draglag recorded"
+        ) from error
     if name != SCHEMA or version < 1:
-        raise DataError(f"{path}: is HDF5 but not a draglag session", "Name a file that draglag recorded")
+        raise DataError(
+            message("{path}: is HDF5 but not a draglag session", path=path), "Name a file that draglag recorded"
+        )
     if version > VERSION:
         raise DataError(
-            f"{path}: has schema version {version}, this draglag knows up to {VERSION}", "Install a newer draglag"
+            message(
+                "{path}: has schema version {version}, this draglag knows up to {known}",
+                path=path,
+                version=version,
+                known=VERSION,
+            ),
+            "Install a newer draglag",
         )
     return version
 
@@ -141,7 +165,10 @@ def check_schema(file: Any, path: Path) -> int:
 def check_tree(file: Any, path: Path) -> None:
     """Check every item without reading it. Raises DataError."""
     for name, problem in tree_problems(file):
-        raise DataError(f"{path}: /{name} {problem}", "Nothing was followed or read; use the file as recorded")
+        raise DataError(
+            message("{path}: /{name} {problem}", path=path, name=name, problem=problem),
+            "Nothing was followed or read; use the file as recorded",
+        )
 
 
 def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
@@ -154,13 +181,13 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
     while waiting:
         prefix, group, depth = waiting.pop()
         if depth > MAX_DEPTH:
-            yield prefix, "is nested too deep"
+            yield prefix, message("is nested too deep")
             continue
         for key in group:
             name = f"{prefix}/{key}".lstrip("/")
             count += 1
             if count > MAX_ITEMS:
-                yield name, "is one item too many"
+                yield name, message("is one item too many")
                 return
             item, problems = _item(group, key, seen)
             yield from ((name, problem) for problem in problems)
@@ -179,17 +206,17 @@ def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
     seen: addresses of the groups so far; the item's is entered.
     """
     if not isinstance(group.get(key, getlink=True), h5py.HardLink):
-        return None, ["is a link to another place"]
+        return None, [message("is a link to another place")]
     item = group[key]
     problems = list(_attribute_problems(item))
     if isinstance(item, h5py.Group):
         address = int(h5py.h5o.get_info(item.id).addr)
         if address in seen:
-            return None, [*problems, "is the same group under a second name"]
+            return None, [*problems, message("is the same group under a second name")]
         seen.add(address)
         return item, problems
     if not isinstance(item, h5py.Dataset):
-        return None, [*problems, "is a named type"]
+        return None, [*problems, message("is a named type")]
     problem = dataset_problem(item)
     return (None, [*problems, problem]) if problem else (item, problems)
 
@@ -199,12 +226,16 @@ def _attribute_problems(item: Any) -> Iterator[str]:
     if not hasattr(item, "attrs"):
         return
     if len(item.attrs) > _MAX_ATTRIBUTES:
-        yield "has too many attributes"
+        yield message("has too many attributes")
         return
     for key in item.attrs:
         handle = item.attrs.get_id(key)
         if key not in _OF_SCALES and handle.get_storage_size() > _MAX_ATTRIBUTE_BYTES:
-            yield f"has the attribute {short_text(key)} of {handle.get_storage_size()} bytes"
+            yield message(
+                "has the attribute {attribute} of {size} bytes",
+                attribute=short_text(key),
+                size=handle.get_storage_size(),
+            )
 
 
 def _bytes(dataset: Any) -> int:
@@ -216,27 +247,27 @@ def dataset_problem(dataset: Any) -> str:
     kind = dataset.dtype
     plist = dataset.id.get_create_plist()
     if kind.kind not in "iufS" or kind.hasobject or kind.fields or kind.subdtype or h5py.check_enum_dtype(kind):
-        return f"has a type no session file has ({kind})"
+        return message("has a type no session file has ({kind})", kind=kind)
     if plist.get_external_count() or dataset.is_virtual:
-        return "keeps its data in another file"
+        return message("keeps its data in another file")
     if not set(dataset._filters) <= _FILTERS:
-        return "is packed with a filter this program does not load"
+        return message("is packed with a filter this program does not load")
     if dataset.shape is None or len(dataset.shape) > 1:
-        return "is not a column of numbers"
+        return message("is not a column of numbers")
     size, stored = _bytes(dataset), dataset.id.get_storage_size()
     packed = _DEFLATE_LIMIT if plist.get_nfilters() else 1
     if size > MAX_BYTES or size > packed * stored + 2**20:
-        return f"claims {size} bytes and holds {stored}"
+        return message("claims {size} bytes and holds {stored}", size=size, stored=stored)
     return ""
 
 
 def read_attr(item: Any, key: str) -> Value:
     """An attribute as int, float or str. Raises DataError on anything else."""
     if key not in item.attrs:
-        raise DataError(f"{item.name} has no attribute {key}")
+        raise DataError(message("{group} has no attribute {key}", group=item.name, key=key))
     handle = item.attrs.get_id(key)
     if handle.shape not in ((), (1,)) or handle.get_storage_size() > _MAX_ATTRIBUTE_BYTES:
-        raise DataError(f"{item.name}: the attribute {key} is not one value")
+        raise DataError(message("{group}: the attribute {key} is not one value", group=item.name, key=key))
     value = item.attrs[key]
     if isinstance(value, np.ndarray) and value.shape == (1,):
         value = value[0]
@@ -248,7 +279,7 @@ def read_attr(item: Any, key: str) -> Value:
         return int(value)
     if isinstance(value, np.floating | float):
         return float(value)
-    raise DataError(f"{item.name}: the attribute {key} is neither number nor text")
+    raise DataError(message("{group}: the attribute {key} is neither number nor text", group=item.name, key=key))
 
 
 def text_attr(item: Any, key: str, default: str | None = None) -> str:
@@ -256,14 +287,14 @@ def text_attr(item: Any, key: str, default: str | None = None) -> str:
         return default
     value = read_attr(item, key)
     if not isinstance(value, str):
-        raise DataError(f"{item.name}: the attribute {key} is not text")
+        raise DataError(message("{group}: the attribute {key} is not text", group=item.name, key=key))
     return value
 
 
 def float_attr(item: Any, key: str) -> float:
     value = read_attr(item, key)
     if isinstance(value, str):
-        raise DataError(f"{item.name}: the attribute {key} is not a number")
+        raise DataError(message("{group}: the attribute {key} is not a number", group=item.name, key=key))
     return float(value)
 
 
@@ -272,7 +303,7 @@ def int_attr(item: Any, key: str, default: int | None = None) -> int:
         return default
     value = read_attr(item, key)
     if not isinstance(value, int):
-        raise DataError(f"{item.name}: the attribute {key} is not a whole number")
+        raise DataError(message("{group}: the attribute {key} is not a whole number", group=item.name, key=key))
     return value
 
 
@@ -291,26 +322,45 @@ def read_columns(group: Any, table: Table) -> dict[str, NDArray[Any]]:
 def readable_columns(group: Any, table: Table) -> dict[str, Any]:
     """The datasets of a table's columns, without what is optional and absent. Raises DataError as ``read_columns``."""
     if not isinstance(group, h5py.Group):
-        raise DataError(f"{group.name} is not a group")
+        raise DataError(message("{group} is not a group", group=group.name))
     found = {}
     for column in table.every():
         if column.name in group:
             found[column.name] = _readable(group, column)
         elif not column.optional:
-            raise DataError(f"{group.name} has no column {column.name}", "Use a file that draglag wrote")
+            raise DataError(
+                message("{group} has no column {column}", group=group.name, column=column.name),
+                "Use a file that draglag wrote",
+            )
     length = len(found[table.scale.name])
     for name, dataset in found.items():
         if len(dataset) != length:
-            raise DataError(f"{group.name}/{name} has {len(dataset)} rows, its scale {length}")
+            raise DataError(
+                message(
+                    "{group}/{name} has {rows} rows, its scale {length}",
+                    group=group.name,
+                    name=name,
+                    rows=len(dataset),
+                    length=length,
+                )
+            )
     return found
 
 
 def _readable(group: Any, column: Column) -> Any:
     dataset = group[column.name]
     if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1:
-        raise DataError(f"{group.name}/{column.name} is not a column")
+        raise DataError(message("{group}/{column} is not a column", group=group.name, column=column.name))
     if dataset.dtype.kind not in {"f": "iuf", "i": "iu"}.get(column.kind, "S"):
-        raise DataError(f"{group.name}/{column.name} has the type {dataset.dtype}, expected {column.dtype}")
+        raise DataError(
+            message(
+                "{group}/{column} has the type {found}, expected {wanted}",
+                group=group.name,
+                column=column.name,
+                found=dataset.dtype,
+                wanted=column.dtype,
+            )
+        )
     return dataset
 
 
@@ -319,9 +369,10 @@ def _values(dataset: Any, column: Column) -> NDArray[Any]:
     return values if column.kind.startswith("S") else values.astype(column.dtype, copy=False)
 
 
-def short(error: BaseException) -> str:
+def short(error: BaseException) -> Message:
     """An exception's text on one line."""
-    return short_text(str(error)) or type(error).__name__
+    said = message_of(error)
+    return said if said and short_text(said) == said else phrase(short_text(said) or type(error).__name__)
 
 
 def short_text(text: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from draglag.errors import DataError
+from draglag.messages import Message, joined, message
 from draglag.recording import LogEntry, Session
 from draglag.store.build import build, write_session
 from draglag.store.journal import PARTIAL, all_losses, is_journal, lock_journal, nodes, open_journal, remarks, survey
@@ -66,7 +67,9 @@ def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
 
 def _refuse(target: Path) -> None:
     if target.exists() or target.is_symlink():
-        raise DataError(f"{target}: exists already and is not overwritten", "Give another name with --out")
+        raise DataError(
+            message("{path}: exists already and is not overwritten", path=target), "Give another name with --out"
+        )
 
 
 def _note(unfinished: Path, losses: tuple[str, ...], session: Session) -> LogEntry:
@@ -74,8 +77,8 @@ def _note(unfinished: Path, losses: tuple[str, ...], session: Session) -> LogEnt
     return LogEntry(last_s, "warning", "salvage", _words(unfinished, losses))
 
 
-def _words(unfinished: Path, losses: tuple[str, ...]) -> str:
-    return "; ".join((f"saved from {unfinished.name}", *losses))
+def _words(unfinished: Path, losses: tuple[str, ...]) -> Message:
+    return joined("; ", (message("saved from {file}", file=unfinished.name), *losses))
 
 
 def _salvaged_name(path: Path) -> Path:

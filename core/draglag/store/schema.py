@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draglag.errors import DataError
+from draglag.messages import message
 
 SCHEMA = "draglag-session"
 VERSION = 2
@@ -189,7 +190,7 @@ def check_run_id(run_id: str, where: str) -> str:
     """The id itself if it can name a group and a file. Raises DataError."""
     if not _RUN_ID.match(run_id) or run_id != run_id.strip() or ".." in run_id:
         raise DataError(
-            f"{where}: “{run_id[:100]}” cannot be the id of a run",
+            message("{path}: “{run}” cannot be the id of a run", path=where, run=run_id[:100]),
             "Use letters, digits, blanks, dots, - and _ only",
         )
     return run_id

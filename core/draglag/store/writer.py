@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.recording import (
     OUTCOMES,
     ClockBounds,
@@ -182,10 +183,13 @@ class SessionWriter:
         try:
             found = survey(self._file.fd, str(self.partial))
             if found.records != self._file.count:
-                raise DataError(f"{self.partial}: some of it cannot be read back", "Try again.")
+                raise DataError(message("{path}: some of it cannot be read back", path=self.partial), "Try again.")
             build(nodes(self._file.fd, found), self.path, self._file.size)
         except DataError as error:
-            raise DataError(error.problem, f"{error.remedy} The recording is whole in {self.partial}") from error
+            raise DataError(
+                error.problem,
+                message("{remedy} The recording is whole in {file}", remedy=error.remedy, file=self.partial),
+            ) from error
         self._closed = True
         if self._file.in_place():
             with suppress(OSError):
@@ -202,7 +206,10 @@ class SessionWriter:
 
     def _begin(self, run: Run) -> None:
         if run.id in self._runs:
-            raise DataError(f"{self.path}: there are two runs “{run.id}”", "Give every run an id of its own")
+            raise DataError(
+                message("{path}: there are two runs “{run}”", path=self.path, run=run.id),
+                "Give every run an id of its own",
+            )
         own = f"runs/{run.id}"
         every = list(session_nodes.run_nodes(run, RECORDING))
         heads = (own, f"{own}/target", f"{own}/touch/axes")
@@ -250,14 +257,16 @@ class SessionWriter:
 
     def _unwritable(self, error: BaseException) -> DataError:
         folder = self.partial.absolute().parent
-        saved = f"what was saved before is whole in {self.partial}"
         if not folder.is_dir():
-            remedy = "Name another place: the folder was removed while it was recorded into"
+            remedy = message("Name another place: the folder was removed while it was recorded into")
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            remedy = f"Make room on the disk, or name another place; {saved}"
+            remedy = message(
+                "Make room on the disk, or name another place; what was saved before is whole in {file}",
+                file=self.partial,
+            )
         else:
-            remedy = f"Name another place; {saved}"
-        return DataError(f"{self.partial}: cannot be written ({reason(error)})", remedy)
+            remedy = message("Name another place; what was saved before is whole in {file}", file=self.partial)
+        return DataError(message("{path}: cannot be written ({why})", path=self.partial, why=reason(error)), remedy)
 
 
 def _packed(waiting: list[Node]) -> list[list[Node]]:
@@ -268,11 +277,15 @@ def _packed(waiting: list[Node]) -> list[list[Node]]:
 
 
 def _cannot_make(partial: Path, error: BaseException) -> DataError:
-    return DataError(f"{partial}: cannot be made ({reason(error)})", "Choose a folder you may write, with room")
+    return DataError(
+        message("{path}: cannot be made ({why})", path=partial, why=reason(error)),
+        "Choose a folder you may write, with room",
+    )
 
 
 def _refuse_partial(partial: Path) -> None:
     if partial.is_symlink() or partial.exists():
         raise DataError(
-            f"{partial}: exists already and is not overwritten", f"Save what it holds with `draglag verify {partial}`"
+            message("{path}: exists already and is not overwritten", path=partial),
+            message("Save what it holds with `draglag verify {path}`", path=partial),
         )

@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass
 
 from draglag.errors import DraglagError
+from draglag.messages import message
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,15 @@ def advice(module: str) -> tuple[str, str]:
     """Problem and remedy where a module is missing."""
     package = package_of(module)
     if package is None:
-        return f"the Python module {module} is missing", "install draglag again"
-    extra = f" (extra {package.extra})" if package.extra else ""
-    return f"the Python package {package.name}{extra} is not installed", f"run: {package.line}"
+        return message("the Python module {name} is missing", name=module), message("install draglag again")
+    problem = message(
+        "the Python package {name} (extra {extra}) is not installed"
+        if package.extra
+        else "the Python package {name} is not installed",
+        name=package.name,
+        extra=package.extra,
+    )
+    return problem, message("run: {command}", command=package.line)
 
 
 def missing_package(error: ModuleNotFoundError) -> DraglagError | None:

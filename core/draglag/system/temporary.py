@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from draglag.errors import DataError
+from draglag.messages import message
 
 _NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
 
@@ -67,7 +68,9 @@ def publish(source: Path, target: Path) -> None:
     try:
         os.link(source, target)
     except FileExistsError as error:
-        raise DataError(f"{target}: exists already and is not overwritten", "Choose another name") from error
+        raise DataError(
+            message("{path}: exists already and is not overwritten", path=target), "Choose another name"
+        ) from error
     except OSError:  # a file system without hard links
         refuse(target)
         source.rename(target)
@@ -78,10 +81,10 @@ def publish(source: Path, target: Path) -> None:
 def refuse(path: Path) -> None:
     """Raise DataError where the name is taken, or its folder is not there."""
     if path.is_symlink() or path.exists():
-        raise DataError(f"{path}: exists already and is not overwritten", "Choose another name")
+        raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
     folder = path.absolute().parent
     if not folder.is_dir():
-        raise DataError(f"{folder}: there is no such folder", "Make it first, or choose another")
+        raise DataError(message("{path}: there is no such folder", path=folder), "Make it first, or choose another")
 
 
 def sweep(folder: Path) -> list[Path]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from draglag.messages import message
 from draglag.recording import AxisInfo, FloatArray, TouchTrace
 
 EV_SYN, EV_KEY, EV_ABS, EV_MSC = 0, 1, 3, 4
@@ -221,7 +222,7 @@ def axis_scale(axis: AxisInfo, size_mm: float | None) -> tuple[float, float]:
     elif axis.resolution > 0:
         factor = 1.0 / axis.resolution
     else:
-        raise ValueError(f"{axis.name} has no resolution and the size of the panel is not given")
+        raise ValueError(message("{axis} has no resolution and the size of the panel is not given", axis=axis.name))
     return factor, -axis.minimum * factor
 
 

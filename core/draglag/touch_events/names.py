@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from draglag.messages import Message, message, phrase
 from draglag.touch_events.frames import AXIS_NAMES, BTN_TOUCH, EV_ABS, EV_KEY
 
 _OTHER_AXES = {0x02: "ABS_Z", 0x03: "ABS_RX", 0x04: "ABS_RY", 0x05: "ABS_RZ", 0x18: "ABS_PRESSURE"}
 
 
-def event_names(kinds: Iterable[tuple[int, int]]) -> str:
+def event_names(kinds: Iterable[tuple[int, int]]) -> Message:
     """Names of events by (type, code), as the kernel's headers call them where they matter here."""
     names = []
     for kind, code in sorted(set(kinds)):
@@ -19,4 +20,4 @@ def event_names(kinds: Iterable[tuple[int, int]]) -> str:
             names.append("BTN_TOUCH" if code == BTN_TOUCH else f"KEY_{code:#05x}")
         else:
             names.append(f"type {kind} code {code:#04x}")
-    return ", ".join(names) or "no axes"
+    return phrase(", ".join(names)) if names else message("no axes")

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.reading.limits import CONTACTS
 from draglag.touch_events.frames import (
     ABS_MT_POSITION_X,
@@ -70,7 +71,9 @@ class PacketDecoder:
         if ABS_MT_POSITION_X in values and ABS_MT_POSITION_Y in values:
             number = values.get(ABS_MT_TRACKING_ID)
             if len(self._places) == CONTACTS:
-                raise DataError(f"a frame lists more than {CONTACTS} contacts", "record a touchscreen")
+                raise DataError(
+                    message("a frame lists more than {most} contacts", most=CONTACTS), "record a touchscreen"
+                )
             self._places.append(_Place(values[ABS_MT_POSITION_X], values[ABS_MT_POSITION_Y], number))
             self._listed = True
 

@@ -11,6 +11,7 @@ from draglag.instruments.beam import Lines, fit_lines, sides
 from draglag.latency.common import alignment_at
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEWEST_EDGES, Alignment, Prepared
+from draglag.messages import message
 from draglag.path.events import contact_losses, in_contact
 from draglag.path.inversion import Law, StylusPath, stylus_path
 from draglag.path.motion import savitzky_golay
@@ -66,7 +67,10 @@ def validate_run(
     Raises EstimateError when too few edges can be placed or a side is empty.
     """
     if ready.edges.t_s.size < FEWEST_EDGES:
-        raise EstimateError(f"{ready.run.id}: {ready.edges.t_s.size} edges, {FEWEST_EDGES} needed", "Record it again")
+        raise EstimateError(
+            message("{run}: {n} edges, {k} needed", run=ready.run.id, n=ready.edges.t_s.size, k=FEWEST_EDGES),
+            "Record it again",
+        )
     losses_s = contact_losses(ready.touch.t_s)
     placed = _placed(ready, stylus_path(ready.touch.t_s, ready.xy_mm, law), losses_s) if smoothed else None
     if placed is not None:
@@ -75,14 +79,18 @@ def validate_run(
         edges, latency_s, speed = _shifted(ready, law, losses_s)
     if edges.t_s.size < FEWEST_EDGES or (smoothed and placed is None):
         raise EstimateError(
-            f"{ready.run.id}: too few edges on both sides of the beam lie within the touch trace", "Record it again"
+            message("{run}: too few edges on both sides of the beam lie within the touch trace", run=ready.run.id),
+            "Record it again",
         )
     try:
         after = alignment_at(ready, edges, latency_s, shared_slope=False)
         # An edge is a top or a bottom one however late its touch event comes: the same sides for J(0).
         _, uncorrected_mm = fit_lines(after.x_raw_mm, after.y_raw_mm, after.side, shared_slope=False)
     except ValueError as problem:
-        raise EstimateError(f"{ready.run.id}: {problem}", "Record it again, crossing the beam both ways") from None
+        raise EstimateError(
+            message("{run}: {problem}", run=ready.run.id, problem=problem),
+            "Record it again, crossing the beam both ways",
+        ) from None
     if placed is not None:
         x_mm, y_mm = placed.xy_mm.T
         after = replace(
@@ -114,7 +122,9 @@ def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, Fl
     try:
         grid_s, _, _, speed = savitzky_golay(touch)
     except ValueError as problem:
-        raise EstimateError(f"{ready.run.id}: {problem}", "Record it again, for longer") from None
+        raise EstimateError(
+            message("{run}: {problem}", run=ready.run.id, problem=problem), "Record it again, for longer"
+        ) from None
     lag_s = np.asarray(law(speed), float)
     own_s = np.maximum.accumulate(grid_s - lag_s)
     t_s = ready.edges.t_s

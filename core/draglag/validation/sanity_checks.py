@@ -11,6 +11,7 @@ from scipy.special import ndtr
 from draglag.curve import CurveFit
 from draglag.instruments.taps import TapSummary
 from draglag.latency import RunEstimate
+from draglag.messages import message
 from draglag.recording import Session
 
 MARGIN_S = 0.003  # the mean least noticeable drag latency is 6 ms (the paper, Section I): half of it
@@ -96,10 +97,16 @@ def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> lis
     low, high = check.ci95_mm
     if abs(check.mean_mm - check.known_mm) > np.hypot(0.5 * (high - low), WIDTH_SYSTEMATIC_MM):
         return [
-            f"The stylus measures {check.mean_mm:.2f} mm ({low:.2f} to {high:.2f}), "
-            f"by ruler {check.known_mm:g} mm: more than noise and sensor explain. A wrong diameter, a wrong scale "
-            "of the touchscreen, a filter that shrinks circles or a slow sensor can do this. Measure the stylus, "
-            "calibrate the touchscreen, and see draglag gap."
+            message(
+                "The stylus measures {mean:.2f} mm ({low:.2f} to {high:.2f}), by ruler {known:g} mm: more than "
+                "noise and sensor explain. A wrong diameter, a wrong scale of the touchscreen, a filter that "
+                "shrinks circles or a slow sensor can do this. Measure the stylus, calibrate the touchscreen, "
+                "and see draglag gap.",
+                mean=check.mean_mm,
+                low=low,
+                high=high,
+                known=check.known_mm,
+            )
         ]
     off = [
         run.id
@@ -112,8 +119,13 @@ def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> lis
     if not off:
         return []
     return [
-        f"The stylus width of {', '.join(off)} disagrees with the ruler ({check.known_mm:g} mm) by more than noise and "
-        "sensor explain: a tilted stylus or wrong edges can do this. Look at the alignment, or record again."
+        message(
+            "The stylus width of {runs} disagrees with the ruler ({known:g} mm) by more than noise and "
+            "sensor explain: a tilted stylus or wrong edges can do this. Look at the alignment, or record "
+            "again.",
+            runs=", ".join(off),
+            known=check.known_mm,
+        )
     ]
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import pysoem
 
+from draglag.messages import Message, chained, joined, message
 from draglag_devices.ethercat_laser.clockwatch import Pair
 from draglag_devices.ethercat_laser.edges import IMAGE
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
@@ -67,7 +68,11 @@ class Bus:
             self.close()
             raise Refusal(
                 "unsteady",
-                f"the EtherCAT devices on {interface} stopped answering while being set up ({type(error).__name__})",
+                message(
+                    "the EtherCAT devices on {name} stopped answering while being set up ({why})",
+                    name=interface,
+                    why=type(error).__name__,
+                ),
                 "check the cable and the supply of the coupler",
             ) from None
         except BaseException:
@@ -81,7 +86,7 @@ class Bus:
         except ConnectionError:
             raise Refusal(
                 "no_interface",
-                f"the network interface {self.interface} cannot be opened",
+                message("the network interface {name} cannot be opened", name=self.interface),
                 "check that it is an Ethernet interface",
             ) from None
         self._open = True
@@ -89,7 +94,7 @@ class Bus:
         if master.config_init() <= 0:
             raise Refusal(
                 "no_slaves",
-                f"no EtherCAT device answers on {self.interface}",
+                message("no EtherCAT device answers on {name}", name=self.interface),
                 "check that the cable is in the IN port of the EK1101 and that its 24 V supply is on",
             )
         self._progress()
@@ -118,7 +123,7 @@ class Bus:
         if len(self.terminal.input) != IMAGE.size or not self.as_set_up():
             raise Refusal(
                 "set_up",
-                f"the EL1252 on {self.interface} does not keep its set-up (mapping or latch unit)",
+                message("the EL1252 on {name} does not keep its set-up (mapping or latch unit)", name=self.interface),
                 "switch its 24 V supply off and on; if this stays, the terminal is not a usable EL1252",
             )
 
@@ -130,14 +135,20 @@ class Bus:
         if any(vendor == 0 or product == 0 for vendor, product in found):
             raise Refusal(
                 "unsteady",
-                f"the EtherCAT devices on {self.interface} do not identify themselves: answers get lost",
+                message(
+                    "the EtherCAT devices on {name} do not identify themselves: answers get lost", name=self.interface
+                ),
                 "check the cable and the supply of the coupler",
             )
         if not places or not any((BECKHOFF, coupler) in found for coupler in COUPLERS):
-            names = ", ".join(f"{s.name or 'unnamed'} (vendor 0x{s.man:X}, product 0x{s.id:08X})" for s in slaves)
+            names = joined(", ", (_named(slave) for slave in slaves))
             raise Refusal(
                 "wrong_slaves",
-                f"the EtherCAT devices on {self.interface} are not an EK1101 with an EL1252, but: {names}",
+                message(
+                    "the EtherCAT devices on {name} are not an EK1101 with an EL1252, but: {found}",
+                    name=self.interface,
+                    found=names,
+                ),
                 "connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on",
             )
         self.position = self._choose(places)
@@ -145,18 +156,40 @@ class Bus:
 
     def _choose(self, places: list[int]) -> int:
         """The position of the laser's EL1252 among those that are there. Raises Refusal."""
-        line = ", ".join(f"{place} {slave.name or 'unnamed'}" for place, slave in enumerate(self._master.slaves, 1))
+        line = joined(
+            ", ",
+            (
+                message("{place} {device}", place=place, device=slave.name or message("unnamed"))
+                for place, slave in enumerate(self._master.slaves, 1)
+            ),
+        )
         if self.position and self.position not in places:
             raise Refusal(
                 "position",
-                f"at position {self.position} on {self.interface} there is no EL1252; the line is: {line}",
-                f"write position={' or position='.join(map(str, places))} in the laser's address",
+                message(
+                    "at position {place} on {name} there is no EL1252; the line is: {line}",
+                    place=self.position,
+                    name=self.interface,
+                    line=line,
+                ),
+                message(
+                    "write {option} in the laser's address",
+                    option=chained("{before} or {next}", (f"position={p}" for p in places)),
+                ),
             )
         if not self.position and len(places) > 1:
             raise Refusal(
                 "position",
-                f"there are {len(places)} EL1252 on {self.interface}, and the laser may be on any; the line is: {line}",
-                f"say which in the laser's address: &position={' or &position='.join(map(str, places))}",
+                message(
+                    "there are {n} EL1252 on {name}, and the laser may be on any; the line is: {line}",
+                    n=len(places),
+                    name=self.interface,
+                    line=line,
+                ),
+                message(
+                    "say which in the laser's address: {options}",
+                    options=chained("{before} or {next}", (f"&position={p}" for p in places)),
+                ),
             )
         return self.position or places[0]
 
@@ -199,7 +232,12 @@ class Bus:
                 break
         raise Refusal(
             "state",
-            f"the EtherCAT devices on {self.interface} do not enter {_STATES[state]}: {self.state_trouble(state)}",
+            message(
+                "the EtherCAT devices on {name} do not enter {state}: {why}",
+                name=self.interface,
+                state=_STATES[state],
+                why=self.state_trouble(state),
+            ),
             "switch the 24 V supply of the coupler off and on",
         )
 
@@ -241,16 +279,17 @@ class Bus:
             slave.state & _STATE_AND_ERROR == pysoem.OP_STATE for slave in self._master.slaves
         )
 
-    def state_trouble(self, wanted: int = pysoem.OP_STATE) -> str:
+    def state_trouble(self, wanted: int = pysoem.OP_STATE) -> Message:
         """Which device is in which state, and why, by the last reading."""
         self._master.read_state()
         parts = []
         for slave in self._master.slaves:
             if slave.state & _STATE_AND_ERROR != wanted:
-                name = _STATES.get(slave.state & _STATE, "no state at all")
+                name = _STATES.get(slave.state & _STATE, message("no state at all"))
                 why = pysoem.al_status_code_to_string(slave.al_status) if slave.al_status else ""
-                parts.append(f"{slave.name} is in {name}" + (f" ({why})" if why else ""))
-        return ", ".join(parts) or "not all devices answer"
+                where = message("{device} is in {state}", device=slave.name, state=name)
+                parts.append(message("{where} ({why})", where=where, why=why) if why else where)
+        return joined(", ", parts) if parts else message("not all devices answer")
 
     def as_set_up(self) -> bool:
         """Whether mapping and latch unit read back as they were written. Raises pysoem.WkcError."""
@@ -274,3 +313,12 @@ class Bus:
             self._master.state = pysoem.INIT_STATE
             self._master.write_state()
         self._master.close()
+
+
+def _named(slave: Any) -> Message:
+    return message(
+        "{device} (vendor {vendor}, product {product})",
+        device=slave.name or message("unnamed"),
+        vendor=f"0x{slave.man:X}",
+        product=f"0x{slave.id:08X}",
+    )

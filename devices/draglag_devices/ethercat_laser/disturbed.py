@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
+from draglag.messages import Message, joined, message
 from draglag_devices.source import Notice
 
 # A lost cycle costs no edge, for the latches keep the last of each direction. Where one in a hundred goes, two edges
@@ -13,13 +14,6 @@ MATTERS = 0.01
 WARN_EVERY_S, COUNT_EVERY_S = 10.0, 60.0
 # A summary of a moment (at the end) is no rate.
 _A_SECOND = 1000
-
-_WORDS = {
-    "lost": "without an answer",
-    "counter": "without the EL1252",
-    "stale": "with old data",
-    "stamp": "with impossible stamps",
-}
 
 
 class Disturbances:
@@ -54,10 +48,25 @@ class Disturbances:
         matter, self._matter = self._matter, False
         if not counts or since_s is None:
             return None
-        parts = ", ".join(f"{n} {_WORDS[reason]}" for reason, n in sorted(counts.items()))
         percent = 100 * counts.total() / max(cycles, counts.total())
-        share = f"{percent:.2g} % of the EtherCAT cycles of the last {max(t_s - since_s, 1):.0f} s"
-        text = f"{share} were disturbed: {parts}. Where edges may be missing is marked."
+        text = message(
+            "{percent:.2g} % of the EtherCAT cycles of the last {seconds:.0f} s were disturbed: {parts}. Where edges "
+            "may be missing is marked.",
+            percent=percent,
+            seconds=max(t_s - since_s, 1),
+            parts=joined(", ", (_counted(reason, n) for reason, n in sorted(counts.items()))),
+        )
         if matter:
-            text += " Close other programs, check the cable and the supply of the coupler."
+            remedy = message("Close other programs, check the cable and the supply of the coupler.")
+            text = joined(" ", (text, remedy))
         return Notice(t_s, "warning" if matter else "info", text)
+
+
+def _counted(reason: str, n: int) -> Message:
+    """How many cycles were refused for one reason."""
+    return {
+        "lost": message("{n} without an answer", n=n),
+        "counter": message("{n} without the EL1252", n=n),
+        "stale": message("{n} with old data", n=n),
+        "stamp": message("{n} with impossible stamps", n=n),
+    }[reason]

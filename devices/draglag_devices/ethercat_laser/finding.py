@@ -8,6 +8,8 @@ import subprocess
 from collections.abc import Collection
 from typing import Any
 
+from draglag.errors import cause
+from draglag.messages import Message, chained, joined, message, phrase, unpacked
 from draglag_devices.discovery import Found
 from draglag_devices.ethercat_laser.helper import LAUNCHERS, command
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
@@ -34,14 +36,14 @@ def _probe(asked: Collection[str]) -> tuple[str, list[dict[str, Any]]]:
             command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False
         )
         reason = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
-        return "", list(json.loads(done.stdout.splitlines()[-1])["found"])
+        return "", list(json.loads(done.stdout.splitlines()[-1], object_hook=unpacked)["found"])
     except subprocess.TimeoutExpired:
-        reason = f"no answer within {_TIMEOUT_S:.0f} s"
+        reason = message("no answer within {seconds:.0f} s", seconds=_TIMEOUT_S)
     except OSError as error:
-        reason = error.strerror or str(error)
+        reason = cause(error)
     except (ValueError, LookupError, TypeError):
         pass
-    return f"the EtherCAT helper failed ({reason})", scan_bus(asked, send=False)
+    return message("the EtherCAT helper failed ({why})", why=reason), scan_bus(asked, send=False)
 
 
 def _entry(seen: dict[str, Any], helper: str) -> Found:
@@ -50,47 +52,60 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
     if seen["slaves"]:
         return _bus(address, seen)
     if seen["busy"]:
-        remedy = "close the other EtherCAT program"
-        return Found(address, ("laser",), f"EtherCAT bus on {name}, in use", False, remedy)
+        remedy = message("close the other EtherCAT program")
+        return Found(address, ("laser",), message("EtherCAT bus on {name}, in use", name=name), False, remedy)
     install = f"{INSTALL} {name}"
     if seen["left_alone"] == NOT_ALLOWED:
-        remedy = f"install it again for this interface: {install}"
-        return Found(address, ("laser",), f"network interface {name}: {NOT_ALLOWED}", False, remedy)
+        remedy = message("install it again for this interface: {command}", command=install)
+        return Found(address, ("laser",), _not_usable(name, NOT_ALLOWED), False, remedy)
     if seen["left_alone"]:
-        remedy = f"to look there: draglag devices --probe {name}"
+        remedy = message("to look there: draglag devices --probe {name}", name=name)
         # What is no Ethernet cable of this computer is nothing to choose.
         roles = ("laser",) if seen["left_alone"].startswith("has ") else ()
-        return Found(address, roles, f"network interface {name}: {seen['left_alone']}", False, remedy)
+        return Found(address, roles, _not_usable(name, seen["left_alone"]), False, remedy)
     if not seen["up"]:
-        problem, remedy = "switched off", f"sudo ip link set {name} up"
+        problem, remedy = message("switched off"), phrase(f"sudo ip link set {name} up")
     elif not seen["carrier"]:
-        problem, remedy = "no carrier", "plug in the cable, switch on the coupler"
+        problem, remedy = message("no carrier"), message("plug in the cable, switch on the coupler")
     elif helper:
-        problem, remedy = helper, f"install the helper again: {install}"
+        problem, remedy = phrase(helper), message("install the helper again: {command}", command=install)
     elif not seen["rights"]:
         installed = any(launcher.exists() and not os.access(launcher, os.X_OK) for launcher in LAUNCHERS)
-        problem, remedy = (
-            "no rights to look",
-            "sudo usermod -aG draglag $USER, then log in again" if installed else install,
-        )
+        group = message("{command}, then log in again", command="sudo usermod -aG draglag $USER")
+        problem, remedy = message("no rights to look"), group if installed else phrase(install)
     else:
-        problem, remedy = "no EtherCAT device answers", "plug the cable into the coupler's IN port, switch it on"
-    return Found(address, ("laser",), f"network interface {name}: {problem}", False, remedy)
+        problem = message("no EtherCAT device answers")
+        remedy = message("plug the cable into the coupler's IN port, switch it on")
+    return Found(address, ("laser",), _not_usable(name, problem), False, remedy)
+
+
+def _not_usable(name: str, problem: str) -> Message:
+    return message("network interface {name}: {problem}", name=name, problem=phrase(problem))
 
 
 def _bus(address: str, seen: dict[str, Any]) -> Found:
     name, slaves = seen["name"], seen["slaves"]
     kinds = [(int(vendor), int(product)) for vendor, product in seen["kinds"]]
     places = [place for place, kind in enumerate(kinds, 1) if kind == (BECKHOFF, EL1252)]
-    words = f"EtherCAT bus on {name}, {slaves} devices"
+    words = message("EtherCAT bus on {name}, {n} devices", name=name, n=slaves)
     if len(places) > 1:
-        remedy = f"say which in the laser's address: &position={' or &position='.join(map(str, places))}"
-        return Found(address, ("laser",), f"{words}, {len(places)} of them EL1252", False, remedy)
+        options = chained("{before} or {next}", (f"&position={place}" for place in places))
+        remedy = message("say which in the laser's address: {options}", options=options)
+        words = message("{bus}, {k} of them EL1252", bus=words, k=len(places))
+        return Found(address, ("laser",), words, False, remedy)
     if places and any((BECKHOFF, coupler) in kinds for coupler in COUPLERS):
         return Found(address, ("laser",), words)
     if any(vendor == 0 or product == 0 for vendor, product in kinds) or len(kinds) < slaves:
-        remedy = "check the cable and the supply of the coupler"
-        return Found(address, ("laser",), f"{words}, of which some do not say what they are", False, remedy)
-    listed = ", ".join(f"vendor 0x{vendor:X} product 0x{product:08X}" for vendor, product in kinds)
-    remedy = "connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on"
-    return Found(address, ("laser",), f"{words}, not an EK1101 with an EL1252: {listed}", False, remedy)
+        remedy = message("check the cable and the supply of the coupler")
+        words = message("{bus}, of which some do not say what they are", bus=words)
+        return Found(address, ("laser",), words, False, remedy)
+    listed = joined(
+        ", ",
+        (
+            message("vendor {vendor} product {product}", vendor=f"0x{vendor:X}", product=f"0x{product:08X}")
+            for vendor, product in kinds
+        ),
+    )
+    remedy = message("connect the EK1101 (or an EK1100) with the EL1252, or choose the interface they are on")
+    words = message("{bus}, not an EK1101 with an EL1252: {found}", bus=words, found=listed)
+    return Found(address, ("laser",), words, False, remedy)

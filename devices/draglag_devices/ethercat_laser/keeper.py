@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
+from draglag.messages import message, phrase, unpacked
 from draglag_devices.ethercat_laser import preflight
 from draglag_devices.ethercat_laser.probe import count_slaves
 from draglag_devices.ethercat_laser.refusal import Refusal
@@ -125,42 +126,45 @@ class Keeper:
                     if lines is None:
                         raise Crashed
                     for line in lines:
-                        message = json.loads(line)
-                        ready = ready or message["m"] == "ready"
-                        end = self._take(message, line)
+                        content = json.loads(line, object_hook=unpacked)
+                        ready = ready or content["m"] == "ready"
+                        end = self._take(content, line)
                         if end is not None:
                             return end
                 elif ready and time.monotonic() - heard_s > _STUCK_S:
                     child.kill()
                     self._dead_from = self._until
-                    return End(True, "the process that runs the bus stands still")
+                    return End(True, message("the process that runs the bus stands still"))
                 elif not ready and time.monotonic() - heard_s > silence_s:
                     child.kill()
-                    words = f"the EtherCAT devices on {self.interface} do not get ready: answers come late or get lost"
-                    remedy = "close programs that keep this computer busy, check the cable and the supply"
+                    words = message(
+                        "the EtherCAT devices on {name} do not get ready: answers come late or get lost",
+                        name=self.interface,
+                    )
+                    remedy = message("close programs that keep this computer busy, check the cable and the supply")
                     return End(False, refusal=Refusal("unsteady", words, remedy), hung=True)
                 if not ready and not self._first:
                     self._still_dead()
         finally:
             child.end()
 
-    def _take(self, message: dict[str, Any], line: bytes) -> End | None:
+    def _take(self, content: dict[str, Any], line: bytes) -> End | None:
         """Forward the child's messages and update the state from them; its end where it reports one."""
-        kind = message["m"]
+        kind = content["m"]
         if kind == "over":
-            if message["dead_from"] is not None:
-                self._dead_from, self._level = message["dead_from"], message["level"]
-            return End(True, message["reason"])
+            if content["dead_from"] is not None:
+                self._dead_from, self._level = content["dead_from"], content["level"]
+            return End(True, content["reason"])
         if kind == "failed":
-            return End(False, refusal=Refusal(message["code"], message["problem"], message["remedy"]))
+            return End(False, refusal=Refusal(content["code"], content["problem"], content["remedy"]))
         if kind == "up":
             return None
         self.wire.pass_on(line)
         if kind in ("tick", "edges"):
-            self._until, self._level = message["until"], message.get("level", self._level)
+            self._until, self._level = content["until"], content.get("level", self._level)
         if kind == "ready":
-            self._until = message["since"]
-            self._report_return(message["since"], message["level"])
+            self._until = content["since"]
+            self._report_return(content["since"], content["level"])
         return None
 
     # --- words ------------------------------------------------------------------------------------------------
@@ -171,7 +175,10 @@ class Keeper:
             missed = int(self._level is not None and level != self._level)
             self.wire.send("gap", start=self._dead_from, end=since, missed=missed)
             away_s = (since - (self._lost_at or self._dead_from)) / 1e9
-            words = f"The laser sensor is back after {away_s:.2f} s and records again; edges in between may be missing."
+            words = message(
+                "The laser sensor is back after {seconds:.2f} s and records again; edges in between may be missing.",
+                seconds=away_s,
+            )
             self._notice("info", words, "back")
         self._dead_from = self._lost_at = None
         self._level = level
@@ -189,7 +196,11 @@ class Keeper:
         if self._lost_at is None:
             self._lost_at = self._dead_from
             reason = preflight.link_trouble(self.interface) or reason
-            self._notice("error", f"The laser sensor is lost: {reason}. draglag tries to bring it back.", "lost")
+            self._notice(
+                "error",
+                message("The laser sensor is lost: {why}. draglag tries to bring it back.", why=phrase(reason)),
+                "lost",
+            )
 
     def _notice(self, level: str, text: str, state: str) -> None:
         self.wire.send("notice", t=time.monotonic_ns(), level=level, text=text, state=state)

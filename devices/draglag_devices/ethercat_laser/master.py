@@ -12,6 +12,7 @@ import gc
 import signal
 import sys
 
+from draglag.messages import message
 from draglag_devices.ethercat_laser import preflight
 from draglag_devices.ethercat_laser.keeper import Crashed, Keeper
 from draglag_devices.ethercat_laser.refusal import Refusal
@@ -59,7 +60,12 @@ def check(wire: Wire) -> int:
         preflight.check_rights("")
         import draglag_devices.ethercat_laser.runner  # noqa: F401  (with pysoem)
     except ModuleNotFoundError as missing:
-        wire.send("refused", code="no_pysoem", problem=f"there is no {missing.name}", remedy="install draglag again")
+        wire.send(
+            "refused",
+            code="no_pysoem",
+            problem=message("there is no {module}", module=missing.name),
+            remedy=message("install draglag again"),
+        )
         return 1
     except Refusal as refusal:
         wire.send("refused", code=refusal.code, problem=refusal.problem, remedy=refusal.remedy)

@@ -10,6 +10,7 @@ import struct
 import time
 from pathlib import Path
 
+from draglag.messages import message
 from draglag_devices.ethercat_laser.refusal import Refusal
 
 _SIOCGIFFLAGS, _SIOCETHTOOL, _ETHTOOL_GLINK = 0x8913, 0x8946, 0x0A
@@ -26,21 +27,26 @@ def check_interface(interface: str) -> None:
     try:
         socket.if_nametoindex(interface)
     except OSError:
-        others = ", ".join(name for _, name in socket.if_nameindex() if name != "lo") or "none"
+        others = ", ".join(name for _, name in socket.if_nameindex() if name != "lo") or message("none")
         raise Refusal(
             "no_interface",
-            f"there is no network interface called {interface}",
-            f"choose the one that the coupler is plugged into; this computer has: {others}",
+            message("there is no network interface called {name}", name=interface),
+            message("choose the one that the coupler is plugged into; this computer has: {others}", others=others),
         ) from None
     flags, carrier = link_state(interface)
     if not flags & _IFF_UP:
         raise Refusal(
-            "down", f"the network interface {interface} is switched off", f"run: sudo ip link set {interface} up"
+            "down",
+            message("the network interface {name} is switched off", name=interface),
+            message("run: {command}", command=f"sudo ip link set {interface} up"),
         )
     if not carrier:
         raise Refusal(
             "no_carrier",
-            f"the network interface {interface} has no carrier: the cable is unplugged or the coupler has no power",
+            message(
+                "the network interface {name} has no carrier: the cable is unplugged or the coupler has no power",
+                name=interface,
+            ),
             "plug the cable into the IN port of the EK1101 and switch on its 24 V supply",
         )
 
@@ -64,10 +70,13 @@ def link_trouble(interface: str) -> str:
     try:
         flags, carrier = link_state(interface)
     except OSError:
-        return f"the network interface {interface} is gone: its adapter was unplugged or it was deleted"
+        return message(
+            "the network interface {name} is gone: its adapter was unplugged or it was deleted", name=interface
+        )
     if not flags & _IFF_UP:
-        return f"the network interface {interface} was switched off (sudo ip link set {interface} up)"
-    return "" if carrier else f"the cable on {interface} is unplugged or the other end is off"
+        command = f"sudo ip link set {interface} up"
+        return message("the network interface {name} was switched off ({command})", name=interface, command=command)
+    return "" if carrier else message("the cable on {name} is unplugged or the other end is off", name=interface)
 
 
 def has_rights() -> bool:
@@ -85,7 +94,7 @@ def check_rights(interface: str) -> None:
         raise Refusal(
             "no_rights",
             "this account has no right to send EtherCAT frames (CAP_NET_RAW and CAP_NET_ADMIN)",
-            f"install the helper once as administrator: {INSTALL} {interface}",
+            message("install the helper once as administrator: {command}", command=f"{INSTALL} {interface}"),
         )
 
 
@@ -117,7 +126,7 @@ def claim(interface: str, patience_s: float = 0.0) -> socket.socket:
         if time.monotonic() >= until:
             raise Refusal(
                 "in_use",
-                f"the EtherCAT bus on {interface} is in use by another program",
+                message("the EtherCAT bus on {name} is in use by another program", name=interface),
                 "close the other program (a second draglag, TwinCAT, a SOEM tool) and try again",
             )
         time.sleep(0.01)

@@ -12,6 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
+from draglag.messages import message
 from draglag_devices.ethercat_laser.preflight import ETHERTYPE, has_rights, link_state, other_master
 from draglag_devices.ethercat_laser.surroundings import used_addresses, why_not_ask
 
@@ -28,7 +29,7 @@ _FRAME = struct.Struct("<HBBHHHH")
 _FIRST_INDEX = 0x7F
 # A longer line is nobody's laser.
 _MAX_REQUESTS = 64
-NOT_ALLOWED = "was not allowed when the EtherCAT helper was installed"
+NOT_ALLOWED = message("was not allowed when the EtherCAT helper was installed")
 
 
 def scan_bus(
@@ -48,7 +49,7 @@ def scan_bus(
     try:
         addresses, blind = used_addresses(), ""
     except OSError:
-        addresses, blind = {}, "has addresses that cannot be read"
+        addresses, blind = {}, message("has addresses that cannot be read")
     entries = []
     for index, name in socket.if_nameindex():
         if _ethernet(name):

@@ -1,11 +1,13 @@
-"""Why the bus cannot be used, in words for people. Free of other imports: the privileged process stays small."""
+"""Why the bus cannot be used, in words for people. Hardly any imports: the privileged process stays small."""
 
 from __future__ import annotations
+
+from draglag.messages import phrase
 
 
 class Refusal(Exception):
     """``code`` names the case for programs; ``problem`` and ``remedy`` are for people."""
 
     def __init__(self, code: str, problem: str, remedy: str = "") -> None:
-        self.code, self.problem, self.remedy = code, problem, remedy
+        self.code, self.problem, self.remedy = code, phrase(problem), phrase(remedy)
         super().__init__(problem)

@@ -11,6 +11,8 @@ from typing import NoReturn
 
 import pysoem
 
+from draglag.errors import message_of
+from draglag.messages import message
 from draglag_devices.ethercat_laser.bus import Bus
 from draglag_devices.ethercat_laser.refusal import Refusal
 from draglag_devices.ethercat_laser.watch import BAD_CYCLES, WORDS, Epoch, Found
@@ -43,7 +45,7 @@ def live(interface: str, channel: int, position: int, number: int, wire: Wire) -
     try:
         runner.run(bus)
     except Restart as reason:
-        wire.send("over", reason=str(reason), dead_from=runner.dead_from, level=runner.level)
+        wire.send("over", reason=message_of(reason), dead_from=runner.dead_from, level=runner.level)
     finally:
         bus.close()
 
@@ -116,7 +118,13 @@ class Runner:
             edges = {"edges": found.edges, "missed": found.missed, "level": self.level}
             self.wire.send("edges", epoch=epoch.number, until=epoch.good_ns, **edges)
         if found.missed:
-            self._notice("warning", f"{_count(found.missed, 'edge')} of the laser came too fast to be stamped.")
+            words = message(
+                "{n} edge of the laser came too fast to be stamped."
+                if found.missed == 1
+                else "{n} edges of the laser came too fast to be stamped.",
+                n=found.missed,
+            )
+            self._notice("warning", words)
 
     def _check_state(self, bus: Bus, now_ns: int) -> bool:
         """Whether the devices are in operation. Raises Restart at the second failure in a row."""
@@ -144,7 +152,7 @@ class Runner:
             self.wire.check()
             time.sleep(CYCLE_NS / 1e9)
         if epoch.last is None or epoch.edges is None:
-            raise Restart("the EL1252 came up but gives no valid data")
+            raise Restart(message("the EL1252 came up but gives no valid data"))
         self.dead_from, self.level = epoch.good_ns, epoch.edges.level
         content = {"epoch": epoch.number, "slaves": bus.describe(), "expected_wkc": bus.expected_wkc}
         # What happened before the answer came may be in the baseline: the edges that count come after ``since``.
@@ -164,18 +172,22 @@ class Runner:
         if offset_ns > _DIVERGENCE_NS:
             self._divergence_reported = True
             self._notice(
-                "error", f"The EL1252's clock does not follow the bus's: it is {offset_ns / 1e6:.1f} ms off, and so "
-                "are its edges. Switch the supply of the coupler off and on.",
-            )  # fmt: skip
+                "error",
+                message(
+                    "The EL1252's clock does not follow the bus's: it is {ms:.1f} ms off, and so are its edges. Switch "
+                    "the supply of the coupler off and on.",
+                    ms=offset_ns / 1e6,
+                ),
+            )
 
     def _trouble(self, bus: Bus) -> str:
         """Why the devices are not in operation, or an empty string; costs one or two frames."""
         try:
             if not bus.in_operation():
-                return str(bus.state_trouble())
-            return "" if bus.latching() else "another program switched the EL1252's latch unit off"
+                return bus.state_trouble()
+            return "" if bus.latching() else message("another program switched the EL1252's latch unit off")
         except pysoem.WkcError:
-            return "the EL1252 does not answer questions about its state"
+            return message("the EL1252 does not answer questions about its state")
 
     # --- words ------------------------------------------------------------------------------------------------
 
@@ -197,8 +209,11 @@ class Runner:
         if pauses_ns and max(pauses_ns) > _DELAYED_NS:
             self._notice(
                 "warning",
-                f"The laser was not read for {max(pauses_ns) / 1e6:.0f} ms: this computer was busy or the bus did not "
-                "answer. Where edges may be missing is marked.",
+                message(
+                    "The laser was not read for {ms:.0f} ms: this computer was busy or the bus did not answer. Where "
+                    "edges may be missing is marked.",
+                    ms=max(pauses_ns) / 1e6,
+                ),
             )
 
 
@@ -208,7 +223,3 @@ def _wait_for_cycle(next_ns: int) -> int:
     if wait_ns > 0:
         time.sleep(wait_ns / 1e9)
     return next_ns if wait_ns >= -5 * CYCLE_NS else time.monotonic_ns()
-
-
-def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}" + ("" if n == 1 else "s")

@@ -16,6 +16,8 @@ from typing import IO, Any
 
 import numpy as np
 
+from draglag.errors import cause
+from draglag.messages import message, unpacked
 from draglag.recording import ClockBounds, FloatArray, LaserTrace, concatenate
 from draglag_devices.addresses import Address
 from draglag_devices.clockmap import OnlineClockMap
@@ -41,7 +43,7 @@ def ethercat_source(address: Address, role: str) -> EthercatLaser:
     light_is_high = address.choice("light", ("high", "low"), "high") == "high"
     place = address.options.get("position", "0")
     if not place.isdecimal() or len(place) > 5 or ("position" in address.options and int(place) < 2):
-        problem = f"option position={place} is no place on the line"
+        problem = message("option position={place} is no place on the line", place=place)
         raise DeviceError(address.text, problem, "write position=2 for the first device after the coupler")
     return EthercatLaser(address.text, role, address.target, channel, light_is_high, int(place))
 
@@ -113,11 +115,11 @@ class EthercatLaser:
         try:
             while time.monotonic() < patience_s:
                 messages = self._messages(0.5)
-                for message in messages:
-                    self._take(message, self._early)
-                for message in messages:
-                    if message["m"] == "ready":
-                        return self._describe(message)
+                for content in messages:
+                    self._take(content, self._early)
+                for content in messages:
+                    if content["m"] == "ready":
+                        return self._describe(content)
             raise DeviceError(self.address, "the EtherCAT bus did not get ready", "switch the coupler off and on")
         except _Ended:
             error = self._ended_error()
@@ -132,8 +134,8 @@ class EthercatLaser:
         try:
             if self._process is None:
                 raise DeviceError(self.address, "the laser is not open", "open it first")
-            for message in self._messages(timeout_s):
-                self._take(message, gathered)
+            for content in self._messages(timeout_s):
+                self._take(content, gathered)
         except _Ended:
             self._respawn(gathered)
         # While the bus is away there is nothing to compare with.
@@ -179,7 +181,7 @@ class EthercatLaser:
             self.close()
             raise DeviceError(
                 self.address,
-                f"the EtherCAT process cannot be started ({error.strerror or error})",
+                message("the EtherCAT process cannot be started ({why})", why=cause(error)),
                 "install draglag again",
             ) from None
 
@@ -194,7 +196,7 @@ class EthercatLaser:
         if not received:
             raise _Ended
         *lines, self._rest = (self._rest + received).split(b"\n")
-        return [json.loads(line) for line in lines]
+        return [json.loads(line, object_hook=unpacked) for line in lines]
 
     def _respawn(self, gathered: _Gathered) -> None:
         """The process ended unexpectedly: start another. Raises DeviceError when that has happened too often."""
@@ -206,7 +208,7 @@ class EthercatLaser:
             raise error
         self._respawns += 1
         self._epoch += 1
-        text = "The laser sensor is lost: its EtherCAT process ended. draglag starts it again."
+        text = message("The laser sensor is lost: its EtherCAT process ended. draglag starts it again.")
         gathered.notices.append(Notice(time.monotonic(), "error", text, "lost"))
         self._spawn()
 
@@ -215,47 +217,51 @@ class EthercatLaser:
         if self._complaints is not None:
             self._complaints.seek(0)
             lines = self._complaints.read().decode(errors="replace").strip().splitlines()
-            last = f" ({lines[-1]})" if lines else ""
-        return DeviceError(self.address, f"the EtherCAT process ended unexpectedly{last}", "open the laser again")
+            last = lines[-1] if lines else ""
+        problem = message(
+            "the EtherCAT process ended unexpectedly ({last})" if last else "the EtherCAT process ended unexpectedly",
+            last=last,
+        )
+        return DeviceError(self.address, problem, "open the laser again")
 
     # --- messages ---------------------------------------------------------------------------------------------
 
-    def _take(self, message: dict[str, Any], gathered: _Gathered) -> None:
+    def _take(self, content: dict[str, Any], gathered: _Gathered) -> None:
         """One message of the bus process. Raises DeviceError on a refusal."""
-        kind = message["m"]
+        kind = content["m"]
         if kind == "tick":
             # The process knows nothing of the time before a respawn; what was reported stays reported.
-            self._until_s = max(self._until_s, message["until"] * _NS)
-            self._alive = bool(message["alive"])
+            self._until_s = max(self._until_s, content["until"] * _NS)
+            self._alive = bool(content["alive"])
         elif kind == "edges":
-            gathered.laser.append(self._edges(message))
-            self._until_s = max(self._until_s, message["until"] * _NS)
+            gathered.laser.append(self._edges(content))
+            self._until_s = max(self._until_s, content["until"] * _NS)
         elif kind == "clock":
-            bounds = self._bounds(message)
+            bounds = self._bounds(content)
             self._map.add(bounds)
             gathered.clock.append(bounds)
             self._compared_s = float(bounds.host_min_s[0])
         elif kind == "gap":
-            gathered.laser.append(_gap(message["start"] * _NS, message["end"] * _NS, message["missed"]))
+            gathered.laser.append(_gap(content["start"] * _NS, content["end"] * _NS, content["missed"]))
         elif kind == "notice":
-            words = message["level"], message["text"], message.get("state", "")
-            gathered.notices.append(Notice(message["t"] * _NS, *words))
+            words = content["level"], content["text"], content.get("state", "")
+            gathered.notices.append(Notice(content["t"] * _NS, *words))
         elif kind == "cycles":
-            when = message["since"] * _NS, message["t"] * _NS
-            notice = self._disturbances.take(*when, message["cycles"], message["refused"])
+            when = content["since"] * _NS, content["t"] * _NS
+            notice = self._disturbances.take(*when, content["cycles"], content["refused"])
             gathered.notices += [notice] if notice is not None else []
         elif kind == "ready":
-            self._begin_epoch(message, gathered)
+            self._begin_epoch(content, gathered)
         elif kind == "refused":
-            raise DeviceError(self.address, message["problem"], message["remedy"])
+            raise DeviceError(self.address, content["problem"], content["remedy"])
 
-    def _begin_epoch(self, message: dict[str, Any], gathered: _Gathered) -> None:
-        self._epoch, self._alive = message["epoch"], True
+    def _begin_epoch(self, content: dict[str, Any], gathered: _Gathered) -> None:
+        self._epoch, self._alive = content["epoch"], True
         if self._zero_ns is None:
-            self._zero_ns = message["dc"] // 1_000_000_000 * 1_000_000_000
+            self._zero_ns = content["dc"] // 1_000_000_000 * 1_000_000_000
         if self._died_s is not None:
             gathered.laser.append(_gap(self._died_s, time.monotonic(), 0))
-            text = "The laser sensor is back and records again."
+            text = message("The laser sensor is back and records again.")
             gathered.notices.append(Notice(time.monotonic(), "info", text, "back"))
             self._died_s = None
 
@@ -264,24 +270,24 @@ class EthercatLaser:
         # Subtracted as integers first: 64-bit floats since 2000 would keep only 0.1 us.
         return np.array([(stamp - zero_ns) * _NS for stamp in stamps_ns], dtype=np.float64)
 
-    def _edges(self, message: dict[str, Any]) -> LaserTrace:
-        device_s = self._device_s([stamp for stamp, _ in message["edges"]])
-        level = np.array([level for _, level in message["edges"]], dtype=np.int64)
+    def _edges(self, content: dict[str, Any]) -> LaserTrace:
+        device_s = self._device_s([stamp for stamp, _ in content["edges"]])
+        level = np.array([level for _, level in content["edges"]], dtype=np.int64)
         return LaserTrace(
             t_s=self._map.to_host(device_s),
             light=level if self._light_is_high else 1 - level,
             device_t_s=device_s,
-            epoch=np.full(len(level), message["epoch"], np.int64),
-            missed=message["missed"],
+            epoch=np.full(len(level), content["epoch"], np.int64),
+            missed=content["missed"],
         )
 
-    def _bounds(self, message: dict[str, Any]) -> ClockBounds:
+    def _bounds(self, content: dict[str, Any]) -> ClockBounds:
         return ClockBounds(
             STREAM,
-            self._device_s([message["dc"]]),
-            np.array([message["low"] * _NS]),
-            np.array([message["high"] * _NS]),
-            np.array([message["epoch"]], np.int64),
+            self._device_s([content["dc"]]),
+            np.array([content["low"] * _NS]),
+            np.array([content["high"] * _NS]),
+            np.array([content["epoch"]], np.int64),
         )
 
     def _describe(self, ready: dict[str, Any]) -> SourceInfo:
@@ -298,8 +304,13 @@ class EthercatLaser:
         return SourceInfo(
             self.address,
             self.role,
-            f"{names} on {self._interface}, channel {self._channel}",
-            "EtherCAT distributed clock, compared with the host's in every cycle",
+            message(
+                "{names} on {interface}, channel {channel}",
+                names=names,
+                interface=self._interface,
+                channel=self._channel,
+            ),
+            message("EtherCAT distributed clock, compared with the host's in every cycle"),
             details,
         )
 

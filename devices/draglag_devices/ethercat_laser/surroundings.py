@@ -8,6 +8,8 @@ import struct
 from ipaddress import ip_address
 from pathlib import Path
 
+from draglag.messages import message
+
 _NET = Path("/sys/class/net")
 _GETADDR, _NEWADDR, _DONE, _ERROR = 22, 20, 3, 2
 _REQUEST_DUMP = 0x301
@@ -23,16 +25,16 @@ def why_not_ask(interface: str, addresses: list[str]) -> str:
     """
     folder = _NET / interface
     if addresses:
-        return f"has the address {addresses[0]}"
+        return message("has the address {ip}", ip=addresses[0])
     if (folder / "wireless").exists() or (folder / "phy80211").exists():
-        return "is wireless"
+        return message("is wireless")
     if (folder / "bridge").exists():
-        return "is a bridge"
+        return message("is a bridge")
     if (folder / "tun_flags").exists():
-        return "is a tunnel"
+        return message("is a tunnel")
     # A bridge, bond or VLAN on top of it has the addresses.
     above = sorted(path.name.removeprefix("upper_") for path in folder.glob("upper_*"))
-    return f"belongs to {above[0]}" if above else ""
+    return message("belongs to {name}", name=above[0]) if above else ""
 
 
 def used_addresses() -> dict[int, list[str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
+from draglag.messages import message
 from draglag_devices.ethercat_laser.bus import Cycle
 from draglag_devices.ethercat_laser.clockwatch import ClockWatch, Pair
 from draglag_devices.ethercat_laser.edges import EdgeFinder, decode
@@ -18,10 +19,10 @@ STALL_NS = 1_500_000
 UNWATCHED_NS = 150_000_000
 
 WORDS = {
-    "lost": "the EtherCAT line does not answer (cable or supply)",
-    "counter": "the EL1252 does not answer (unplugged, without supply or reset)",
-    "stale": "answers come late and carry old data",
-    "stamp": "the EL1252's stamps do not fit the bus's clock (it was reset)",
+    "lost": message("the EtherCAT line does not answer (cable or supply)"),
+    "counter": message("the EL1252 does not answer (unplugged, without supply or reset)"),
+    "stale": message("answers come late and carry old data"),
+    "stamp": message("the EL1252's stamps do not fit the bus's clock (it was reset)"),
 }
 
 

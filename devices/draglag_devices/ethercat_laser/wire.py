@@ -1,4 +1,7 @@
-"""Messages of the bus process to its reader: one JSON object a line, written without ever waiting."""
+"""Messages of the bus process to its reader: one JSON object a line, written without ever waiting.
+
+Words for people in them keep their template and arguments (``draglag.messages``).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ import json
 import os
 import select
 from typing import Any
+
+from draglag.messages import packed
 
 _MOST_BYTES = 4 << 20
 
@@ -24,7 +29,7 @@ class Wire:
 
     def send(self, kind: str, **content: Any) -> None:
         """Queue and send a message. Raises ReaderGone."""
-        self.pass_on(json.dumps({"m": kind, **content}).encode())
+        self.pass_on(json.dumps({"m": kind, **packed(content)}).encode())
 
     def pass_on(self, line: bytes) -> None:
         """Queue and send a message that is a line already. Raises ReaderGone."""

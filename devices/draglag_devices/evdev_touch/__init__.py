@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 
+from draglag.messages import message
 from draglag.system.packages import advice
 from draglag_devices.addresses import Address, parse_address
 from draglag_devices.discovery import Found
@@ -30,10 +31,10 @@ def discover() -> list[Found]:
     found = []
     for seen in event_devices():
         if seen.touchscreen:
-            words, remedy = seen.name or "touchscreen", "" if seen.usable else RIGHTS_REMEDY
+            words, remedy = seen.name or message("touchscreen"), "" if seen.usable else RIGHTS_REMEDY
             if not _has_library():
                 problem, remedy = advice("evdev")
-                words = f"{words}: {problem}"
+                words = message("{name}: {problem}", name=words, problem=problem)
             found.append(Found(f"evdev:{seen.path}", ("touch",), words, not remedy, remedy))
     return found
 

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
+from draglag.errors import cause
+from draglag.messages import message, phrase
 from draglag.recording import AxisInfo
 from draglag.system.packages import advice
 from draglag.touch_events.frames import (
@@ -30,7 +32,7 @@ from draglag.touch_events.frames import (
 from draglag.touch_events.names import event_names
 from draglag_devices.source import DeviceError
 
-RIGHTS_REMEDY = (
+RIGHTS_REMEDY = message(
     "install the udev rules of draglag and plug it in again, or add yourself to the group input "
     "(sudo usermod -aG input $USER) and log out and in"
 )
@@ -117,13 +119,17 @@ class KernelTouch:
         codes = (ABS_MT_POSITION_X, ABS_MT_POSITION_Y) if multitouch else (ABS_X, ABS_Y)
         if ABS_MT_POSITION_X in absolute and not multitouch:
             raise DeviceError(
-                address, f"{device.name} speaks the old multi-touch protocol without slots", "update its driver"
+                address,
+                message("{name} speaks the old multi-touch protocol without slots", name=device.name),
+                "update its driver",
             )
         if not all(code in absolute for code in codes) or not (multitouch or BTN_TOUCH in able.get(EV_KEY, [])):
+            axes_there = phrase(event_names((EV_ABS, code) for code in absolute))
+            if BTN_TOUCH not in able.get(EV_KEY, []):
+                axes_there = message("{axes}, and no BTN_TOUCH", axes=axes_there)
             raise DeviceError(
                 address,
-                f"{device.name} is not a touchscreen: it reports {event_names((EV_ABS, code) for code in absolute)}"
-                + ("" if BTN_TOUCH in able.get(EV_KEY, []) else ", and no BTN_TOUCH"),
+                message("{name} is not a touchscreen: it reports {axes}", name=device.name, axes=axes_there),
                 "draglag devices lists touchscreens",
             )
         axes = [
@@ -176,7 +182,7 @@ class KernelTouch:
             except OSError as error:
                 raise Gone(os.strerror(error.errno or errno.EIO)) from None
             if not data:
-                raise Gone("end of file")
+                raise Gone(message("end of file"))
             # The kernel hands out whole events; what stands in for it on a pty or socket may cut one in two.
             data = self._rest + data
             whole = len(data) // _EVENT.size * _EVENT.size
@@ -201,4 +207,4 @@ def _refusal(address: str, error: OSError) -> DeviceError:
         return DeviceError(address, "there is no such device", "plug it in; draglag devices lists what is there")
     if error.errno in (errno.ENOTTY, errno.EINVAL, errno.ENOTDIR, errno.EISDIR):
         return DeviceError(address, "this is not an event device", "use /dev/input/eventN")
-    return DeviceError(address, f"cannot be opened ({error.strerror})", "unplug it and plug it in again")
+    return DeviceError(address, message("cannot be opened ({why})", why=cause(error)), "unplug it and plug it in again")

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause, message_of
 from draglag.instruments.calibration import SIZE_TOLERANCE
+from draglag.messages import message
 from draglag.recording import TouchTrace, empty_touch
 from draglag.touch_events.frames import (
     EV_SYN,
@@ -111,7 +112,9 @@ class EvdevTouch:
             "fuzz_x": what.axes[0].fuzz,
             "fuzz_y": what.axes[1].fuzz,
         }
-        return SourceInfo(self.address, self.role, what.name, "kernel stamps, CLOCK_MONOTONIC", details, axes=what.axes)
+        return SourceInfo(
+            self.address, self.role, what.name, message("kernel stamps, CLOCK_MONOTONIC"), details, axes=what.axes
+        )
 
     def read(self, timeout_s: float) -> Batch:
         device = self._device
@@ -159,7 +162,9 @@ class EvdevTouch:
             ) from None
         except Gone as fault:
             device.close()
-            raise DeviceError(self.address, f"it was unplugged ({fault})", "plug it in again") from None
+            raise DeviceError(
+                self.address, message("it was unplugged ({why})", why=message_of(fault)), "plug it in again"
+            ) from None
         # What is down already did not begin now.
         self._decoder.resync(slots, current)
         self._contacts = ContactLog({values[0] for values in slots.values() if values[0] >= 0})
@@ -177,37 +182,54 @@ class EvdevTouch:
             except DataError as error:
                 raise DeviceError(self.address, error.problem, error.remedy) from None
             if name and name != what.name:
-                raise DeviceError(self.address, f"the calibration belongs to {name}, not to {what.name}", "calibrate")
+                raise DeviceError(
+                    self.address,
+                    message("the calibration belongs to {name}, not to {other}", name=name, other=what.name),
+                    "calibrate",
+                )
             return as_mapping(fit), f"calibration, rms {fit.rms_mm:.2f} mm"
         if self._fitted is not None:
             mapping, name, rms_mm = self._fitted
             if name and name != what.name:
-                problem = f"the calibration belongs to {name}, not to {what.name}"
+                problem = message("the calibration belongs to {name}, not to {other}", name=name, other=what.name)
                 raise DeviceError(self.address, problem, "calibrate again, or forget the calibration")
             return mapping, f"calibration, rms {rms_mm:.2f} mm"
         width_mm, height_mm = self._panel_mm
         try:
             return panel_mapping(*what.axes, width_mm, height_mm), "panel size" if width_mm else "resolution"
         except ValueError as error:
-            raise DeviceError(self.address, str(error), "add ?width_mm=W&height_mm=H, or calibrate") from None
+            raise DeviceError(self.address, message_of(error), "add ?width_mm=W&height_mm=H, or calibrate") from None
 
     def _report_axes(self, device: TouchDevice) -> None:
         for axis, size_mm in zip(device.description.axes, self._panel_mm, strict=True):
             if axis.fuzz:
-                self._report("warning", f"{axis.name} has a fuzz of {axis.fuzz}: the kernel smooths slow motion, which "
-                           "is a latency of its own. Set it to 0 unless it is under test.")  # fmt: skip
+                words = message(
+                    "{axis} has a fuzz of {fuzz}: the kernel smooths slow motion, which is a latency of its own. Set "
+                    "it to 0 unless it is under test.",
+                    axis=axis.name,
+                    fuzz=axis.fuzz,
+                )
+                self._report("warning", words)
             if size_mm and axis.resolution > 0:
                 said_mm = (axis.maximum - axis.minimum + 1) / axis.resolution
                 if abs(said_mm / size_mm - 1) > SIZE_TOLERANCE:
-                    self._report("warning", f"{axis.name} is {said_mm:.1f} mm long by its resolution and {size_mm:.1f} "
-                                 "mm by the panel: measure with a ruler, or calibrate.")  # fmt: skip
+                    words = message(
+                        "{axis} is {said:.1f} mm long by its resolution and {size:.1f} mm by the panel: measure with a "
+                        "ruler, or calibrate.",
+                        axis=axis.name,
+                        said=said_mm,
+                        size=size_mm,
+                    )
+                    self._report("warning", words)
 
     def _lose(self, fault: Gone) -> Batch:
         if self._device is not None:
             self._device.close()
         self._device = None
         self._next_try_s = self._now() + RETRY_S
-        self._report("error", f"{self._identity[0]} is gone ({fault}). Plug it in again; it goes on then.", "lost")
+        name, why = self._identity[0], message_of(fault)
+        words = message("{name} is gone ({why}). Plug it in again; it goes on then.", name=name, why=why)
+        self._report("error", words, "lost")
         return self._batch(alive=False)
 
     def _while_lost(self, timeout_s: float) -> Batch:
@@ -234,7 +256,9 @@ class EvdevTouch:
                 continue  # its node is there before its rights are
             self._device, self._path = device, seen.path
             self._returns += 1
-            self._report("info", f"{seen.name} is back at {seen.path} and records again.", "back")
+            self._report(
+                "info", message("{name} is back at {path} and records again.", name=seen.name, path=seen.path), "back"
+            )
             return
 
     # --- events -----------------------------------------------------------------------------------------------
@@ -246,7 +270,9 @@ class EvdevTouch:
                 continue
             if event.type == EV_SYN and event.code == SYN_DROPPED:
                 self._syncing = True
-                self._report("warning", "The kernel's buffer overflowed: touch events were lost, the gap is marked.")
+                self._report(
+                    "warning", message("The kernel's buffer overflowed: touch events were lost, the gap is marked.")
+                )
             frame = self._decoder.feed(event)
             if self._syncing and event.type == EV_SYN and event.code == SYN_REPORT:
                 self._syncing = False
@@ -260,8 +286,13 @@ class EvdevTouch:
 
     def _say_useless(self, seen: str) -> None:
         if seen:
-            text = f"{self._identity[0]} sends events that are no touch ({seen}), and nothing is recorded of them. "
-            self._report("error", f"{text}Choose another input device: draglag devices lists touchscreens.")
+            words = message(
+                "{name} sends events that are no touch ({axes}), and nothing is recorded of them. Choose another input "
+                "device: draglag devices lists touchscreens.",
+                name=self._identity[0],
+                axes=seen,
+            )
+            self._report("error", words)
 
     def _trace(self, frames: list[Frame]) -> TouchTrace | None:
         if not frames or self._mapping is None:
@@ -269,7 +300,7 @@ class EvdevTouch:
         if not self._clock_reported and abs(frames[-1].t_s - self._now()) > OTHER_CLOCK_S:
             self._clock_reported = True
             self._report(
-                "error", "Touch events are not stamped on the host's monotonic clock: latencies will be wrong."
+                "error", message("Touch events are not stamped on the host's monotonic clock: latencies will be wrong.")
             )
         trace = touch_trace(frames, self._mapping, follower=self._follower)
         gaps = trace.gaps_s.copy()
@@ -290,10 +321,10 @@ class EvdevTouch:
             device.grab(True)
         except OSError as error:
             if error.errno == errno.ENODEV:
-                raise Gone("unplugged") from None
+                raise Gone(message("unplugged")) from None
             self._exclusive = False
-            why = "another program holds it" if error.errno == errno.EBUSY else error.strerror or "refused"
-            self._report("warning", f"The touchscreen is not used exclusively: {why}.")
+            why = message("another program holds it") if error.errno == errno.EBUSY else cause(error)
+            self._report("warning", message("The touchscreen is not used exclusively: {why}.", why=why))
             return
         if _is_down(device):  # since the look before: let go at once, and wait for its end
             with contextlib.suppress(OSError):  # a lost device is reported by the next read

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import cast
 
+from draglag.messages import message
 from draglag.touch_events.frames import Mapping2D
 from draglag_devices.addresses import Address
 from draglag_devices.sim.world import World
@@ -45,8 +46,10 @@ def simulated_source(stage: Stage, role: str, address: Address) -> TimelineSourc
         return SourceInfo(
             address.text,
             role,
-            f"simulated {role}, {world.rig.screen.name}",
-            "kernel stamps, simulated" if role == "touch" else "own clock, compared with the host's once a second",
+            message("simulated {role}, {screen}", role=role, screen=world.rig.screen.name),
+            message("kernel stamps, simulated")
+            if role == "touch"
+            else message("own clock, compared with the host's once a second"),
             {"seed": stage.seed, "true_offset_s": clock.offset_s, "true_drift": clock.drift},
         )
 

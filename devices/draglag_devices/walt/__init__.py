@@ -6,6 +6,7 @@ import os
 
 from serial.tools import list_ports
 
+from draglag.messages import message
 from draglag_devices.addresses import Address, parse_address
 from draglag_devices.discovery import Found
 from draglag_devices.source import DeviceError
@@ -25,7 +26,11 @@ def open_source(address: Address | str, role: str) -> WaltSource:
     parsed.only("role", "firmware")
     wanted = parsed.choice("role", ROLES, role)
     if wanted != role:
-        raise DeviceError(parsed.text, f"the address says role={wanted} but is used as {role}", f"write ?role={role}")
+        raise DeviceError(
+            parsed.text,
+            message("the address says role={said} but is used as {role}", said=wanted, role=role),
+            message("write ?role={role}", role=role),
+        )
     return WaltSource(parsed, role)
 
 
@@ -36,6 +41,6 @@ def discover() -> list[Found]:
         if port.vid != USB_VENDOR:
             continue
         usable = os.access(port.device, os.R_OK | os.W_OK)
-        words = f"{port.product or 'USB serial'} (perhaps a WALT)"
+        words = message("{product} (perhaps a WALT)", product=port.product or "USB serial")
         found.append(Found(f"serial:{port.device}", ROLES, words, usable, "" if usable else RIGHTS_REMEDY))
     return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from draglag.errors import message_of
+from draglag.messages import message
 from draglag_devices.source import DeviceError
 from draglag_devices.walt.link import ANSWER_S, Answer, Link, NoAnswer
 from draglag_devices.walt.port import PortGone
@@ -19,8 +21,12 @@ def greet(link: Link, address: str, any_firmware: bool = False) -> str:
     if version != KNOWN_VERSION and not any_firmware:
         raise DeviceError(
             address,
-            f"the WALT runs firmware {version}, and only version {KNOWN_VERSION} is known to be understood",
-            f"flash firmware {KNOWN_VERSION}, or try it as it is with ?firmware=any",
+            message(
+                "the WALT runs firmware {version}, and only version {known} is known to be understood",
+                version=version,
+                known=KNOWN_VERSION,
+            ),
+            message("flash firmware {version}, or try it as it is with ?firmware=any", version=KNOWN_VERSION),
         )
     try:
         for command in (LASER_OFF, SCREEN_OFF, RESET):
@@ -29,10 +35,12 @@ def greet(link: Link, address: str, any_firmware: bool = False) -> str:
         raise DeviceError(
             address,
             "it names a version but does not take commands as a WALT does",
-            f"check that it is a WALT with firmware {KNOWN_VERSION}",
+            message("check that it is a WALT with firmware {version}", version=KNOWN_VERSION),
         ) from None
     except PortGone as gone:
-        raise DeviceError(address, f"the WALT was unplugged ({gone})", "plug it in again") from None
+        raise DeviceError(
+            address, message("the WALT was unplugged ({why})", why=message_of(gone)), "plug it in again"
+        ) from None
     link.take_triggers()
     return version
 
@@ -63,11 +71,16 @@ def _version(link: Link, address: str) -> str:
                 return answer.value
             late = answer
     except PortGone as gone:
-        raise DeviceError(address, f"the WALT was unplugged ({gone})", "plug it in again") from None
+        raise DeviceError(
+            address, message("the WALT was unplugged ({why})", why=message_of(gone)), "plug it in again"
+        ) from None
     if late is not None:
         raise DeviceError(
             address,
-            f"the WALT takes {late.arrived_s - late.sent_s:.1f} s to answer, too long to compare clocks",
+            message(
+                "the WALT takes {seconds:.1f} s to answer, too long to compare clocks",
+                seconds=late.arrived_s - late.sent_s,
+            ),
             "plug it into the computer itself, without a hub, and close other programs",
         )
     if link.unread > unread:

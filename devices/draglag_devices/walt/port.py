@@ -10,10 +10,11 @@ from typing import Protocol
 import serial
 from serial.tools import list_ports
 
+from draglag.messages import message
 from draglag_devices.source import DeviceError
 from draglag_devices.walt.protocol import BAUD
 
-RIGHTS_REMEDY = (
+RIGHTS_REMEDY = message(
     "add yourself to the group that owns it (sudo usermod -aG dialout $USER), log out and in again, "
     "or install the udev rules of draglag"
 )
@@ -49,7 +50,9 @@ class SerialPort:
         except serial.SerialException as error:
             raise _refusal(address, path, error) from None
         except (ValueError, OSError) as error:
-            raise DeviceError(address, f"cannot be used as a serial port ({error})", "check the address") from None
+            raise DeviceError(
+                address, message("cannot be used as a serial port ({why})", why=error), "check the address"
+            ) from None
         self._fd: int = self._serial.fileno()
 
     def write(self, data: bytes) -> None:
@@ -57,7 +60,7 @@ class SerialPort:
             while data:
                 data = data[os.write(self._fd, data) :]
         except BlockingIOError:
-            raise PortGone("it takes no more bytes") from None
+            raise PortGone(message("it takes no more bytes")) from None
         except OSError as error:
             raise PortGone(os.strerror(error.errno or errno.EIO)) from None
 
@@ -72,7 +75,7 @@ class SerialPort:
         except (OSError, ValueError) as error:
             raise PortGone(str(error)) from None
         if not data:
-            raise PortGone("hung up")
+            raise PortGone(message("hung up"))
         return data
 
     def close(self) -> None:
@@ -106,14 +109,16 @@ def _refusal(address: str, path: str, error: serial.SerialException) -> DeviceEr
     if code == errno.EACCES or not os.access(path, os.R_OK | os.W_OK):
         return DeviceError(address, "you have no rights to this port", RIGHTS_REMEDY)
     if code == errno.EBUSY or "exclusively lock" in text:
-        return DeviceError(address, "another program uses this port", "close it (see: fuser -v " + path + ")")
+        return DeviceError(
+            address, "another program uses this port", message("close it (see: {command})", command=f"fuser -v {path}")
+        )
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return DeviceError(address, "there is no device behind this port", "plug the WALT in again")
-    return DeviceError(address, f"cannot be opened ({text})", "check that it is a serial port")
+    return DeviceError(address, message("cannot be opened ({why})", why=text), "check that it is a serial port")
 
 
 def _other_ports(path: str) -> str:
     others = [port.device for port in list_ports.comports() if port.vid is not None and port.device != path]
     if others:
-        return f"plug the WALT in, or use one of: {', '.join(others)}"
-    return "plug the WALT in; it appears as /dev/ttyACM0 or similar (draglag devices lists it)"
+        return message("plug the WALT in, or use one of: {ports}", ports=", ".join(others))
+    return message("plug the WALT in; it appears as /dev/ttyACM0 or similar (draglag devices lists it)")

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from draglag.errors import message_of
 from draglag.instruments.clocks import LARGEST_DRIFT
+from draglag.messages import message
 from draglag.recording import LaserTrace, Taps, concatenate
 from draglag_devices.addresses import Address
 from draglag_devices.clockmap import OnlineClockMap
@@ -117,12 +119,14 @@ class WaltSource:
     def open(self) -> SourceInfo:
         self._device = device = self._connect()
         self._until_s = self._now()
-        what = "its own laser" if self.role == "laser" else "taps"
         return SourceInfo(
             self.address,
             self.role,
-            f"WALT, firmware {device.version}, {what}",
-            "WALT's microseconds, compared with the host's by bounds",
+            message(
+                "WALT, firmware {version}, its own laser" if self.role == "laser" else "WALT, firmware {version}, taps",
+                version=device.version,
+            ),
+            message("WALT's microseconds, compared with the host's by bounds"),
             {"firmware": device.version, "clock_width_us": round(1e6 * device.best_width_s, 1)},
         )
 
@@ -186,7 +190,14 @@ class WaltSource:
         except (NoAnswer, PortGone) as fault:
             link.close()
             raise DeviceError(
-                self.address, f"the WALT does not answer as it should{_why(fault)}", "unplug it and plug it in again"
+                self.address,
+                message(
+                    "the WALT does not answer as it should ({why})"
+                    if str(fault)
+                    else "the WALT does not answer as it should",
+                    why=message_of(fault),
+                ),
+                "unplug it and plug it in again",
             ) from None
         except DeviceError:
             link.close()
@@ -209,7 +220,13 @@ class WaltSource:
             device.link.close()
         now_s = self._now()
         self._next_try_s = now_s + RETRY_S
-        text = f"The WALT at {self._path} is gone{_why(fault)}. Plug it in again; it goes on then."
+        text = message(
+            "The WALT at {path} is gone ({why}). Plug it in again; it goes on then."
+            if str(fault)
+            else "The WALT at {path} is gone. Plug it in again; it goes on then.",
+            path=self._path,
+            why=message_of(fault),
+        )
         self._notices.append(Notice(now_s, "error", text, "lost"))
         return self._batch(device, None, self._felt(None), alive=False)
 
@@ -226,7 +243,7 @@ class WaltSource:
         now_s, back = self._now(), self._device is not None
         laser: LaserTrace | None = None
         if back:
-            text = f"The WALT at {self._path} is back and records again; its clock began at 0."
+            text = message("The WALT at {path} is back and records again; its clock began at 0.", path=self._path)
             self._notices.append(Notice(now_s, "info", text, "back"))
         if back or now_s - self._until_s >= GAP_EVERY_S:
             if self.role == "laser":
@@ -273,7 +290,9 @@ class WaltSource:
 
     def _restart_clock(self, device: _Device) -> None:
         self._notices.append(
-            Notice(self._now(), "warning", "The WALT's clock jumped; it was set and compared again from here on.")
+            Notice(
+                self._now(), "warning", message("The WALT's clock jumped; it was set and compared again from here on.")
+            )
         )
         self._epoch += 1
         device.epoch, device.contradictions = self._epoch, 0
@@ -296,10 +315,13 @@ class WaltSource:
             device.epoch,
         )
         if seen.missed:
-            words = "edge of the laser was" if seen.missed == 1 else "edges of the laser were"
-            self._notices.append(
-                Notice(now_s, "warning", f"{seen.missed} {words} lost by the WALT; the gap is marked.")
+            words = message(
+                "{n} edge of the laser was lost by the WALT; the gap is marked."
+                if seen.missed == 1
+                else "{n} edges of the laser were lost by the WALT; the gap is marked.",
+                n=seen.missed,
             )
+            self._notices.append(Notice(now_s, "warning", words))
         return seen
 
     def _poll_shock(self, device: _Device, timeout_s: float) -> tuple[Taps | None, float]:
@@ -356,8 +378,13 @@ class WaltSource:
         new = device.link.unread - device.unread
         if new:
             device.unread = device.link.unread
-            lines = "line" if new == 1 else "lines"
-            self._notices.append(Notice(self._now(), "warning", f"{new} {lines} from the WALT could not be read."))
+            words = message(
+                "{n} line from the WALT could not be read."
+                if new == 1
+                else "{n} lines from the WALT could not be read.",
+                n=new,
+            )
+            self._notices.append(Notice(self._now(), "warning", words))
 
     def _batch(self, device: _Device | None, laser: LaserTrace | None, taps: Taps | None, alive: bool = True) -> Batch:
         notices, self._notices = tuple(self._notices), []
@@ -385,7 +412,3 @@ def _counted_so_far(link: Link) -> EdgeCounter:
 
 def _rejected(reason: str) -> Taps:
     return Taps(np.empty(0), np.empty(0), np.empty(0, np.int64), {reason: 1})
-
-
-def _why(fault: Exception) -> str:
-    return f" ({fault})" if str(fault) else ""

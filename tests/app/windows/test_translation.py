@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import pickle
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,20 +19,24 @@ from PySide6.QtWidgets import QApplication
 import draglag_app.windows
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import FORMS
+from draglag.errors import DataError
 from draglag.gap.by_hand import BY_HAND
 from draglag.gap.fitting.parameters import where_of
 from draglag.gap.results import FOLLOWS
 from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
 from draglag.latency.on_clock import warnings_of
+from draglag.messages import chained, message
 from draglag.recording import ClockBounds, Session, empty_touch
 from draglag.simulation.effects import EFFECTS
 from draglag_app.windows.pages.parts.gap_steps import remarks, unseen
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.button_words import IN_BUTTONS
 from draglag_app.windows.wording.effect_words import EFFECT_NAMES, PARAMETERS, effect_meaning, effect_name, size_words
 from draglag_app.windows.wording.gap_words import _FOLLOWS, headline, law_words
 from draglag_app.windows.wording.i18n import language_of, table_of, use_language
 from draglag_app.windows.wording.library_words import in_words
+from message_templates import example, has_words, sentences
 
 LANGUAGES = ("nl",)
 _MARKS = {"tr": 0, "translate": 1, "QT_TRANSLATE_NOOP": 1, "say": 1}
@@ -63,10 +68,87 @@ def test_translation_is_whole(language: str) -> None:
     assert sorted(texts() - set(table)) == []
 
 
+# Of these no window asks for anything: recordings of other programs, the paper's figures, the command line.
+_NO_WINDOW = (
+    "draglag/exchange/importers", "draglag/reproduction", "draglag_app/cli", "draglag_app/lsl", "draglag_app/parallel",
+)  # fmt: skip
+
+
+def library_templates() -> set[str]:
+    """The template of every message of core, devices and app that a window may show, in the windows' words."""
+    found = {s.template for s in sentences() if s.template and not s.file.startswith(_NO_WINDOW)}
+    found |= {text for effect in EFFECTS.values() for text in (effect.where, effect.separated_by) if text}
+    found |= {effect.identifiable_with for effect in EFFECTS.values() if effect.identifiable_with}
+    return {IN_BUTTONS.get(text, text) for text in found if has_words(text)}
+
+
+def test_every_sentence_is_a_literal_or_made_of_one() -> None:
+    assert [f"{s.file}:{s.line}" for s in sentences() if s.template is None] == []
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_places_for_numbers_are_the_same(language: str) -> None:
+def test_every_message_is_translated(language: str) -> None:
+    known = library_templates()
+    assert len(known) > 600
+    assert sorted(known - set(table_of(language))) == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_is_filled_in_is_written_the_same_way(language: str) -> None:
     for text, translated in table_of(language).items():
-        assert set(re.findall(r"{\w+", text)) == set(re.findall(r"{\w+", translated)), text
+        assert set(re.findall(r"{\w+[^}]*}", text)) == set(re.findall(r"{\w+[^}]*}", translated)), text
+
+
+@pytest.mark.parametrize("name", ["{run}", "{path}: is a folder", "{", "laser", "Permission denied"])
+def test_arguments_that_look_like_templates_are_shown_as_they_are(qapp: QApplication, name: str) -> None:
+    error = DataError(message("{path}: is a folder", path=name), "Name a file in it")
+    nested = message("{role} stopped working ({why})", role="laser", why=error.message)
+    try:
+        use_language(qapp, "nl")
+        assert in_words(error.message) == f"{name}: is een map. Noem een bestand erin."
+        assert in_words(nested) == f"lasersensor werkt niet meer ({name}: is een map. Noem een bestand erin.)"
+        assert in_words(pickle.loads(pickle.dumps(error)).message) == in_words(error.message)
+        assert in_words("{run}: no latency ({flags})") == "{run}: no latency ({flags})"
+    finally:
+        use_language(qapp, "en")
+    assert in_words(error.message) == str(error) == f"{name}: is a folder. Name a file in it."
+
+
+def test_what_stands_in_a_sentence_is_named_as_elsewhere_in_the_windows(qapp: QApplication) -> None:
+    roles = chained("{before} and a {next}", (message("{role}", role=role) for role in ("touch", "laser")))
+    needs = message("needs a {roles} source", roles=roles)
+    refused = message("{effect} cannot be fitted to edges", effect="clock_drift")
+    try:
+        use_language(qapp, "nl")
+        assert in_words(needs) == "heeft als bron nodig: aanraakscherm en lasersensor"
+        assert in_words(refused) == "klokverloop kan niet op flanken worden gepast"
+    finally:
+        use_language(qapp, "en")
+    assert in_words(needs) == "needs a touchscreen and a laser sensor source"
+    assert in_words(refused) == "clock drift cannot be fitted to edges"
+
+
+def test_pages_say_in_dutch_why_something_is_refused(qapp: QApplication, open_window: Callable, tmp_path: Path) -> None:
+    empty = tmp_path / "empty.toml"
+    empty.write_text('name = "empty"\n')
+    try:
+        window = open_window(language="nl")
+        protocol = window.space.protocol
+        large = protocol.runs[0].model_copy(update={"radius_fraction": 0.45})
+        window.space.set_protocol(protocol.model_copy(update={"runs": (large,)}))
+        assert "het doel cirkel verlaat het scherm" in window.pages["protocol"][1].preview.words.text()
+        window.pages["protocol"][1]._load_from(empty)
+        assert window.notice_text.text() == (
+            f"{empty}, regel 1: een protocol heeft minstens een van [[runs]], [taps] en [clock_check] nodig; "
+            "verbeter het bestand."
+        )
+        off = message("target {target} is off by {off_mm:.1f} mm after the fit (limit {limit_mm:.1f} mm)",
+                      target=5, off_mm=12.0, limit_mm=2.0)  # fmt: skip
+        window.space.calibrating.refused.emit(DataError(off).message)
+        dutch = "doel 5 ligt na de fit 12.0 mm ernaast (grens 2.0 mm)."
+        assert window.geometry_page.calibration.verdict.text() == window.notice_text.text() == dutch
+    finally:
+        use_language(qapp, "en")
 
 
 def library_sentences(session: Session, estimates: tuple[RunEstimate, ...]) -> list[str]:
@@ -134,20 +216,21 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
         "1 circle run with edges: at least 5 are needed",
         "1 drag speed: at least 4, spread over a factor of 3, are needed",
         "no circle run shows where the stylus was: its touch positions are missing or not numbers",
-        "edges and touch events of 7 of 12 circle runs lie at different times: both have to be on one clock",
-        "touch times of run-01, run-02 go back or are no numbers: exported and imported again they are put in order",
-        "runs that give a latency: 0, at least 5 are needed. See with draglag analyze why the others give none, or "
-        "record circles at more speeds.",
+        example(
+            "edges and touch events of {n} of {of} circle runs lie at different times: both have to be on one clock"
+        ),
+        example("touch times of {runs} go back or are no numbers: exported and imported again they are put in order"),
+        example("runs that give a latency: {n}, at least 5 are needed"),
         "a fixed trail hides in the latency law: a tap or a second stylus shows it",
         "taps timed on the same clock show it",
         "circles that travel across the whole width show it",
     }
-    by_taps = "release taps lie +6.4 ms off the fitted asymptote"
+    by_taps = message("release taps lie {ms:+.1f} ms off the fitted asymptote", ms=6.4)
     fit = SimpleNamespace(law=SimpleNamespace(plateau_mm_s=118.0), terms=())
     places = {where_of(effect, fit) for effect in (*BY_HAND, "low_speed_plateau")}  # type: ignore[arg-type]
     places |= {
-        "in 40 stretches of time, 265 s in all",
-        "27 % of edges",
+        example("in {n} stretches of time, {seconds:.0f} s in all"),
+        example("{share:.0f} % of edges"),
         "every frame",
         "every stamp",
         "every edge alike",
@@ -156,7 +239,7 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
         "every edge alike",
         "straight lines in the trace",
         "every tick of the host's loop",
-        "1.6 frames at a time, all through",
+        example("{n:.2g} frames at a time, all through"),
     }
     alike, run = ["thermal_drift"], EFFECTS["clock_drift"].separated_by
     sets = [(["clock_drift"], 0.5), (["beam_bow", "clock_drift"], 0.2), ([], 0.15), (["unexplained"], 0.12)]

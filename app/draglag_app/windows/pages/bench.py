@@ -10,6 +10,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
+from draglag.messages import joined, phrase
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.full_texts import whole_text, widen_list
 from draglag_app.windows.parts.tasks import Progress
@@ -47,7 +48,7 @@ def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Pro
             give_panel([source], panel.screen())
             info = source.open()
         except DraglagError as error:
-            out.append(Checked(role, "fault", str(error)))
+            out.append(Checked(role, "fault", error.message))
             continue
         try:
             seen, notices = 0, list[Notice]()
@@ -58,9 +59,11 @@ def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Pro
                 notices += batch.notices
             state = "warning" if any(notice.level != "info" for notice in notices) else "ready"
             said = [notice.text for notice in notices]
-            out.append(Checked(role, state, " · ".join([info.description, info.clock, *said])))
+            out.append(
+                Checked(role, state, joined(" · ", [phrase(info.description), phrase(info.clock), *map(phrase, said)]))
+            )
         except DraglagError as error:
-            out.append(Checked(role, "fault", str(error)))
+            out.append(Checked(role, "fault", error.message))
         finally:
             source.close()
     return out
@@ -258,8 +261,7 @@ class BenchPage(QWidget):
 
     def _devices_checked(self, results: list[Checked]) -> None:
         self._check_ended()
-        # Parts that the device says of itself, and the notices that came meanwhile.
-        results = [replace(r, text=" · ".join(map(in_words, r.text.split(" · ")))) for r in results]
+        results = [replace(result, text=in_words(result.text)) for result in results]
         for result in results:
             self.lights[result.role].set_state(result.state)
             self.words[result.role].setText(result.text)

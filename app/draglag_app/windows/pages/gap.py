@@ -206,7 +206,7 @@ class GapPage(QWidget):
                 save_model(LatencyModel.model_validate(model), path)
                 self._space.noticed.emit("info", self.tr("Saved: {path}").format(path=path))
             except DraglagError as error:
-                self._space.noticed.emit("warning", str(error))
+                self._space.noticed.emit("warning", error.message)
 
         start = Path(self._space.settings.folder) / "model.json"
         ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"), write)

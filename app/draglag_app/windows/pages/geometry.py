@@ -18,6 +18,7 @@ from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import Form, Panel, Scrolled, button, label, restyle
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.settings import CalibrationSettings, PanelSettings
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Edit, Workspace
 from draglag_resources import presets
 
@@ -130,7 +131,7 @@ class GeometryPage(QWidget):
         try:
             screen = panel.screen()
         except DraglagError as error:
-            self.verdict.setText(str(error))
+            self.verdict.setText(in_words(error.message))
             return
         self.preset.setCurrentIndex(max(0, self.preset.findData(panel.preset)))
         middle = screen.height_mm / 2

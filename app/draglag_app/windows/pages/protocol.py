@@ -255,7 +255,7 @@ class ProtocolPage(QWidget):
         try:
             self._space.change_protocol(load_protocol(path), self.tr("load a protocol"))
         except DraglagError as error:
-            self._space.noticed.emit("error", str(error))
+            self._space.noticed.emit("error", error.message)
         else:
             self._space.change_settings(protocol=str(path))
 

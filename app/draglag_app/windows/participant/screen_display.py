@@ -13,6 +13,7 @@ from PySide6.QtGui import QGuiApplication, QScreen
 from PySide6.QtWidgets import QApplication
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.protocol.targets import Target
 from draglag.recording import DisplayTrace, Screen
 from draglag_app.session.control import Control
@@ -25,7 +26,7 @@ class ScreenDisplay(QObject):
     """Thread-safe: every call is queued to the window; frames come back through its log."""
 
     _show = Signal(object, float)
-    _prompt = Signal(str)
+    _prompt = Signal(object)
     _hide = Signal()
 
     def __init__(self, window: ParticipantWindow) -> None:
@@ -79,7 +80,9 @@ def numbered_screen(number: int) -> QScreen:
     screens = QGuiApplication.screens()
     if not 1 <= number <= len(screens):
         known = ", ".join(f"{k} ({s.name()} {s.size().width()}×{s.size().height()})" for k, s in enumerate(screens, 1))
-        raise DataError(f"there is no screen {number}", f"screens are {known}")
+        raise DataError(
+            message("there is no screen {number}", number=number), message("screens are {known}", known=known)
+        )
     return screens[number - 1]
 
 

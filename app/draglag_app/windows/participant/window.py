@@ -27,6 +27,7 @@ from draglag_app.windows.participant.frame_log import FrameLog
 from draglag_app.windows.participant.full_screen import FullScreen
 from draglag_app.windows.participant.side_by_side import WIDE_PX, place_side_by_side
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
+from draglag_app.windows.wording.library_words import in_words
 
 BACKGROUND, TARGET, PRACTICE, INK = "#0e1116", "#56b4e9", "#e69f00", "#f2f5f8"
 TARGET_MM = 14.0
@@ -258,7 +259,7 @@ class ParticipantWindow(QWidget):
         """Prompt above, explanation below; both change seldom, so that the target can be repainted alone."""
         say = QCoreApplication.translate
         if self._target is None:
-            return say("Participant", self._prompt) if self._prompt else ""
+            return in_words(self._prompt)
         practice = say("Participant", "Practice. ") if self._practice else ""
         before_s = self._start_s - self._clock()
         if isinstance(self._target, Tap):

@@ -10,6 +10,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Qt, QThreadPool, Signal
 
 from draglag.errors import DraglagError
+from draglag.messages import phrase
 from draglag.system.packages import missing_package
 
 Progress = Callable[[float, str], None]
@@ -44,7 +45,7 @@ class Tasks(QObject):
     progressed = Signal(float, str)
     changed = Signal()
     """A task began or ended."""
-    _ended = Signal(object, object, str)
+    _ended = Signal(object, object, object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -85,18 +86,19 @@ class Tasks(QObject):
                 raise Cancelled
             self.progressed.emit(fraction, text)
 
-        result, fault = None, ""
+        result, fault = None, phrase("")
         try:
             if not task.cancelled:
                 result = task.work(progress)
         except Cancelled:
             task.cancel()
         except DraglagError as error:
-            fault = str(error)
+            fault = error.message
         except ModuleNotFoundError as missing:
-            fault = str(missing_package(missing) or f"{task.label}: {missing}")
+            known = missing_package(missing)
+            fault = phrase(f"{task.label}: {missing}") if known is None else known.message
         except Exception as error:  # whatever goes wrong is reported, the window stays
-            fault = f"{task.label}: {error or type(error).__name__}"
+            fault = phrase(f"{task.label}: {error or type(error).__name__}")
         self._ended.emit(task, result, fault)
 
     def _report(self, task: Task, result: Any, fault: str) -> None:

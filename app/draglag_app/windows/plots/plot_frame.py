@@ -19,6 +19,7 @@ from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import points, theme
 from draglag_app.windows.plots.axis import Axis
 from draglag_app.windows.plots.plot_values import Column, as_csv, signed, write_picture, write_text
+from draglag_app.windows.wording.library_words import in_words
 
 
 def tr(text: str) -> str:
@@ -255,7 +256,7 @@ class PlotFrame(pg.PlotWidget):
         try:
             self.save(path)
         except DataError as error:
-            self._tell("error", str(error))
+            self._tell("error", error.message)
         else:
             self._tell("info", tr("Saved: {path}").format(path=path))
 
@@ -265,7 +266,7 @@ class PlotFrame(pg.PlotWidget):
         if notify is not None:
             notify(level, text)
         elif level == "error":
-            QMessageBox.warning(self, "draglag", plain(text))
+            QMessageBox.warning(self, "draglag", plain(in_words(text)))
 
     def source_line(self) -> str:
         """What is drawn here, for pictures that leave the program: by default the session of the window."""

@@ -14,7 +14,8 @@ from pyqtgraph.exporters import ImageExporter, SVGExporter
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause
+from draglag.messages import message
 from draglag.system.temporary import new_file
 
 Column = np.ndarray[Any, Any]
@@ -125,7 +126,9 @@ def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
         image = signed(exporter.export(toBytes=True), source)
         with new_file(path, replace=True) as growing:
             if not image.save(str(growing), cast(Any, "PNG")):  # which takes text, whatever its stubs say
-                raise DataError(f"{path}: the picture cannot be written", "Make room or choose another folder")
+                raise DataError(
+                    message("{path}: the picture cannot be written", path=path), "Make room or choose another folder"
+                )
     except OSError as error:
         raise cannot_write(path, error) from None
 
@@ -174,4 +177,4 @@ def write_text(text: str, path: Path) -> None:
 
 
 def cannot_write(path: Path, error: OSError) -> DataError:
-    return DataError(f"{path}: cannot be written ({error.strerror or error})", "Choose another folder")
+    return DataError(message("{path}: cannot be written ({why})", path=path, why=cause(error)), "Choose another folder")

@@ -16,7 +16,6 @@ from draglag_app.windows.participant.screen_display import numbered_screen
 from draglag_app.windows.participant.side_by_side import operators_window
 from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.settings import CalibrationSettings, Settings
-from draglag_app.windows.wording.library_words import in_words
 from draglag_devices.rig import Rig, give_panel, make_rig
 from draglag_devices.source import Batch, SourceInfo
 
@@ -57,11 +56,11 @@ class Calibrating(QObject):
     """Began, ended, or another target is due."""
     made = Signal(object)
     """CalibrationSettings that fit; nothing has been stored yet."""
-    refused = Signal(str)
+    refused = Signal(object)
     """No calibration came of it; one sentence with the remedy."""
     _opened = Signal(object, object)
     _arrived = Signal(object, object)
-    _failed = Signal(object, str)
+    _failed = Signal(object, object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -145,7 +144,7 @@ class Calibrating(QObject):
                 if batch.touch is not None or batch.contacts is not None or not batch.alive:
                     self._arrived.emit(reader, batch)
         except DraglagError as error:
-            self._failed.emit(reader, in_words(str(error)))
+            self._failed.emit(reader, error.message)
         except Exception as error:  # a fault of a driver is reported, the window stays
             self._failed.emit(reader, f"{source.address}: {error or type(error).__name__}")
         finally:
@@ -201,7 +200,7 @@ class Calibrating(QObject):
         try:
             made.fit(screen)
         except DraglagError as error:
-            self.refused.emit(str(error))
+            self.refused.emit(error.message)
         else:
             self.made.emit(made)
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QGuiApplication
 
-from draglag.errors import DataError
+from draglag.errors import DataError, cause, message_of
+from draglag.messages import message
 from draglag.protocol.runs import PlannedRun, Protocol, expand, planned_after_s
 from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
@@ -42,7 +43,7 @@ class Recording(QObject):
     """Starts and steers a session. Signals come in the window's thread."""
 
     began = Signal(object)
-    ended = Signal(object, str)
+    ended = Signal(object, object)
     """(path or None, problem): the file is closed, or there is none."""
 
     def __init__(self, bridge: SessionBridge, parent: QObject | None = None) -> None:
@@ -69,12 +70,17 @@ class Recording(QObject):
         if self.active:
             raise DataError("a session is being recorded already", "Stop it first")
         if order.out.exists():
-            raise DataError(f"{order.out}: exists already and is not overwritten", "Choose another name")
+            raise DataError(
+                message("{path}: exists already and is not overwritten", path=order.out), "Choose another name"
+            )
         plan = expand(order.protocol, order.options.screen, order.options.seed, beam=order.options.beam)
         try:
             order.out.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise DataError(f"{order.out.parent}: cannot be made ({error.strerror})", "Choose another folder") from None
+            raise DataError(
+                message("{path}: cannot be made ({why})", path=order.out.parent, why=cause(error)),
+                "Choose another folder",
+            ) from None
         self._plan = {planned.id: planned for planned in plan}
         display: Display = OffscreenDisplay()
         if order.display != "offscreen" and order.rig.stage.time_base.realtime:
@@ -166,7 +172,7 @@ class Recording(QObject):
         self._close(event.path, event.problem)
 
     def _crashed(self, error: Exception) -> None:
-        self._close(None, str(error) or type(error).__name__)
+        self._close(None, message_of(error) or type(error).__name__)
 
     def _close(self, path: Path | None, problem: str) -> None:
         if self._thread is None:  # a failure reported twice

@@ -8,28 +8,28 @@ from __future__ import annotations
 
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
-LIBRARY_BUTTONS = {
+IN_BUTTONS = {
     (
-        "Runs lie {off} ms off the curve beyond their own errors: something other than speed moves "
+        "Runs lie {off:.1f} ms off the curve beyond their own errors: something other than speed moves "
         "their latency, or the curve is too simple for them. See what draglag gap finds before "
         "using the curve."
     ): QT_TRANSLATE_NOOP(
         "Library",
         (
-            "Runs lie {off} ms off the curve beyond their own errors: something other than speed moves "
+            "Runs lie {off:.1f} ms off the curve beyond their own errors: something other than speed moves "
             "their latency, or the curve is too simple for them. See what Explain the gap finds, on the"
             " page Gap, before using the curve."
         ),
     ),
     (
-        "The stylus measures {mean} mm ({low} to {high}), by ruler {known} mm: more than noise and "
+        "The stylus measures {mean:.2f} mm ({low:.2f} to {high:.2f}), by ruler {known:g} mm: more than noise and "
         "sensor explain. A wrong diameter, a wrong scale of the touchscreen, a filter that shrinks "
         "circles or a slow sensor can do this. Measure the stylus, calibrate the touchscreen, and "
         "see draglag gap."
     ): QT_TRANSLATE_NOOP(
         "Library",
         (
-            "The stylus measures {mean} mm ({low} to {high}), by ruler {known} mm: more than noise and "
+            "The stylus measures {mean:.2f} mm ({low:.2f} to {high:.2f}), by ruler {known:g} mm: more than noise and "
             "sensor explain. A wrong diameter, a wrong scale of the touchscreen, a filter that shrinks "
             "circles or a slow sensor can do this. Measure the stylus, calibrate the touchscreen, and "
             "press Explain the gap on the page Gap."
@@ -45,16 +45,6 @@ LIBRARY_BUTTONS = {
         ),
     ),
     (
-        "runs that give a latency: {n}, at least 5 are needed. See with draglag analyze why the "
-        "others give none, or record circles at more speeds."
-    ): QT_TRANSLATE_NOOP(
-        "Library",
-        (
-            "runs that give a latency: {n}, at least 5 are needed. See on the page Results why the "
-            "others give none, or record circles at more speeds."
-        ),
-    ),
-    (
         "draglag analyze says nothing of this drift: the session holds no comparison of the laser's"
         " clock with the host's."
     ): QT_TRANSLATE_NOOP(
@@ -66,109 +56,79 @@ LIBRARY_BUTTONS = {
     ),
     (
         "draglag analyze sees the same drift: by the session's comparisons of clocks the laser's "
-        "stamps run {ppm} ppm fast. It takes that out before it estimates."
+        "stamps run {rate}. It takes that out before it estimates."
     ): QT_TRANSLATE_NOOP(
         "Library",
         (
             "The page Results shows the same drift: by the session's comparisons of clocks the laser's "
-            "stamps run {ppm} ppm fast. It is taken out before anything is estimated."
+            "stamps run {rate}. It is taken out before anything is estimated."
         ),
     ),
     (
-        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's "
-        "stamps run {ppm} ppm fast."
+        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's stamps run {rate}."
     ): QT_TRANSLATE_NOOP(
         "Library",
-        (
-            "The page Results shows another drift: by the session's comparisons of clocks the laser's "
-            "stamps run {ppm} ppm fast."
-        ),
+        ("The page Results shows another drift: by the session's comparisons of clocks the laser's stamps run {rate}."),
     ),
-    (
-        "draglag analyze sees the same drift: by the session's comparisons of clocks the laser's "
-        "stamps run {ppm} ppm slow. It takes that out before it estimates."
-    ): QT_TRANSLATE_NOOP(
-        "Library",
-        (
-            "The page Results shows the same drift: by the session's comparisons of clocks the laser's "
-            "stamps run {ppm} ppm slow. It is taken out before anything is estimated."
-        ),
-    ),
-    (
-        "draglag analyze sees another drift: by the session's comparisons of clocks the laser's "
-        "stamps run {ppm} ppm slow."
-    ): QT_TRANSLATE_NOOP(
-        "Library",
-        (
-            "The page Results shows another drift: by the session's comparisons of clocks the laser's "
-            "stamps run {ppm} ppm slow."
-        ),
-    ),
-}
-"""Whole sentences."""
-REMEDY_BUTTONS = {
+    # What to do.
     "See with draglag analyze why the others give none, or record circles at more speeds": QT_TRANSLATE_NOOP(
-        "Device", "See on the page Results why the others give none, or record circles at more speeds"
+        "Library", "See on the page Results why the others give none, or record circles at more speeds"
     ),
     "leave out --fast and speed=fast": QT_TRANSLATE_NOOP(
-        "Device", "on the page Bench, leave out Simulated time, as fast as possible, and speed=fast in the addresses"
+        "Library", "on the page Bench, leave out Simulated time, as fast as possible, and speed=fast in the addresses"
     ),
     "plug it in; draglag devices lists what is there": QT_TRANSLATE_NOOP(
-        "Device", "plug it in; Look for devices, on the page Bench, lists what is there"
+        "Library", "plug it in; Look for devices, on the page Bench, lists what is there"
     ),
     "draglag devices lists touchscreens": QT_TRANSLATE_NOOP(
-        "Device", "Look for devices, on the page Bench, lists touchscreens"
+        "Library", "Look for devices, on the page Bench, lists touchscreens"
     ),
     "plug the WALT in; it appears as /dev/ttyACM0 or similar (draglag devices lists it)": QT_TRANSLATE_NOOP(
-        "Device",
+        "Library",
         "plug the WALT in; it appears as /dev/ttyACM0 or similar (Look for devices, on the page Bench, lists it)",
     ),
     "choose another port: draglag devices lists them": QT_TRANSLATE_NOOP(
-        "Device", "choose another port: Look for devices, on the page Bench, lists them"
+        "Library", "choose another port: Look for devices, on the page Bench, lists them"
     ),
     "Make room on the disk, then `draglag verify {file}`, or save it elsewhere with --out": QT_TRANSLATE_NOOP(
-        "Device",
+        "Library",
         (
             "Make room on the disk, then start draglag again: it offers to save what {file} holds, "
             "there or in another folder"
         ),
     ),
     "Make room there, or give another place with --out": QT_TRANSLATE_NOOP(
-        "Device", "Make room there, or choose another folder"
+        "Library", "Make room there, or choose another folder"
     ),
     "to look there: draglag devices --probe {name}": QT_TRANSLATE_NOOP(
-        "Device", "to look there, enter ethercat:{name} as laser sensor on the page Bench and press Check the rig"
+        "Library", "to look there, enter ethercat:{name} as laser sensor on the page Bench and press Check the rig"
     ),
     "Try `draglag verify {path}` to see what can be saved": QT_TRANSLATE_NOOP(
-        "Device", "Use another copy of the file, if there is one"
+        "Library", "Use another copy of the file, if there is one"
     ),
     "Save it first with `draglag verify {path}`": QT_TRANSLATE_NOOP(
-        "Device", "Put it into the folder for sessions and start draglag again: it offers to save what it holds"
+        "Library", "Put it into the folder for sessions and start draglag again: it offers to save what it holds"
     ),
     "Save what it holds with `draglag verify {path}`": QT_TRANSLATE_NOOP(
-        "Device", "Start draglag again: it offers to save what it holds"
+        "Library", "Start draglag again: it offers to save what it holds"
     ),
     "Use an untouched copy of the file; draglag verify lists all that is wrong": QT_TRANSLATE_NOOP(
-        "Device", "Use an untouched copy of the file"
+        "Library", "Use an untouched copy of the file"
     ),
-    "Run draglag verify": QT_TRANSLATE_NOOP("Device", "Use an untouched copy of the file"),
-    "Give another name with --out": QT_TRANSLATE_NOOP("Device", "Choose another folder"),
+    "Run draglag verify": QT_TRANSLATE_NOOP("Library", "Use an untouched copy of the file"),
+    "Give another name with --out": QT_TRANSLATE_NOOP("Library", "Choose another folder"),
     "Save a model with --form double_exponential": QT_TRANSLATE_NOOP(
-        "Device", "Choose the double exponential form on the page Results, then press Explain the gap again"
+        "Library", "Choose the double exponential form on the page Results, then press Explain the gap again"
     ),
-}
-"""What to do: after an instrument's problem, or at the end of any sentence."""
-NOTICE_BUTTONS = {
+    # While an instrument is read.
     (
         "{name} sends events that are no touch ({axes}), and nothing is recorded of them. Choose "
         "another input device: draglag devices lists touchscreens."
     ): QT_TRANSLATE_NOOP(
-        "Device",
+        "Library",
         (
             "{name} sends events that are no touch ({axes}), and nothing is recorded of them. Choose "
             "another input device: Look for devices, on the page Bench, lists touchscreens."
         ),
     ),
 }
-"""What comes while an instrument is read."""
-IN_BUTTONS = LIBRARY_BUTTONS | REMEDY_BUTTONS | NOTICE_BUTTONS

@@ -28,6 +28,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.exchange.tables import line_of_row, read_events
+from draglag.messages import message
 from draglag.reading.limits import CONTACT, TIME_S
 from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
 from draglag.touch_events.frames import Mapping2D
@@ -74,10 +75,15 @@ def parse_map(texts: Iterable[str]) -> ColumnMap:
             continue
         if key not in UNITS or not equals or not value:
             known = ", ".join([*UNITS, *CLOCKS, *STREAMS])
-            raise DataError(f"--map {text}: is not KEY=COLUMN[:UNIT]", f"Keys are {known}")
+            raise DataError(
+                message("--map {text}: is not KEY=COLUMN[:UNIT]", text=text), message("Keys are {known}", known=known)
+            )
         column, _, unit = value.rpartition(":") if ":" in value else (value, "", UNITS[key][0])
         if unit not in UNITS[key] and not (key == "laser.light" and unit[:1] in ("<", ">") and _is_number(unit[1:])):
-            raise DataError(f"--map {text}: “{unit}” is no unit of {key}", f"Use one of {', '.join(UNITS[key])}")
+            raise DataError(
+                message("--map {text}: “{unit}” is no unit of {key}", text=text, unit=unit, key=key),
+                message("Use one of {units}", units=", ".join(UNITS[key])),
+            )
         columns[key] = (column, unit)
     return ColumnMap(columns, shift_s, streams)
 
@@ -107,7 +113,11 @@ def touch_of(
         contact = np.where(np.isfinite(contact), contact, -1.0)
         if (odd := np.flatnonzero(np.abs(contact) > CONTACT)).size:
             raise DataError(
-                f"{_place(where, path, int(odd[0]))}: {contact[odd[0]]:g} is no number of a contact",
+                message(
+                    "{place}: {found:g} is no number of a contact",
+                    place=_place(where, path, int(odd[0])),
+                    found=contact[odd[0]],
+                ),
                 "Map the column that numbers the contacts, or none",
             )
     device = by_key.get("device_t")
@@ -147,7 +157,11 @@ def laser_of(
     odd = np.flatnonzero(~np.isin(light, (0.0, 1.0)))
     if len(odd):
         raise DataError(
-            f"{_place(where, path, int(odd[0]))}: expected light 0 or 1, found {light[odd[0]]:g}",
+            message(
+                "{place}: expected light 0 or 1, found {found:g}",
+                place=_place(where, path, int(odd[0])),
+                found=light[odd[0]],
+            ),
             "Correct that line, or give a threshold, as in --map laser.light=COLUMN:>0.5",
         )
     level = light.astype(np.int64)
@@ -160,7 +174,11 @@ def _checked_times(t_s: FloatArray, where: str, path: Path | None) -> FloatArray
     if bad.any():
         line = int(np.flatnonzero(bad)[0])
         raise DataError(
-            f"{_place(where, path, line)}: times must be numbers that never go back, in seconds below {TIME_S:g}",
+            message(
+                "{place}: times must be numbers that never go back, in seconds below {limit:g}",
+                place=_place(where, path, line),
+                limit=TIME_S,
+            ),
             "Correct that line, or give the unit of the time, as in --map t=COLUMN:ms",
         )
     return np.ascontiguousarray(t_s)
@@ -176,10 +194,10 @@ def _per_mm(axis: str, unit: str, where: str, screen: Screen | None, units_per_m
         return _LENGTH[unit]
     if unit == "raw":
         if units_per_mm is None:
-            raise DataError(f"{where}: {axis} is in device units", "Give --units-per-mm")
+            raise DataError(message("{path}: {axis} is in device units", path=where, axis=axis), "Give --units-per-mm")
         return 1 / units_per_mm
     if screen is None:
-        raise DataError(f"{where}: {axis} is in pixels", "Give --screen")
+        raise DataError(message("{path}: {axis} is in pixels", path=where, axis=axis), "Give --screen")
     return screen.mm_per_px[axis == "y"]
 
 

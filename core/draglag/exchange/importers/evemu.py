@@ -7,6 +7,7 @@ from pathlib import Path
 
 from draglag.errors import DataError
 from draglag.exchange.importers.input_log import InputLog, checked_event, refuse_step_back, whole
+from draglag.messages import message
 from draglag.reading import plain_lines
 from draglag.recording import AxisInfo
 from draglag.touch_events.frames import AXIS_NAMES, InputEvent
@@ -44,10 +45,20 @@ def parse_evemu(text: str, where: str = "text") -> InputLog:
                 axes[code] = axis
         except (ValueError, IndexError):
             expected = "E: <seconds> <type> <code> <value>" if line[0] == "E" else "A: <axis> <min> <max> <fuzz> <flat>"
-            raise DataError(f"{where}, line {number}: '{line[:60]}' is not '{expected}'") from None
+            raise DataError(
+                message(
+                    "{path}, line {line}: '{text}' is not '{expected}'",
+                    path=where,
+                    line=number,
+                    text=line[:60],
+                    expected=expected,
+                )
+            ) from None
         refuse_step_back(events, where, number)
     if not events:
-        raise DataError(f"{where}: holds no E: lines", "an evemu recording is expected (evemu-record)")
+        raise DataError(
+            message("{path}: holds no E: lines", path=where), "an evemu recording is expected (evemu-record)"
+        )
     return InputLog(name, tuple(events), axes, size_mm)
 
 

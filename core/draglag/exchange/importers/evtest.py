@@ -7,6 +7,7 @@ from pathlib import Path
 
 from draglag.errors import DataError
 from draglag.exchange.importers.input_log import InputLog, checked_event, refuse_step_back, whole
+from draglag.messages import message
 from draglag.reading import plain_lines
 from draglag.recording import AxisInfo
 from draglag.touch_events.frames import (
@@ -59,12 +60,17 @@ def parse_evtest(text: str, where: str = "text") -> InputLog:
             break  # evtest was ended while it wrote
         if event is None:
             raise DataError(
-                f"{where}, line {number}: “{line[:60]}” is not an event of evtest", "Correct or remove that line"
+                message(
+                    "{path}, line {line}: “{text}” is not an event of evtest", path=where, line=number, text=line[:60]
+                ),
+                "Correct or remove that line",
             )
         events.append(event)
         refuse_step_back(events, where, number)
     if not events:
-        raise DataError(f"{where}: holds no events of evtest", "Expected lines that begin with “Event: time”")
+        raise DataError(
+            message("{path}: holds no events of evtest", path=where), "Expected lines that begin with “Event: time”"
+        )
     name, axes = _described(head)
     return InputLog(name, tuple(events), axes)
 

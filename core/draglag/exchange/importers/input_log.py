@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from draglag.errors import DataError
+from draglag.errors import DataError, message_of
+from draglag.messages import message
 from draglag.reading.limits import CONTACTS, TIME_S
 from draglag.recording import AxisInfo, TouchTrace
 from draglag.touch_events.frames import (
@@ -71,7 +72,7 @@ class InputLog:
         if not any(frame.contacts for frame in frames):
             kinds = ((event.type, event.code) for event in self.events if event.type in (EV_KEY, EV_ABS))
             raise DataError(
-                f"the recording holds no touch: it has {event_names(kinds)}",
+                message("the recording holds no touch: it has {axes}", axes=event_names(kinds)),
                 "record a touchscreen, from before it is touched",
             )
         return touch_trace(frames, mapping, self.position_axes() or ())
@@ -92,7 +93,7 @@ def mapping_of(log: InputLog, width_mm: float | None, height_mm: float | None, u
     try:
         return panel_mapping(*axes, width_mm, height_mm)
     except ValueError as error:
-        raise DataError(str(error), "give the size of the panel") from None
+        raise DataError(message_of(error), "give the size of the panel") from None
 
 
 def checked_event(t_s: float, kind: int, code: int, value: int) -> InputEvent:
@@ -109,7 +110,10 @@ def checked_event(t_s: float, kind: int, code: int, value: int) -> InputEvent:
 def refuse_step_back(events: Sequence[InputEvent], where: str, line: int) -> None:
     """Raise DataError where the last event is earlier than the one before it."""
     if len(events) > 1 and events[-1].t_s < events[-2].t_s:
-        raise DataError(f"{where}, line {line}: the time goes back", "record again, or correct that line")
+        raise DataError(
+            message("{path}, line {line}: the time goes back", path=where, line=line),
+            "record again, or correct that line",
+        )
 
 
 def whole(word: str, base: int = 10) -> int:

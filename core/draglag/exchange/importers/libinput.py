@@ -12,6 +12,7 @@ from pathlib import Path
 
 from draglag.errors import DataError
 from draglag.exchange.importers.input_log import InputLog, checked_event, refuse_step_back, whole
+from draglag.messages import message
 from draglag.reading import plain_lines
 from draglag.recording import AxisInfo
 from draglag.touch_events.frames import ABS_MT_POSITION_X, ABS_X, AXIS_NAMES, EV_ABS, InputEvent
@@ -45,7 +46,11 @@ def parse_libinput(text: str, where: str = "text") -> InputLog:
     section = ""
     for number, line in enumerate(text.split("\n"), 1):
         if line.startswith("version:") and line.partition(":")[2].strip() != "1":
-            raise DataError(f"{where}, line {number}: only version 1 of libinput's recordings is known")
+            raise DataError(
+                message(
+                    "{path}, line {line}: only version 1 of libinput's recordings is known", path=where, line=number
+                )
+            )
         if _DEVICE.match(line):
             devices.append(_Device())
         elif found := _SECTION.match(line):
@@ -59,7 +64,9 @@ def parse_libinput(text: str, where: str = "text") -> InputLog:
             refuse_step_back(devices[-1].events, where, number)
     device = max(devices, key=_Device.positions, default=_Device())
     if not device.events:
-        raise DataError(f"{where}: holds no events of a device", "A recording of libinput record is expected")
+        raise DataError(
+            message("{path}: holds no events of a device", path=where), "A recording of libinput record is expected"
+        )
     return InputLog(device.name, tuple(device.events), device.axes)
 
 

@@ -24,6 +24,7 @@ from draglag.exchange.importers.libinput import read_libinput
 from draglag.exchange.importers.walt import ROUNDED, read_walt_laser
 from draglag.exchange.importers.xdf import read_xdf
 from draglag.exchange.tables import column_names
+from draglag.messages import message
 from draglag.reading import plain_lines
 from draglag.reading.limits import SIZE_MM, SIZE_PX
 from draglag.recording import LaserTrace, LogEntry, Run, Screen, Session, Stylus, TouchTrace, empty_laser
@@ -71,7 +72,9 @@ def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Se
     """
     how = how or HowToRead()
     if how.laser is not None and len(paths) > 1:
-        raise DataError(f"{how.laser}: one laser file belongs to one recording", "Import them one by one")
+        raise DataError(
+            message("{laser}: one laser file belongs to one recording", laser=how.laser), "Import them one by one"
+        )
     runs: list[Run] = []
     screens: list[Screen] = []
     for number, path in enumerate(paths, 1):
@@ -82,10 +85,20 @@ def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Se
         runs.append(_run(check_run_id(run_id, str(path)), path, touch, laser, how.protocol, said))
         screens.append(screen)
     if len(set(screens)) > 1:
-        raise DataError(f"{paths[1]}: is of another screen than {paths[0].name}", "Import them one by one")
+        raise DataError(
+            message("{path}: is of another screen than {other}", path=paths[1], other=paths[0].name),
+            "Import them one by one",
+        )
     notes = [entry for run in runs for entry in run.log]
     if how.stylus_mm is None:
-        notes.append(LogEntry(runs[0].start_s, "warning", "import", f"the stylus is taken to be {STYLUS_MM:g} mm wide"))
+        notes.append(
+            LogEntry(
+                runs[0].start_s,
+                "warning",
+                "import",
+                message("the stylus is taken to be {width_mm:g} mm wide", width_mm=STYLUS_MM),
+            )
+        )
     return Session(
         name=paths[0].name if len(paths) == 1 else paths[0].resolve().parent.name,
         screen=screens[0],
@@ -116,7 +129,10 @@ def format_of(path: Path) -> str:
             return kind
     if path.name.lower().endswith((".csv", ".csv.gz", ".tsv", ".txt")):
         return "csv"
-    raise DataError(f"{path}: its format is not known", f"Name it with --format: {', '.join(FORMATS)}")
+    raise DataError(
+        message("{path}: its format is not known", path=path),
+        message("Name it with --format: {formats}", formats=", ".join(FORMATS)),
+    )
 
 
 def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, list[str]]:
@@ -133,9 +149,13 @@ def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, l
     else:
         touch = read_touch_columns(path, how.map, screen, how.units_per_mm)
     if screen is None:
-        raise DataError(f"{path}: does not describe the screen", "Give --screen, a preset or a TOML file")
+        raise DataError(
+            message("{path}: does not describe the screen", path=path), "Give --screen, a preset or a TOML file"
+        )
     if not len(touch.t_s):
-        raise DataError(f"{path}: holds no touch events", "Record a touchscreen, from before it is touched")
+        raise DataError(
+            message("{path}: holds no touch events", path=path), "Record a touchscreen, from before it is touched"
+        )
     laser_file = how.laser or (laser_file_of(path) if laser is None else None)
     if laser_file is not None:
         laser = _read_laser(laser_file, how.map, said)
@@ -151,11 +171,11 @@ def _touch(path: Path, log: InputLog, how: HowToRead) -> TouchTrace:
         mapping = mapping_of(log, width_mm, height_mm, how.units_per_mm)
     except DataError as error:
         remedy = "Give --screen, or --units-per-mm" if log.position_axes() else "Give --units-per-mm"
-        raise DataError(f"{path}: {error.problem}", remedy) from error
+        raise DataError(message("{path}: {problem}", path=path, problem=error.problem), remedy) from error
     try:
         return log.touch(mapping)
     except DataError as error:
-        raise DataError(f"{path}: {error.problem}", error.remedy) from error
+        raise DataError(message("{path}: {problem}", path=path, problem=error.problem), error.remedy) from error
 
 
 def _read_laser(path: Path, how: ColumnMap, said: list[str]) -> LaserTrace:
@@ -177,8 +197,15 @@ def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnM
     laser = replace(laser, t_s=laser.t_s + laser_shift_s)
     if len(laser.t_s) and (laser.t_s[-1] < touch.t_s[0] or laser.t_s[0] > touch.t_s[-1]):
         raise DataError(
-            f"{path}: the touch's times ({touch.t_s[0]:.3f} to {touch.t_s[-1]:.3f} s) and the laser's "
-            f"({laser.t_s[0]:.3f} to {laser.t_s[-1]:.3f} s) share no moment",
+            message(
+                "{path}: the touch's times ({touch_from:.3f} to {touch_to:.3f} s) and the laser's "
+                "({laser_from:.3f} to {laser_to:.3f} s) share no moment",
+                path=path,
+                touch_from=touch.t_s[0],
+                touch_to=touch.t_s[-1],
+                laser_from=laser.t_s[0],
+                laser_to=laser.t_s[-1],
+            ),
             "Both must be on one clock; --map laser.clock=SECONDS moves the laser's",
         )
     return touch, laser
@@ -199,7 +226,9 @@ def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list
         width_mm, height_mm = (span / (units_per_mm or axis.resolution) for span, axis in zip(spans, axes, strict=True))
     if not all(0 < mm <= SIZE_MM for mm in (width_mm, height_mm)) or not all(0 < span <= SIZE_PX for span in spans):
         size = f"{width_mm:g} × {height_mm:g} mm, {spans[0]} × {spans[1]} units"
-        raise DataError(f"{path}: by its touchscreen, the screen is {size}", "Give --screen")
+        raise DataError(
+            message("{path}: by its touchscreen, the screen is {size}", path=path, size=size), "Give --screen"
+        )
     said.append("the screen's size is what its touchscreen says, its pixels are the touchscreen's units")
     return Screen(log.name or path.name, width_mm, height_mm, *spans)
 
@@ -209,5 +238,7 @@ def _run(run_id: str, path: Path, touch: TouchTrace, laser: LaserTrace, protocol
     start_s = float(both.min())
     if not len(laser.t_s):
         said.append("there is no laser file")
-    log = tuple(LogEntry(start_s, "warning", "import", f"{path.name}: {text}") for text in said)
+    log = tuple(
+        LogEntry(start_s, "warning", "import", message("{path}: {text}", path=path.name, text=text)) for text in said
+    )
     return Run(run_id, protocol, start_s, float(both.max()) - start_s, touch, laser, log=log)

@@ -18,13 +18,16 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.exchange.importers.columns import LASER_DEFAULTS, TOUCH_DEFAULTS, ColumnMap, laser_of, touch_of
 from draglag.exchange.importers.xdf_chunks import sound_chunks
+from draglag.messages import message
 from draglag.reading.files import plain_bytes
 from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
 from draglag.system.packages import advice
 
 # Of one file, in the session's notes: one or two a stream are usual.
 _MOST_WARNINGS = 20
-_REMEDY = "Name the stream with --map stream=NAME (touch) and --map laser.stream=NAME, and its channels with x=LABEL …"
+_REMEDY = message(
+    "Name the stream with --map stream=NAME (touch) and --map laser.stream=NAME, and its channels with x=LABEL …"
+)
 
 
 def read_xdf(
@@ -39,7 +42,9 @@ def read_xdf(
     touch = _find(streams, how.streams.get("stream"), [name for name, _ in chosen.values()])
     if touch is None:
         names = ", ".join(f"{_name(one)} ({', '.join(_labels(one))})" for one in streams) or "no stream"
-        raise DataError(f"{path}: holds no stream of touch; it has {names[:300]}", _REMEDY)
+        raise DataError(
+            message("{path}: holds no stream of touch; it has {names}", path=path, names=names[:300]), _REMEDY
+        )
     by_key = {key: _channel(touch, name, path) for key, (name, _) in chosen.items()}
     by_key["t"] = _stamps(touch)
     units = {"t": "s"} | {key: unit for key, (_, unit) in chosen.items()}
@@ -47,7 +52,15 @@ def read_xdf(
     column, unit = how.names(("laser.light",), LASER_DEFAULTS)["laser.light"]
     laser = _find(streams, how.streams.get("laser.stream"), [column])
     if laser is None and "laser.stream" in how.streams:
-        raise DataError(f"{path}: holds no stream {how.streams['laser.stream']} with the channel {column}", _REMEDY)
+        raise DataError(
+            message(
+                "{path}: holds no stream {stream} with the channel {column}",
+                path=path,
+                stream=how.streams["laser.stream"],
+                column=column,
+            ),
+            _REMEDY,
+        )
     if laser is None:
         return trace, None
     where = f"{path}, stream {_name(laser)}"
@@ -68,7 +81,9 @@ def _streams(path: Path, said: list[str]) -> list[dict[str, Any]]:
             streams, _ = pyxdf.load_xdf(BytesIO(chunks.data), synchronize_clocks=True, dejitter_timestamps=False)
     except Exception as error:  # pyxdf raises whatever it stumbles over
         what = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise DataError(f"{path}: is not a sound XDF file ({what})", "Copy it again") from error
+        raise DataError(
+            message("{path}: is not a sound XDF file ({what})", path=path, what=what), "Copy it again"
+        ) from error
     return [one for one in streams if len(one["time_stamps"])]
 
 
@@ -100,7 +115,10 @@ def _find(streams: list[dict[str, Any]], name: str | None, labels: list[str]) ->
 def _channel(stream: dict[str, Any], label: str, path: Path) -> FloatArray:
     index = _index(stream, label)
     if index is None:
-        raise DataError(f"{path}, stream {_name(stream)}: has no channel {label}", _REMEDY)
+        raise DataError(
+            message("{path}, stream {stream}: has no channel {label}", path=path, stream=_name(stream), label=label),
+            _REMEDY,
+        )
     return np.asarray(stream["time_series"][:, index], np.float64)
 
 

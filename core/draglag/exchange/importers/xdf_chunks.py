@@ -15,6 +15,7 @@ from xml.etree.ElementTree import Element, ParseError, fromstring
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.reading.limits import HEADER_BYTES, TABLE_ROWS, TIME_S
 
 _MAGIC = b"XDF:"
@@ -50,7 +51,7 @@ class Chunks:
 def sound_chunks(data: bytes, where: str) -> Chunks:
     """The sound chunks of a file. Raises DataError: it is no XDF file, or longer than any recording."""
     if data[: len(_MAGIC)] != _MAGIC:
-        raise DataError(f"{where}: is not an XDF file", "Name the format with --format")
+        raise DataError(message("{path}: is not an XDF file", path=where), "Name the format with --format")
     found, kept = Chunks(), [_MAGIC]
     for number, chunk in enumerate(_chunks(data, found)):
         try:
@@ -59,9 +60,15 @@ def sound_chunks(data: bytes, where: str) -> Chunks:
         except (_Damaged, struct.error):
             found.damaged += 1
         if max(number, found.samples) > TABLE_ROWS:
-            raise DataError(f"{where}: has more than {TABLE_ROWS} samples or chunks", "Split the recording")
+            raise DataError(
+                message("{path}: has more than {most} samples or chunks", path=where, most=TABLE_ROWS),
+                "Split the recording",
+            )
         if found.resets > _MOST_RESETS:
-            raise DataError(f"{where}: its clocks were set more than {_MOST_RESETS} times", "Record again")
+            raise DataError(
+                message("{path}: its clocks were set more than {most} times", path=where, most=_MOST_RESETS),
+                "Record again",
+            )
     found.data = b"".join(kept)
     return found
 

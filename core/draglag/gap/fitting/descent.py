@@ -13,10 +13,11 @@ from draglag.gap.fitting.search import at_best_rates, cost_relative_to
 from draglag.gap.fitting.state import State, stepped, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.run_data import RunData
+from draglag.messages import message
 from draglag.recording import Session
 
 MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the law is sought
-UNUSABLE = "Check the calibration and the clocks of this session"
+UNUSABLE = message("Check the calibration and the clocks of this session")
 STEPS, ATTEMPTS = 12, 6
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
 ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
@@ -79,7 +80,9 @@ def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: 
     state = search.state
     use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))
     if not use.any():
-        raise EstimateError(f"{session.name}: no edge lies where the law predicts it", UNUSABLE)
+        raise EstimateError(
+            message("{session}: no edge lies where the law predicts it", session=session.name), UNUSABLE
+        )
     parts = scatter(runs, state.placed, use, state.blur_mm)
     # A run's own latency is kept small here, or the law would be free to leave a gap instead of closing it.
     likely = likeliest(parts, state.residual[use], state.design[use], state.prior, (search.components,), rounds=1)

@@ -19,6 +19,7 @@ from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData, undone
+from draglag.messages import message
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
@@ -108,7 +109,7 @@ def fit_session(
     use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
     use = use if only is None else use & only
     if not use.any():
-        raise EstimateError(f"{session.name}: no edge can be placed on the trace", UNUSABLE)
+        raise EstimateError(message("{session}: no edge can be placed on the trace", session=session.name), UNUSABLE)
     search = Search.at(runs, states[0], use, START)
     for other in states[1:]:
         cost, strayed = cost_relative_to(search.white, other, search.state, use)

@@ -13,6 +13,7 @@ from draglag.errors import EstimateError
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
 from draglag.instruments.beam import sides
+from draglag.messages import message
 from draglag.recording import FloatArray
 
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
@@ -120,7 +121,7 @@ def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: 
     points = CurvePoints(*np.array(rows, float).reshape(-1, 3).T)
     if points.speed_mm_s.size < 5:
         raise EstimateError(
-            f"runs that give a latency: {points.speed_mm_s.size}, at least 5 are needed",
+            message("runs that give a latency: {n}, at least 5 are needed", n=points.speed_mm_s.size),
             "See with draglag analyze why the others give none, or record circles at more speeds",
         )
     shift = max(0.0, 0.02 - float(points.latency_s.min()))  # Eq. 5's amplitudes are positive; a clock offset is not

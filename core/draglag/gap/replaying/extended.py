@@ -13,6 +13,7 @@ from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import nearest_eq5
 from draglag.gap.results import GapReport, Step
+from draglag.messages import joined, message
 from draglag.model.file import LatencyModel, ModelEffect, Provenance, Shape, model_of
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import effect_class
@@ -93,7 +94,10 @@ def extended_model(session: Session, report: GapReport, created_utc: str = "", i
     Raises EstimateError for a report without a verdict.
     """
     if report.last is None:
-        raise EstimateError(f"{report.session}: there is no model to save", "; ".join(report.missing) or "Try again")
+        raise EstimateError(
+            message("{session}: there is no model to save", session=report.session),
+            joined("; ", report.missing) or "Try again",
+        )
     first, last = report.gap_first_mm, report.gap_last_mm
     provenance = Provenance(
         session=session.name,

@@ -12,6 +12,7 @@ from draglag.errors import DataError
 from draglag.gap.fitting.joint import Fit, effects_in_law
 from draglag.gap.fitting.law_form import FlexibleLaw
 from draglag.gap.fitting.parameters import parameters_of
+from draglag.messages import message
 from draglag.recording import Beam, Session
 from draglag.simulation.effects import EFFECTS, Effect, effect_class
 from draglag.simulation.law import LatencyLaw
@@ -105,7 +106,10 @@ def rig_with_law(
     homes = {home.form_parameter: home for home in EFFECTS.values() if home.form_parameter}
     own = {name: value for name, value in parameters.items() if name not in homes}
     if not own.keys() <= zero.keys():
-        raise DataError(f"a law of the form {form} cannot be simulated", "Save a model with --form double_exponential")
+        raise DataError(
+            message("a law of the form {form} cannot be simulated", form=form),
+            "Save a model with --form double_exponential",
+        )
     known = ((homes[name], value) for name, value in parameters.items() if name in homes and value)
     effect = next((made(home.id, {home.parameters[0].name: value}) for home, value in known), None)
     law = LatencyLaw(**{**zero, **own})

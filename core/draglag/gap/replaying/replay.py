@@ -24,6 +24,7 @@ from draglag.gap.streams.evidence import inspect
 from draglag.gap.traces.edges import Placed, place
 from draglag.gap.traces.run_data import RunData, before_events, gather
 from draglag.latency.estimate import RunEstimate
+from draglag.messages import joined, message
 from draglag.path.events import contact_losses, sample_interval_s
 from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace
 from draglag.simulation.chain import simulate_run
@@ -206,7 +207,10 @@ def replay(
     name = f"{session.name}, simulated with the measured hand"
     again = replace(session, name=name, runs=tuple(simulated_runs), beam=rig.beam, taps=None)
     if not any(run.laser.t_s.size for run in again.runs):
-        raise EstimateError(f"{session.name}: the simulated hand never crosses the beam", "Check beam and calibration")
+        raise EstimateError(
+            message("{session}: the simulated hand never crosses the beam", session=session.name),
+            "Check beam and calibration",
+        )
     report_progress(0.85, "estimating the simulated runs")
     # Batches, coarse clocks and the like are repaired before anything is estimated, in the simulation as in the
     # measurement; a loop's delay is estimated in unrepaired streams.
@@ -248,7 +252,10 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
     Raises EstimateError for a report without a verdict, or where no run can be simulated.
     """
     if report.first is None or report.last is None:
-        raise EstimateError(f"{report.session}: there is no model to simulate with", "; ".join(report.missing))
+        raise EstimateError(
+            message("{session}: there is no model to simulate with", session=report.session),
+            joined("; ", report.missing),
+        )
     report_progress = progress or (lambda fraction, text: None)
     session = report.judged(session)
     raw = gather(session) if any(effect_class(step.effect).estimated_with for step in report.steps) else None

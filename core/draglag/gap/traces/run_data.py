@@ -15,6 +15,7 @@ from draglag.gap.traces.law_speed import COARSE_S
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.estimate import RunEstimate, prepare
 from draglag.latency.run import estimate_run
+from draglag.messages import message
 from draglag.path.events import contact_losses, sample_interval_s
 from draglag.path.motion import best_half_width_s, local_fit, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
@@ -218,7 +219,9 @@ def _undone(data: RunData, effects: tuple[Undoing, ...], first_s: float) -> RunD
         trace = effect.undo(trace, data, first_s)
     widths = _widths(data.run, trace.t_s, trace.xy_mm, data.edge_t_s, data.estimate) if trace.t_s.size else None
     if widths is None or not np.isfinite(trace.noise_mm):
-        raise EstimateError(f"{data.run.id}: its trace cannot be freed of a ripple or a low-pass", "Leave the run out")
+        raise EstimateError(
+            message("{run}: its trace cannot be freed of a ripple or a low-pass", run=data.run.id), "Leave the run out"
+        )
     half_s, wide_s, _ = widths
     return replace(
         data,

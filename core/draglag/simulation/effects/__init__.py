@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.simulation.effects.acceleration_lag import AccelerationLag
 from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter, TouchEvents, each_contact
 from draglag.simulation.effects.beam_bow import BeamBow
@@ -126,7 +127,10 @@ def parse_effect(text: str) -> Effect:
     name, equals, value = head.partition("=")
     name = name.strip()
     if name not in EFFECTS:
-        raise DataError(f"unknown effect '{name}'", f"known effects are {', '.join(EFFECTS)}")
+        raise DataError(
+            message("unknown effect '{name}'", name=name),
+            message("known effects are {effects}", effects=", ".join(EFFECTS)),
+        )
     cls = EFFECTS[name]
     numbers = {spec.name: spec.typical for spec in cls.parameters}
     main = cls.parameters[0]
@@ -136,7 +140,10 @@ def parse_effect(text: str) -> Effect:
         key, _, value = other.partition("=")
         spec = next((p for p in cls.parameters if p.name == key.strip()), None)
         if spec is None:
-            raise DataError(f"effect {name} has no parameter '{key.strip()}'", f"known: {', '.join(numbers)}")
+            raise DataError(
+                message("effect {name} has no parameter '{parameter}'", name=name, parameter=key.strip()),
+                message("known: {names}", names=", ".join(numbers)),
+            )
         numbers[spec.name] = _number(value, name, spec)
     return cls(*numbers.values())
 
@@ -147,7 +154,7 @@ def parse_effects(texts: Iterable[str]) -> tuple[Effect, ...]:
     ids = [effect.id for effect in effects]
     for name in ids:
         if ids.count(name) > 1:
-            raise DataError(f"effect {name} is given twice", "give each effect once")
+            raise DataError(message("effect {name} is given twice", name=name), "give each effect once")
     return effects
 
 
@@ -161,7 +168,10 @@ def _number(text: str, name: str, spec: Parameter) -> float:
             else f"{spec.name}={spec.typical:g}"
         )
         raise DataError(
-            f"'{text}' is not a number for {spec.name} of effect {name}", f"write for example {example} ({spec.unit})"
+            message(
+                "'{text}' is not a number for {parameter} of effect {name}", text=text, parameter=spec.name, name=name
+            ),
+            message("write for example {example} ({unit})", example=example, unit=spec.unit),
         ) from error
 
 
@@ -175,5 +185,8 @@ def known_effects(ids: Collection[str] | str | None) -> frozenset[str]:
     wanted = frozenset((ids,) if isinstance(ids, str) else ids)
     unknown = sorted(wanted - set(EFFECTS))
     if unknown:
-        raise DataError(f"unknown effect '{unknown[0]}'", f"Known are {', '.join(EFFECTS)}")
+        raise DataError(
+            message("unknown effect '{name}'", name=unknown[0]),
+            message("Known are {effects}", effects=", ".join(EFFECTS)),
+        )
     return wanted

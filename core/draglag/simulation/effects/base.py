@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.recording import FloatArray, IntArray, Screen
 from draglag.simulation.effects.in_fits import InFits
 from draglag.simulation.kinematics import Kinematics
@@ -134,11 +135,30 @@ class Effect(InFits):
         for spec, number in zip(self.parameters, self.numbers().values(), strict=True):
             if not spec.lower <= number <= spec.upper:
                 raise DataError(
-                    f"{self.id}: {spec.name} = {number:g} is out of bounds",
-                    f"choose {spec.lower:g} to {spec.upper:g} {spec.unit}, typically {spec.typical:g}",
+                    message(
+                        "{name}: {parameter} = {value:g} is out of bounds",
+                        name=self.id,
+                        parameter=spec.name,
+                        value=number,
+                    ),
+                    message(
+                        "choose {lower:g} to {upper:g} {unit}, typically {typical:g}",
+                        lower=spec.lower,
+                        upper=spec.upper,
+                        unit=spec.unit,
+                        typical=spec.typical,
+                    ),
                 )
             if spec.whole and number != round(number):
-                raise DataError(f"{self.id}: {spec.name} = {number:g} is no whole number", f"choose {round(number)}")
+                raise DataError(
+                    message(
+                        "{name}: {parameter} = {value:g} is no whole number",
+                        name=self.id,
+                        parameter=spec.name,
+                        value=number,
+                    ),
+                    message("choose {value}", value=round(number)),
+                )
 
     def numbers(self) -> dict[str, float]:
         """Parameter name → number, the size of the effect first."""

@@ -70,7 +70,7 @@ class CalibrationPanel(Panel):
         try:
             self._space.calibrating.start(self._space.settings)
         except DraglagError as error:
-            self._refused(in_words(str(error)))
+            self._refused(error.message)
 
     def refresh(self) -> None:
         """Show what is going on, or what is in use."""
@@ -97,7 +97,7 @@ class CalibrationPanel(Panel):
             screen = self._space.settings.touched_screen()
             self._show(known, known.fit(screen), screen)
         except DraglagError as error:
-            self._say(in_words(str(error)), "bad")
+            self._say(in_words(error.message), "bad")
 
     def _show(self, known: CalibrationSettings, fit: AffineFit, screen: Screen) -> None:
         off_mm = np.hypot(*fit.residual_mm.T)
@@ -151,7 +151,7 @@ class CalibrationPanel(Panel):
             try:
                 save_calibration(known.fit(screen), path, known.device, known.recorded(screen))
             except DraglagError as error:
-                self._refused(in_words(str(error)))
+                self._refused(error.message)
             else:
                 self._space.noticed.emit("info", tr("Saved: {path}").format(path=path))
 
@@ -159,7 +159,7 @@ class CalibrationPanel(Panel):
 
     def _refused(self, text: str) -> None:
         self.refresh()
-        self._say(text, "bad")
+        self._say(in_words(text), "bad")
         self._space.noticed.emit("error", text)
 
     def _say(self, text: str, level: str) -> None:

@@ -14,6 +14,7 @@ from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label, restyle
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording import words
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 
 
@@ -38,7 +39,7 @@ class PlanPreview(QObject):
         try:
             plan = expand(protocol, panel.screen(), beam=panel.beam())
         except DraglagError as error:
-            self.words.setText(escape(str(error)))
+            self.words.setText(escape(in_words(error.message)))
             restyle(self.words, "level", "bad")
             return
         restyle(self.words, "level", "")
@@ -48,7 +49,7 @@ class PlanPreview(QObject):
         if plan:
             after_s = first_target_after_s(protocol, COUNTDOWN_S)
             text += self.tr(", the first target after {time}").format(time=words.duration(after_s))
-        notes = sorted({planned.note for planned in plan if planned.note})
+        notes = sorted({in_words(planned.note) for planned in plan if planned.note})
         # What the colours mean stands here: above the plot there is no room for it.
         self.words.setText(escape(text + "".join(f". {note}" for note in notes)) + self._key)
 

@@ -17,6 +17,7 @@ from draglag_app.windows.parts.tasks import Task, Tasks
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label, restyle
 from draglag_app.windows.plots.plot import Plot, tr
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 
 # Edits come in flurries; the prediction waits for the last of them.
@@ -59,7 +60,7 @@ class PrecisionPreview(QWidget):
         try:
             rig = replace(rig_for_screen(panel.preset), screen=panel.screen(), stylus=panel.stylus())
         except DraglagError as error:
-            self._say(str(error), "bad")
+            self._say(in_words(error.message), "bad")
             return
         beam = panel.beam()
         wanted = self._space.protocol, rig if beam is None else replace(rig, beam=beam)
@@ -95,7 +96,7 @@ class PrecisionPreview(QWidget):
     def _failed(self, text: str) -> None:
         self._task, self._shown, self.plan = None, self._wanted, None
         self.plot.clear_all()
-        self._say(text, "bad")
+        self._say(in_words(text), "bad")
 
     def _draw(self) -> None:
         found, colours = self.plan, theme()

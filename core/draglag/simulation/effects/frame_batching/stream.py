@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.streams.stamps import StreamEffect, Streams
+from draglag.messages import message
 from draglag.recording import FloatArray, IntArray, Run, TouchTrace
 from draglag.simulation.effects.frame_batching import FrameBatching
 from draglag.simulation.effects.poll_grid.stream import polls_in
@@ -50,7 +51,7 @@ def batches(touches: list[TouchTrace]) -> StreamEffect | None:
         "frames",
         float(size),
         (float(size), float(size)),
-        "every frame",
+        message("every frame"),
         f"frames arrive {size} at a time in {100 * right:.0f} % of groups",
         right,
     )

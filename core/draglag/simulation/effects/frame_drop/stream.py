@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.streams.stamps import StreamEffect, Streams, share_interval
+from draglag.messages import message
 from draglag.recording import Run, TouchTrace
 from draglag.simulation.effects.frame_batching.stream import batches_in, ends_of_batches
 from draglag.simulation.effects.frame_drop import FrameDrop
@@ -65,7 +66,9 @@ def drops(touches: list[TouchTrace], together: int = 1) -> StreamEffect | None:
         "share",
         share,
         share_interval(lost, max(total, 1), in_bursts / lost),
-        f"{mean_hole:.2g} frames at a time, all through" if mean_hole > 1.2 else "single frames, all through",
+        message(
+            "{n:.2g} frames at a time, all through" if mean_hole > 1.2 else "single frames, all through", n=mean_hole
+        ),
         f"{100 * share:.1f} % of frames are missing",
         share,
     )

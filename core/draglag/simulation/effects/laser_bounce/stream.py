@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.gap.streams.stamps import StreamEffect, Streams, share_interval
+from draglag.messages import message
 from draglag.recording import Run, Session
 from draglag.simulation.effects.laser_bounce import LaserBounce
 
@@ -44,7 +45,7 @@ def chatter(session: Session) -> StreamEffect | None:
         "span_s",
         span_s,
         (span_s - STAMP_S, longest_s),
-        f"{100 * share:.0f} % of edges",
+        message("{share:.0f} % of edges", share=100 * share),
         f"{extra} of {edges} edges chatter for up to {1e3 * span_s:.2f} ms",
         extra / edges,
         also=(("share", share, (low, high if uncut else 1.0)),),

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from draglag.gap.streams.stamps import StreamEffect, Streams
+from draglag.messages import message
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.simulation.effects.loss_of_contact import LossOfContact
 from draglag.simulation.effects.sample_hold.stream import loop_in
@@ -80,7 +81,7 @@ def filled_losses(
         "losses_per_min",
         per_min,
         (per_min - reach, per_min + reach),
-        "straight lines in the trace",
+        message("straight lines in the trace"),
         f"{count} straight fills of {1e3 * float(np.median(length_s)):.0f} ms (median)",
         count / max(len(runs), 1),
     )

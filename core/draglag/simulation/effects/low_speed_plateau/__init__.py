@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from draglag.messages import message
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.effects.in_fits import Parameters
@@ -67,7 +68,7 @@ class LowSpeedPlateau(Effect):
 
     @classmethod
     def where_in(cls, fit: Fit) -> str:
-        return f"drag speed below {fit.law.plateau_mm_s:.0f} mm/s"
+        return message("drag speed below {speed:.0f} mm/s", speed=fit.law.plateau_mm_s)
 
     @classmethod
     def curve_speed(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from draglag.gap.streams.stamps import BEAT, StreamEffect, Streams, counted_out
+from draglag.messages import message
 from draglag.recording import FloatArray, IntArray, Run, TouchTrace
 from draglag.simulation.effects.poll_grid import PollGrid
 
@@ -87,7 +88,7 @@ def polled(touches: Sequence[TouchTrace]) -> Polled | None:
         "period_s",
         period_s,
         (period_s - reach_s, period_s + reach_s),
-        "every stamp",
+        message("every stamp"),
         f"stamps lie on a grid of {1e3 * period_s:.2f} ms to {1e6 * jitter_s:.0f} µs; the panel's frames come every "
         f"{1e3 * frame_s:.2f} ms",
         1.0,

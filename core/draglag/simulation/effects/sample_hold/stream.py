@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.streams.stamps import StreamEffect, Streams, first_of_repeats, repeats
+from draglag.messages import message
 from draglag.recording import Run, TouchTrace
 from draglag.simulation.effects.deadband.stream import deadband_in
 from draglag.simulation.effects.frame_batching.stream import batches_in
@@ -47,7 +48,9 @@ def of_the_bus(loop: StreamEffect, repeat: float) -> StreamEffect:
     if repeat > FEW_REPEATS or not any(abs(period_s / bus_s - 1) < BUS_CLOCK for bus_s in BUS_S):
         return loop
     ci95_s = (1 / loop.ci95[1], 1 / loop.ci95[0])
-    named = replace(loop, effect=PollGrid.id, parameter="period_s", value=period_s, ci95=ci95_s, where="every stamp")
+    named = replace(
+        loop, effect=PollGrid.id, parameter="period_s", value=period_s, ci95=ci95_s, where=message("every stamp")
+    )
     return replace(named, rivals=(SampleHold.id,))
 
 
@@ -87,7 +90,7 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
         "rate_hz",
         rate,
         (rate - reach, rate + reach),
-        "every tick of the host's loop",
+        message("every tick of the host's loop"),
         f"stamps lie {1e3 * period_s:.2f} ms apart and {what}",
         max(share, age_s / period_s),
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from draglag.messages import message
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters, Theta, Undoing
@@ -118,8 +119,16 @@ class SecondFilterMode(Effect):
         if setting is None or not setting.times_s:
             return None
         change, times = _threshold_of_change(fit), setting.times_s
-        cause = "" if change is None else f", as a rule where the speed changes by more than {change:.0f} mm/s²"
-        return f"in {len(times) // 2} stretches of time, {sum(times[1::2]) - sum(times[::2]):.0f} s in all{cause}"
+        seconds = sum(times[1::2]) - sum(times[::2])
+        return message(
+            "in {n} stretches of time, {seconds:.0f} s in all"
+            if change is None
+            else "in {n} stretches of time, {seconds:.0f} s in all, as a rule where the speed changes by more than "
+            "{change:.0f} mm/s²",
+            n=len(times) // 2,
+            seconds=seconds,
+            change=change,
+        )
 
     @classmethod
     def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:

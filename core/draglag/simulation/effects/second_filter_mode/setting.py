@@ -8,6 +8,7 @@ from enum import IntEnum
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.recording import FloatArray
 
 
@@ -37,7 +38,9 @@ class Setting:
         if not theta:
             return None
         if len(theta) < 2 or theta[1] not in list(By):
-            raise DataError(f"a second filter has no setting {theta[:2]}", "Save the model again")
+            raise DataError(
+                message("a second filter has no setting {setting}", setting=theta[:2]), "Save the model again"
+            )
         return cls(theta[0], By(int(theta[1])), tuple(theta[2:]))
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.streams.stamps import CROWDED, FAST_MM_S, StreamEffect, Streams, counted_out
+from draglag.messages import message
 from draglag.recording import Run, TouchTrace
 from draglag.simulation.effects.frame_batching.stream import batches_in
 from draglag.simulation.effects.poll_grid.stream import polls_in
@@ -67,7 +68,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
         "quantum_s",
         quantum_s,
         (0.99 * quantum_s, 1.01 * quantum_s),
-        "every stamp",
+        message("every stamp"),
         f"{100 * share:.0f} % of intervals are multiples of {1e3 * quantum_s:.2f} ms",
         share,
         undone=not missing,  # which frame a stamp is of is then not sure
