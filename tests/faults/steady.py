@@ -96,22 +96,46 @@ def count_samples(run: Run) -> tuple[int, int, int]:
 
 
 class Meter(threading.Thread):
-    """Resident memory (bytes), threads and descriptors of this process, once a second."""
+    """Resident memory (bytes), threads and descriptors of this process, once a second.
+
+    Threads of Qt's pools end after 30 s without work and begin again with it, each with an eventfd of its own to be
+    woken by: they are counted by themselves.
+    """
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
-        self._rows: list[tuple[float, int, int, int]] = []
+        self._rows: list[tuple[float, int, int, int, int]] = []
         self._end = threading.Event()
 
     def run(self) -> None:
         page = os.sysconf("SC_PAGE_SIZE")
         while not self._end.wait(1.0):
             memory = int(Path("/proc/self/statm").read_text().split()[1]) * page
-            threads, descriptors = len(os.listdir("/proc/self/task")), len(os.listdir("/proc/self/fd"))
-            self._rows.append((time.monotonic(), memory, threads, descriptors))
+            names = [_text_of(task / "comm") for task in Path("/proc/self/task").iterdir()]
+            pooled = names.count("Thread (pooled)")
+            lasting = [fd for fd in Path("/proc/self/fd").iterdir() if "eventfd" not in _target_of(fd)]
+            row = time.monotonic(), memory, len(names) - names.count("") - pooled, len(lasting), pooled
+            self._rows.append(row)
 
     def stop(self) -> np.ndarray:
-        """(s on the monotonic clock, bytes, threads, descriptors), (n, 4); one descriptor is that of the listing."""
+        """(s on the monotonic clock, bytes, threads, descriptors, pooled threads), (n, 5); one descriptor is that of
+        the listing."""
         self._end.set()
         self.join()
-        return np.array(self._rows).reshape(-1, 4)
+        return np.array(self._rows).reshape(-1, 5)
+
+
+def _text_of(path: Path) -> str:
+    """What a file of /proc holds; empty where the thread has ended."""
+    try:
+        return path.read_text().strip()
+    except OSError:
+        return ""
+
+
+def _target_of(path: Path) -> str:
+    """What a descriptor is of; "eventfd" where it has been closed since it was listed."""
+    try:
+        return os.readlink(path)
+    except OSError:
+        return "eventfd"
