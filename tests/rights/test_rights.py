@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from draglag.messages import unpacked
 from rights.namespace import World, why_not
 
 _WHY_NOT = why_not()
@@ -165,7 +166,7 @@ def test_only_the_interfaces_of_the_installation_are_opened(installed: World) ->
     assert allowed["code"] == "no_interface"  # it was looked for
     other = installed.as_user(f"{HELPER} lo --channel 1 </dev/null")
     assert json.loads(other.stdout)["code"] == "not_allowed"
-    assert "sudo ./run install lo" in json.loads(other.stdout)["remedy"]
+    assert "sudo ./run install lo" in json.loads(other.stdout, object_hook=unpacked)["remedy"]
     assert other.returncode == 1
     for hostile in ("eth77,lo", "eth7", "", "eth77 --only lo", "--only lo eth77", "--probe --only lo", "eth77 -c x"):
         assert installed.as_user(f"{HELPER} {hostile} </dev/null").returncode in (1, 2), hostile
