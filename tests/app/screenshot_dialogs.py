@@ -9,6 +9,7 @@ from PySide6.QtCore import QEvent, QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication, QDialog, QWidget
 
 from draglag.errors import DataError
+from draglag.messages import message
 from draglag.protocol.runs import load_protocol
 from draglag_app.session import events
 from draglag_app.windows import files
@@ -21,7 +22,9 @@ from draglag_devices.source import DeviceError
 Shoot = Callable[[QWidget, Path], None]
 Wait = Callable[..., None]
 TOUCH = DeviceError(
-    "evdev:/dev/input/by-id/usb-ILITEK_Multi-Touch-V3000-event", "it was unplugged (No such device)", "plug it in again"
+    "evdev:/dev/input/by-id/usb-ILITEK_Multi-Touch-V3000-event",
+    message("it was unplugged ({why})", why="No such device"),
+    "plug it in again",
 )
 
 
