@@ -71,7 +71,8 @@ def judged(
             break
         else:
             proposed.add(wanted)
-            found = _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside))
+            found = _with_one_less(session, pool, fits, wanted)
+            found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside))
             if not found:
                 break
         fits |= found
@@ -196,6 +197,16 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], bar
     unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in pool.best if name.startswith(UNNAMED)}
     like = (n for n in gain if unnamed & set(effect_class(n).looks_like) or shown_by_edges(base, n))
     return list(dict.fromkeys((*order, *like)))
+
+
+def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names) -> dict[Names, Fit]:
+    """Refits without one of several effects each: one that was found before the others may have stood in for them."""
+    out: dict[Names, Fit] = {}
+    for name in wanted:
+        fewer = tuple(other for other in wanted if other != name)
+        if fewer and fewer not in fits:
+            out |= grown(session, fits | out, pool, fewer)
+    return out
 
 
 def _proposed(
