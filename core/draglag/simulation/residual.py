@@ -116,11 +116,14 @@ class Signature:
         return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
 
-def bent(view: View, per_s2: FloatArray | float) -> Signature:
+def bent(
+    view: View, per_s2: FloatArray | float, late_s: FloatArray | float = 0.0, theta: tuple[float, ...] = ()
+) -> Signature:
     """Of a displacement by ``per_s2`` (m,) s² times the shown acceleration, as of a smoothed path: the displacement,
-    and the latency that the law has at the stylus' own speed instead of the one that the bent path shows."""
+    and the latency that the law has at the stylus' own speed instead of the one that the bent path shows. late_s: (m,)
+    latency in addition."""
     slower_mm_s = per_s2 * view.turn_rad_s**2 * view.speed
-    return Signature(column(view.law_slope * slower_mm_s), column(per_s2 * view.a_across))
+    return Signature(column(late_s + view.law_slope * slower_mm_s), column(per_s2 * view.a_across), theta)
 
 
 def column(values: FloatArray) -> FloatArray:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.recording import LaserTrace
+from draglag_devices.walt.link import Link
+from draglag_devices.walt.protocol import LASER_LAST
 
 
 @dataclass
@@ -66,3 +68,13 @@ class EdgeCounter:
             np.array(gaps).reshape(-1, 2),
             missed,
         )
+
+
+def counted_so_far(link: Link) -> EdgeCounter:
+    """Edges since the reset, when autosending has begun: the first line counts them too."""
+    link.send(LASER_LAST)
+    link.settle()
+    lines = [trigger for trigger in link.take_triggers() if trigger.tag == "L"]
+    if not lines or (lines[-1].us == 0 and lines[-1].count == 0):
+        return EdgeCounter()
+    return EdgeCounter(last_value=lines[-1].value, before=max(0, lines[-1].count))

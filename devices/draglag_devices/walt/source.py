@@ -6,7 +6,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,10 +17,11 @@ from draglag_devices.addresses import Address
 from draglag_devices.clockmap import OnlineClockMap
 from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
 from draglag_devices.walt.connect import greet
-from draglag_devices.walt.edges import EdgeCounter
+from draglag_devices.walt.connection import Connection
+from draglag_devices.walt.edges import counted_so_far
 from draglag_devices.walt.link import Answer, Link, NoAnswer
 from draglag_devices.walt.port import Port, PortGone, SerialPort, port_of, usb_identity
-from draglag_devices.walt.protocol import LASER_LAST, LASER_ON, RESET, SHOCK, Unwrapped, parse_shock
+from draglag_devices.walt.protocol import LASER_ON, RESET, SHOCK, Unwrapped, parse_shock
 from draglag_devices.walt.sync import Bound, as_bounds, compare, request_time, zero
 
 # Quick comparison of clocks; it also keeps the 32-bit count unwrapped and notices a device that hangs.
@@ -41,36 +41,6 @@ CONTRADICTION_S = 1e-3
 RESTART_AFTER = 3
 RETRY_S = 0.5
 GAP_EVERY_S = 1.0
-
-
-@dataclass
-class _Device:
-    """What belongs to one uninterrupted connection."""
-
-    link: Link
-    version: str
-    epoch: int
-    unwrapped: Unwrapped = field(default_factory=Unwrapped)
-    clock_map: OnlineClockMap = field(default_factory=OnlineClockMap)
-    edges: EdgeCounter = field(default_factory=EdgeCounter)
-    rows: list[Bound] = field(default_factory=list)  # comparisons not handed on yet
-    best_width_s: float = np.inf
-    learnt_s: float = 0.0  # host time of the last comparison
-    contradictions: int = 0
-    unread: int = 0
-
-    def learn(self, rows: list[Bound]) -> None:
-        """Take comparisons in."""
-        if not rows:
-            return
-        self.rows.extend(rows)
-        self.clock_map.add(as_bounds("", rows, self.epoch))
-        self.unwrapped.advance(rows[-1].device_s)
-        self.learnt_s = rows[-1].host_max_s
-        self.best_width_s = min(self.best_width_s, *(row.width_s for row in rows))
-
-    def host_s(self, device_s: float) -> float:
-        return float(self.clock_map.to_host(np.array([device_s]))[0])
 
 
 class WaltSource:
@@ -94,7 +64,7 @@ class WaltSource:
         self._path = address.target
         self._any_firmware = address.choice("firmware", ("known", "any"), "known") == "any"
         self._open_port, self._now, self._pause = open_port, now, pause
-        self._device: _Device | None = None
+        self._device: Connection | None = None
         self._identity: tuple[int, int, str] | None = None
         self._epoch = -1
         self._notices: list[Notice] = []
@@ -170,21 +140,21 @@ class WaltSource:
 
     # --- connection -------------------------------------------------------------------------------------------
 
-    def _connect(self) -> _Device:
+    def _connect(self) -> Connection:
         self._path = port_of(self._identity, self._path)
         link = Link(self._open_port(self._path), self._now, self._pause)
         self._identity = self._identity or usb_identity(self._path)
         try:
             version = greet(link, self.address, self._any_firmware)
             self._epoch += 1
-            device = _Device(link, version, self._epoch)
+            device = Connection(link, version, self._epoch)
             self._zero(device)
             if self.role == "laser":
                 # Edges while the clocks were compared are no edges of ours; some firmware forgets them when asked for
                 # the last one and some does not, so they are forgotten here.
                 link.acknowledged(RESET)
                 link.acknowledged(LASER_ON)
-                device.edges = _counted_so_far(link)
+                device.edges = counted_so_far(link)
             else:
                 link.ask(SHOCK, parse_shock, late=True)  # arms the trigger; what it felt before is of no interest
         except (NoAnswer, PortGone) as fault:
@@ -205,7 +175,7 @@ class WaltSource:
         self._next_poll_s = self._now()
         return device
 
-    def _zero(self, device: _Device) -> None:
+    def _zero(self, device: Connection) -> None:
         first = zero(device.link)
         device.learn([first])
         rows = compare(device.link, device.unwrapped, first)
@@ -253,7 +223,7 @@ class WaltSource:
 
     # --- clock ------------------------------------------------------------------------------------------------
 
-    def _keep_clock(self, device: _Device) -> None:
+    def _keep_clock(self, device: Connection) -> None:
         now_s = self._now()
         asked = self._take_requests()
         if now_s - self._last_time_s < TIME_EVERY_S and not asked:
@@ -269,7 +239,7 @@ class WaltSource:
             self._last_full_s = now_s
             device.learn(compare(device.link, device.unwrapped, bound, between=lambda: self._collect_shocks(device)))
 
-    def _time(self, device: _Device) -> Bound | None:
+    def _time(self, device: Connection) -> Bound | None:
         """A comparison that does not contradict the clock as it is known; None where the answer was spoiled."""
         try:
             bound = request_time(device.link, device.unwrapped)
@@ -288,7 +258,7 @@ class WaltSource:
             self._restart_clock(device)
         return None
 
-    def _restart_clock(self, device: _Device) -> None:
+    def _restart_clock(self, device: Connection) -> None:
         self._notices.append(
             Notice(
                 self._now(), "warning", message("The WALT's clock jumped; it was set and compared again from here on.")
@@ -301,7 +271,7 @@ class WaltSource:
 
     # --- samples ----------------------------------------------------------------------------------------------
 
-    def _read_laser(self, device: _Device, timeout_s: float) -> LaserTrace | None:
+    def _read_laser(self, device: Connection, timeout_s: float) -> LaserTrace | None:
         device.link.listen(timeout_s)
         triggers = [trigger for trigger in device.link.take_triggers() if trigger.tag == "L"]
         if not triggers:
@@ -324,7 +294,7 @@ class WaltSource:
             self._notices.append(Notice(now_s, "warning", words))
         return seen
 
-    def _poll_shock(self, device: _Device, timeout_s: float) -> tuple[Taps | None, float]:
+    def _poll_shock(self, device: Connection, timeout_s: float) -> tuple[Taps | None, float]:
         wait_s = min(timeout_s, self._next_poll_s - self._now())
         if wait_s > 0:
             device.link.listen(wait_s)
@@ -332,7 +302,7 @@ class WaltSource:
             return None, self._until_s
         return self._ask_shock(device)
 
-    def _collect_shocks(self, device: _Device) -> None:
+    def _collect_shocks(self, device: Connection) -> None:
         """The WALT keeps one shock until it is asked, and a quick tap has two within a full comparison."""
         if self.role == "walt":
             taps, _ = self._ask_shock(device)
@@ -344,7 +314,7 @@ class WaltSource:
         felt, self._pending_shocks = [*self._pending_shocks, *([] if polled is None else [polled])], []
         return concatenate(felt) if felt else None
 
-    def _ask_shock(self, device: _Device) -> tuple[Taps | None, float]:
+    def _ask_shock(self, device: Connection) -> tuple[Taps | None, float]:
         """The shock since the last question, and until when there was none or it was this one."""
         asked_s = self._now()
         self._next_poll_s = asked_s + POLL_EVERY_S
@@ -374,7 +344,7 @@ class WaltSource:
 
     # --- handing on -------------------------------------------------------------------------------------------
 
-    def _report_unread(self, device: _Device) -> None:
+    def _report_unread(self, device: Connection) -> None:
         new = device.link.unread - device.unread
         if new:
             device.unread = device.link.unread
@@ -386,7 +356,9 @@ class WaltSource:
             )
             self._notices.append(Notice(self._now(), "warning", words))
 
-    def _batch(self, device: _Device | None, laser: LaserTrace | None, taps: Taps | None, alive: bool = True) -> Batch:
+    def _batch(
+        self, device: Connection | None, laser: LaserTrace | None, taps: Taps | None, alive: bool = True
+    ) -> Batch:
         notices, self._notices = tuple(self._notices), []
         clock = None
         if device is not None and device.rows:
@@ -398,16 +370,6 @@ class WaltSource:
         for done in compared:
             done.set()
         return Batch(self._until_s, laser=laser, taps=taps, clock=clock, notices=notices, alive=alive)
-
-
-def _counted_so_far(link: Link) -> EdgeCounter:
-    """Edges since the reset, when autosending has begun: the first line counts them too."""
-    link.send(LASER_LAST)
-    link.settle()
-    lines = [trigger for trigger in link.take_triggers() if trigger.tag == "L"]
-    if not lines or (lines[-1].us == 0 and lines[-1].count == 0):
-        return EdgeCounter()
-    return EdgeCounter(last_value=lines[-1].value, before=max(0, lines[-1].count))
 
 
 def _rejected(reason: str) -> Taps:

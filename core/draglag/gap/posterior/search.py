@@ -131,12 +131,12 @@ class Joining:
             np.array([settings[m.name, m.theta] for m in members]),
             np.array([m.named or not m.theta for m in members]),
             np.array([m.name == LAW_FORM for m in members]),
-            np.array([m.name in EFFECTS and EFFECTS[m.name].of_the_law for m in members]),
+            np.array([_of_the_law(m.name) for m in members]),
             np.array([m.name in EFFECTS for m in members]),
         )
 
     def with_all(self, inside: Sequence[int]) -> np.ndarray:
-        """Members (c,) that may join these."""
+        """Members (c,) that may join these; of the law as ``one_law`` says."""
         form, of_law = self.form | self.form[inside].any(), self.of_law | self.of_law[inside].any()
         usable: np.ndarray = ~(form & of_law)
         for i in inside:
@@ -202,7 +202,11 @@ def _log_sum(values: FloatArray, axis: int) -> FloatArray:
 
 def one_law(names: Collection[str]) -> bool:
     """Whether names make one statement about the curve: a form of its own leaves nothing to an effect on the law."""
-    return LAW_FORM not in names or not any(n in EFFECTS and EFFECTS[n].of_the_law for n in names)
+    return LAW_FORM not in names or not any(map(_of_the_law, names))
+
+
+def _of_the_law(name: str) -> bool:
+    return name in EFFECTS and EFFECTS[name].of_the_law
 
 
 def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, FloatArray]:

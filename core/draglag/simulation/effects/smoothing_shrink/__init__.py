@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -69,7 +69,7 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def signature_at(cls, theta: Theta, view: View) -> Signature:
-        return replace(bent(view, 0.5), theta=theta)
+        return bent(view, 0.5, theta=theta)
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:

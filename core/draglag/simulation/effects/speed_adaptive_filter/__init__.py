@@ -17,7 +17,7 @@ from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     filtered,
     first_of_contact,
 )
-from draglag.simulation.residual import LineGains, Signature, View, column
+from draglag.simulation.residual import LineGains, Signature, View, bent
 
 if TYPE_CHECKING:
     from draglag.gap.fitting.joint import Fit
@@ -96,7 +96,7 @@ class SpeedAdaptiveFilter(Effect):
         each = []
         for setting in SETTINGS:
             delay_s, _ = _delays_s(view, setting)
-            each.append(Signature(column(delay_s), column(0.5 * delay_s**2 * view.a_across), setting))
+            each.append(bent(view, 0.5 * delay_s**2, delay_s, setting))
         return each
 
     @classmethod
