@@ -9,9 +9,11 @@ from PySide6.QtCore import QEvent, QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication, QDialog, QWidget
 
 from draglag.errors import DataError
+from draglag.instruments.orientation import WORDS
 from draglag.messages import message
 from draglag.protocol.runs import load_protocol
 from draglag_app.session import events
+from draglag_app.session.place import elsewhere
 from draglag_app.windows import files
 from draglag_app.windows.leaving import sure_to_stop
 from draglag_app.windows.settings import RigSettings, Settings
@@ -74,23 +76,21 @@ def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> No
 
 
 def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:
-    """What is told in the strip below: a device that is lost, a panel that was turned, a disk that is full."""
+    """What the strip below reports: a device that is lost, a panel that was turned, a disk that is full."""
     bridge = window.space.bridge
     window.go("record")
     bridge.device_fault.emit(events.DeviceFault("touch", TOUCH.source, TOUCH.problem, TOUCH.remedy))
     shoot(window, out / f"trouble-lost-{theme}.png")
-    turned = (
-        "The touches are turned by half a turn against the target: screen or touchscreen was turned after the "
-        "calibration. Stop, calibrate the touchscreen again, and start again."
+    turned = message(
+        "The touches are {how} against the target: screen or touchscreen was turned after the calibration. "
+        "Stop, calibrate the touchscreen again, and start again.",
+        how=WORDS["turned"],
     )
     bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "touch", turned))
     shoot(window, out / f"trouble-turned-{theme}.png")
-    partial = "/home/lab/sessions/2026-11-21_152622_demo-screen-1.h5.partial"
-    full = DataError(
-        f"{partial}: cannot be written (No space left on device)",
-        f"Make room on the disk, then `draglag verify {partial}`, or save it elsewhere with --out",
-    )  # fmt: skip
-    bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "file", str(full)))
+    partial = Path("/home/lab/sessions/2026-11-21_152622_demo-screen-1.h5.partial")
+    full = DataError(message("{path}: cannot be written ({why})", path=partial, why="No space left on device"))
+    bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "file", elsewhere(full, partial).message))
     shoot(window, out / f"trouble-disk-{theme}.png")
     window.notify("", "")
 
