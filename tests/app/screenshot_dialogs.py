@@ -61,7 +61,7 @@ def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> No
     """A rig without a WALT and with a broken touchscreen, a run to leave out, what a crash left, the way out."""
     whole = window.space.settings.rig
     window.space.change_settings(rig=whole.model_copy(update={"walt": ""}))
-    window.header.set_light("touch", "fault", in_words(str(TOUCH)))
+    window.header.set_light("touch", "fault", in_words(TOUCH.message))
     _asked(window.start, out / f"ask-start-{theme}.png", shoot)
     window.space.change_settings(rig=whole)
     results = window.pages["results"][1]

@@ -29,7 +29,7 @@ from draglag.latency.on_clock import warnings_of
 from draglag.messages import chained, message
 from draglag.recording import ClockBounds, Session, empty_touch
 from draglag.simulation.effects import EFFECTS
-from draglag_app.windows.pages.parts.gap_steps import remarks, unseen
+from draglag_app.windows.pages.parts.gap_steps import StepTable, remarks, unseen
 from draglag_app.windows.window import OperatorWindow
 from draglag_app.windows.wording.button_words import IN_BUTTONS
 from draglag_app.windows.wording.effect_words import EFFECT_NAMES, PARAMETERS, effect_meaning, effect_name, size_words
@@ -310,3 +310,19 @@ def test_the_dialogs_of_qt_are_dutch_where_qt_is(qapp: QApplication) -> None:
     finally:
         use_language(qapp, "en")
     assert QCoreApplication.translate("QFileDialog", "File &name:") == "File &name:"
+
+
+def test_where_an_effect_acts_is_said_in_the_language_of_the_window(qapp: QApplication) -> None:
+    where = message("in {n} stretches of time, {seconds:.0f} s in all", n=3, seconds=12.0)
+    step = {"effect": "second_filter_mode", "probability": 0.99, "where": where, "parameters": {}}
+    step |= {"gap_before_mm": 0.4, "gap_after_mm": 0.1}
+    report = {"steps": [step], "explanations": []}
+    try:
+        use_language(qapp, "nl")
+        table = StepTable()
+        table.show_report(report)
+        shown = table.item(0, 2)
+    finally:
+        use_language(qapp, "en")
+    assert shown is not None
+    assert shown.text() == "in 3 stukken tijd, samen 12 s"

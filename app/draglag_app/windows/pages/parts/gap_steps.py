@@ -62,7 +62,7 @@ class StepTable(QTableWidget):
         self.insertRow(k)
         size = ", ".join(_size(key, value) for key, value in step["parameters"].items())
         gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
-        texts = (names_words(step), stated(step["probability"]), in_words(str(step.get("where", ""))), size, gap)
+        texts = (names_words(step), stated(step["probability"]), in_words(step.get("where") or ""), size, gap)
         tips = {EFFECT: effect_meaning(step["effect"]), PROBABILITY: compared}
         for column, text in enumerate(texts):
             item = QTableWidgetItem(text)
