@@ -12,6 +12,7 @@ import os
 import time
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from PySide6.QtWidgets import QApplication
 
 from draglag.protocol.presets import load_screen
 from draglag.protocol.runs import Protocol
+from draglag.protocol.targets import Target
 from draglag.store import read_session
 from draglag_app.session import Control, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.application import make_application
@@ -29,7 +31,7 @@ from draglag_app.windows.settings import Settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_devices.rig import Rig
 from draglag_devices.stage import Stage
-from draglag_devices.timebase import HostTime
+from draglag_devices.timebase import HostTime, TimeBase
 from faults.steady import BEAM, LATENCY_S, Meter, Ticks, count_samples
 
 SOAK_S = 60.0 * float(os.environ.get("DRAGLAG_SOAK_MINUTES", "0"))
@@ -110,6 +112,29 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path, capsys: pytest.Captur
     rows = meter.stop()
     # Afterwards the threads end and the session file is made.
     check(path, rows[rows[:, 0] < finished_s[0]], capsys)
+
+
+class BusyDisplay(OffscreenDisplay):
+    """On a machine so busy that the target is drawn a tenth of a second after it should have started to move."""
+
+    def __init__(self, time: TimeBase) -> None:
+        super().__init__()
+        self._time = time
+
+    def show(self, target: Target, start_s: float) -> None:
+        super().show(target, start_s)
+        while self._time.now() <= start_s + 0.1:
+            pass
+
+
+@pytest.mark.skipif(bool(SOAK_S), reason="a soak is asked for")
+def test_a_late_display_loses_no_sample_of_a_run_s_begin(tmp_path: Path) -> None:
+    asked = order(tmp_path, "offscreen")
+    display = BusyDisplay(asked.rig.stage.time_base)
+    options = replace(asked.options, countdown_s=0.02)
+    path = run_session(asked.protocol, asked.rig, display, asked.out, options, lambda event: None, Control())
+    for run in read_session(path).runs:
+        count_samples(run)
 
 
 @pytest.fixture

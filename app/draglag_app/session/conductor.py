@@ -201,9 +201,8 @@ class Conductor:
 
         self._control.take_abort()
         go(Signal.PREPARE)
-        start_s = round(self._time.now() + self._options.countdown_s, 6)
+        start_s, signal = self._prepare(planned, run_id)
         end_s = start_s + planned.duration_s
-        signal = self._prepare(planned, run_id, start_s)
         if signal is None:
             self._compare.ask(RUN_ROLES)
             go(Signal.READY, self._options.countdown_s)
@@ -244,21 +243,28 @@ class Conductor:
         whole = run is not None and run.outcome != "failed"
         return whole and resume_elsewhere(self._saver, self._control, self._emit)
 
-    def _prepare(self, planned: PlannedRun, run_id: str, start_s: float) -> Signal | None:
+    def _prepare(self, planned: PlannedRun, run_id: str) -> tuple[float, Signal | None]:
+        """When the target starts to move, session clock, and what has gone wrong before, if anything."""
         self._display.prompt(message("{run}: follow the target", run=run_id))
-        self._display.show(planned.target, start_s)
         self._watch.check_disk(force=True)
-        run = self._empty_run(planned, run_id, start_s)
+
+        def begin() -> float:
+            # In the writer's thread, between two batches: on a busy machine, too, no sample is older than the run.
+            start_s = round(self._time.now() + self._options.countdown_s, 6)
+            self._saver.begin_run(self._empty_run(planned, run_id, start_s), start_s + planned.duration_s + TAIL_S)
+            return start_s
+
         try:
-            self._saver.call(lambda: self._saver.begin_run(run, start_s + planned.duration_s + TAIL_S))
+            start_s = self._saver.call(begin)
             if planned.note:
                 self._watch.log("info", "protocol", planned.note)
             if planned.practice:
                 self._watch.log("info", "protocol", message("practice"))
         except DraglagError:
-            return Signal.FAILURE
+            return self._time.now(), Signal.FAILURE
+        self._display.show(planned.target, start_s)
         self._stage.begin_run(planned, start_s, run_id)
-        return None
+        return start_s, None
 
     def _follow(self, planned: PlannedRun, start_s: float, end_s: float) -> Signal | None:
         """Record while the target moves; a turned touchscreen is reported as early as the touches allow."""
