@@ -8,6 +8,7 @@ import pytest
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.base import TouchEvents
+from draglag.simulation.effects.prediction.undone import inverse
 
 RATE_HZ = 120.0
 SPEED = 180.0
@@ -69,18 +70,35 @@ def test_prediction_on_a_circle_is_as_its_columns_say() -> None:
 def test_columns_move_edges_as_the_effects_do() -> None:
     n = np.ones(5)
     view = SimpleNamespace(
-        speed=45.0 * n, a_across=640.0 * n, panel_x=np.linspace(-1, 1, 5), since_start_s=np.linspace(0, 750, 5)
+        speed=45.0 * n,
+        a_across=640.0 * n,
+        turn_rad_s=4.0 * n,
+        law_slope=-1e-4 * n,
+        panel_x=np.linspace(-1, 1, 5),
+        since_start_s=np.linspace(0, 750, 5),
     )
-    ahead = EFFECTS["prediction"].columns_at((0.015, 0.02), view)  # type: ignore[attr-defined]
-    assert 0.015 * ahead.latency == pytest.approx(-0.015)
+    (ahead,) = EFFECTS["prediction"].columns_at((0.015, 0.02), view)  # type: ignore[attr-defined]
+    # A circle that is shown larger is shown faster than the stylus is, whose latency is that of a lower speed.
+    faster = 45.0 * (0.015 * 0.01 + 0.015**2 / 2) * 4.0**2
+    assert 0.015 * ahead.latency == pytest.approx(1e-4 * faster)
     assert 0.015 * ahead.offset == pytest.approx(-(0.015 * 0.01 + 0.015**2 / 2) * 640)
-    behind = EFFECTS["deadband"].columns_at((0.2, 1.0), view)  # type: ignore[attr-defined]
-    assert 0.2 * behind.latency == pytest.approx(0.1 / 45)
     bowed = EFFECTS["beam_bow"].signatures(view)[0]  # type: ignore[arg-type]
     assert bowed.offset[:, 0] == pytest.approx([0, 0.75, 1, 0.75, 0])
-    (fading,) = [s for s in EFFECTS["warm_up"].signatures(view) if s.theta == (500.0,)]  # type: ignore[arg-type]
-    assert fading.latency[:, 0] == pytest.approx(np.exp(-view.since_start_s / 500.0))
+    for fading in EFFECTS["warm_up"].signatures(view):  # type: ignore[arg-type]
+        assert fading.latency[:, 0] == pytest.approx(np.exp(-view.since_start_s / fading.theta[0]))
     assert all(s.theta[0] <= 750.0 for s in EFFECTS["warm_up"].signatures(view))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("horizon_s", "window_s"), [(0.015, 0.02), (0.03, 0.005), (0.04, 0.1)])
+def test_undoing_a_prediction_brings_path_and_noise_back(horizon_s: float, window_s: float) -> None:
+    rng = np.random.default_rng(3)
+    t, xy = _circle(4.0)
+    raw = xy + rng.normal(0, 0.1, xy.shape)
+    contact = np.where(t > 0.6 * t[-1], 1, 0)
+    t = t + 0.5 * contact  # the stylus was lifted
+    shown = parse_effect(f"prediction={horizon_s},window_s={window_s}").events(TouchEvents(t, *raw.T, contact), rng)
+    back = inverse(t, horizon_s, window_s) @ np.column_stack([shown.x_mm, shown.y_mm])
+    assert np.abs(back - raw).max() < 0.02  # of 40 mm of radius: weights below 1e-4 are left out
 
 
 def test_every_contact_is_predicted_by_itself() -> None:
@@ -132,7 +150,7 @@ def test_a_play_stays_behind_by_half_of_its_width() -> None:
     assert np.hypot(*(xy - shown)[5:].T) == pytest.approx(0.1)
     t, xy = _line(speed=45.0)
     late_s = np.hypot(*(xy - _after("deadband=0.2,kind=1", t, xy))[5:].T) / 45.0
-    assert late_s == pytest.approx(0.5 * 0.2 / 45.0)  # width times what columns_at gives
+    assert late_s == pytest.approx(0.5 * 0.2 / 45.0)
 
 
 def test_fuzz_has_the_kernel_s_zones() -> None:

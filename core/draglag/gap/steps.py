@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from draglag.errors import EstimateError
-from draglag.gap.by_taps import clock_offset, creep_of, shares_by_edges
+from draglag.gap.by_taps import Offset, clock_offset, creep_of, shares_by_edges
 from draglag.gap.constants import OWN_FORM, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
@@ -159,7 +159,8 @@ def step_of(
     fit that its parameters are of, with all effects."""
     last = last or after
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
-    creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike))
+    known_form = law_of(judgement, last).adequate
+    creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike), known_form)
     effect = creep.best if len(alike) > 1 else alike[0]
     rivals = [e for e in alike if e != effect and creep.shares[e] > SHARED]
     rivals += _rivals(answer, name)
@@ -261,29 +262,31 @@ def with_taps(
     session: Session, judgement: Judgement, last: Fit, steps: list[Step], allowed: frozenset[str]
 ) -> tuple[list[Step], Fit]:
     """Steps for what parts taps from drags, where that is more probable than not, and the fit after them."""
-    parting = [e for name, e in EFFECTS.items() if e.parts_taps_from_drags and name in allowed]
+    parting = [e for name, e in EFFECTS.items() if e.drags_early and name in allowed]
     effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
-    creep = sum(float(np.diff(e.tap_latency(np.zeros(2), np.array([0.0, 1.0])))[0]) for e in effects)
-    offset = clock_offset(session, last, creep, waited_s(session, effects), law_of(judgement, last).adequate)
+    offset = clock_offset(session, last, effects, waited_s(session, effects), law_of(judgement, last).adequate)
     if offset is None or offset.probability < 0.5:
         return [], last
-    possible = [e for e in parting if e.parameters[0].lower < offset.value_s < e.parameters[0].upper]
+    if any(_shown_by_taps(steps, k, offset) for k in range(len(steps))):
+        return [], last
+    possible = [e for e in parting if e.parameters[0].lower < e.drags_early * offset.value_s < e.parameters[0].upper]
     if not possible:
         return [], last
-    moved = {e.id: _moved_mm(e, offset.value_s, last) for e in possible}
-    # Edges whose positions were of uneven age, repaired or not, cannot identify what moves them by so little.
-    uneven = any(effect_class(step.effect).uneven_ages for step in steps)
-    shares = dict.fromkeys(moved, 1 / len(moved)) if uneven else shares_by_edges(judgement.pool, last, moved)
+    moved = {e.id: _moved_mm(e, e.drags_early * offset.value_s, last) for e in possible}
+    likeliest, shares = shares_by_edges(judgement.pool, last, moved)
+    if any(effect_class(step.effect).uneven_ages for step in steps):
+        # Edges whose positions were of uneven age, repaired or not, cannot identify what moves them by so little.
+        shares = dict.fromkeys(moved, 1 / len(moved))
     best = max(shares, key=lambda name: shares[name])
-    after = replace(last, residual_mm=last.residual_mm - moved[best])
+    after = replace(last, residual_mm=last.residual_mm - likeliest[best])
     rivals = tuple(name for name in shares if name != best and shares[name] > SHARED)
     step = Step(
         best,
-        {EFFECTS[best].parameters[0].name: (offset.value_s, offset.ci95_s)},
+        {EFFECTS[best].parameters[0].name: _of_size(offset, EFFECTS[best].drags_early)},
         message("every edge alike"),
         BY_TAPS,
         1 - offset.probability,
-        message("release taps lie {ms:+.1f} ms off the fitted asymptote", ms=1e3 * offset.value_s),
+        _off_the_asymptote(offset),
         gap_mm(last),
         gap_mm(after),
         offset.probability * sum(shares[e] for e in (best, *rivals)),
@@ -294,9 +297,31 @@ def with_taps(
     return [step], after
 
 
-def _moved_mm(effect: type[Effect], value: float, fit: Fit) -> FloatArray:
-    """By how much an effect of known size moves each edge beyond a constant latency, (m,) mm: that is the curve's."""
-    made_ = effect.columns_at((value,), fit.view)
-    if made_ is None or made_.offset is None:
-        return np.zeros(fit.residual_mm.size)
-    return np.asarray(made_.offset[:, 0] * value)
+def _shown_by_taps(steps: list[Step], k: int, offset: Offset) -> bool:
+    """Whether the k-th step parts taps from drags, and by as much as taps say: then it gets its size from them."""
+    home = effect_class(steps[k].effect)
+    if not home.drags_early:
+        return False
+    parameters = home.with_taps(steps[k].parameters, *_of_size(offset, home.drags_early))
+    if parameters is None:
+        return False
+    evidence = message("{evidence}; {taps}", evidence=steps[k].evidence, taps=_off_the_asymptote(offset))
+    steps[k] = replace(steps[k], parameters=parameters, evidence=evidence)
+    return True
+
+
+def _of_size(offset: Offset, sign: int) -> tuple[float, tuple[float, float]]:
+    """By how much drags are early (sign 1) or late (-1) against taps, and the 95 % interval, s."""
+    low, high = sorted(sign * end for end in offset.ci95_s)
+    return sign * offset.value_s, (low, high)
+
+
+def _off_the_asymptote(offset: Offset) -> str:
+    return message("release taps lie {ms:+.1f} ms off the fitted asymptote", ms=1e3 * offset.value_s)
+
+
+def _moved_mm(effect: type[Effect], value: float, fit: Fit) -> list[FloatArray]:
+    """By how much an effect of known size moves each edge beyond a constant latency, which is the curve's: (m,) mm of
+    each alternative."""
+    options = effect.columns_at((value,), fit.view)
+    return [np.asarray(one.columns(fit.view)[:, 0] * value) for one in options] or [np.zeros(fit.residual_mm.size)]

@@ -88,3 +88,11 @@ def hold_at_rate(touch: TouchTrace, rate_hz: float) -> TouchTrace:
     ticks_s = np.arange(np.ceil(touch.t_s[0] * rate_hz), np.floor(touch.t_s[-1] * rate_hz) + 1) / rate_hz
     last = np.searchsorted(touch.t_s, ticks_s, side="right") - 1
     return TouchTrace(ticks_s, touch.x_mm[last], touch.y_mm[last], gaps_s=touch.gaps_s)
+
+
+def first_of_contact(t_s: FloatArray) -> np.ndarray:
+    """Which events (n,) are the first of a contact, or of a run, by the holes in time before them."""
+    out = np.zeros(t_s.size, bool)
+    out[:1] = True
+    out[np.searchsorted(t_s, contact_losses(t_s)[:, 1])] = True
+    return out

@@ -18,7 +18,8 @@ from draglag.recording import Session
 
 MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the law is sought
 UNUSABLE = message("Check the calibration and the clocks of this session")
-STEPS, ATTEMPTS = 12, 6
+STEPS, ATTEMPTS = 20, 6
+LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is a hundred times narrower
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
 ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
 
@@ -100,18 +101,18 @@ def _next(
     least: float,
 ) -> tuple[State, np.ndarray, float, float] | None:
     """A point further down, which edges cannot be placed there, by how much the cost fell and the damping to go on with
-    (Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave). None where no step
-    promises at least that much, or goes down at all."""
+    (Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave). None where a
+    plain step promises less than that, or no step goes down."""
     down = downhill(white, state, use)
+    if down.step(state.prior, 0.0)[1] < least:
+        return None
     for attempt in range(ATTEMPTS):
-        step, promised = down.step(state.prior, damping)
-        if promised < least:
-            return None
+        step, _ = down.step(state.prior, damping)
         there = stepped(state, step, runs, width_mm)
         cost, strayed = cost_relative_to(white, there, state, use)
         if cost <= down.cost + PLACING:
             if attempt == 0:
-                damping = damping / 10 if damping > 1e-5 else 0.0
+                damping = damping / 10 if damping > LEAST_DAMPING else 0.0
             return there, strayed, down.cost - cost, damping
-        damping = max(10 * damping, 1e-3)
+        damping = max(10 * damping, LEAST_DAMPING)
     return None

@@ -15,7 +15,7 @@ import numpy as np
 from draglag.errors import DataError
 from draglag.messages import message
 from draglag.recording import FloatArray, IntArray, Screen
-from draglag.simulation.effects.in_fits import InFits
+from draglag.simulation.effects.in_fits import InFits, Parameters
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View
 
@@ -98,8 +98,8 @@ class Effect(InFits):
     """Id of the effect that moves edges in the same way: edges cannot distinguish the two."""
     separated_by: ClassVar[str] = ""
     """The recording that would separate it from what looks alike, in words for the operator."""
-    parts_taps_from_drags: ClassVar[bool] = False
-    """Whether its first parameter, s, is by how much drags are shown early against taps."""
+    drags_early: ClassVar[int] = 0
+    """1 where its first parameter, s, is by how much drags are shown early against taps, -1 where late; 0: neither."""
     needs: ClassVar[str] = ""
     """What a session must have to show it: "taps", "changing speed", "width" (circles that travel along the beam),
     "other stylus"; empty: any session."""
@@ -240,8 +240,15 @@ class Effect(InFits):
         return None
 
     @classmethod
-    def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature | None:
-        """What it moves at a known size, theta its parameters, for effects that taps give away; None: no edge."""
+    def columns_at(cls, theta: tuple[float, ...], view: View) -> tuple[Signature, ...]:
+        """What it moves beyond a constant latency at a known size, theta its parameters, for effects with
+        ``drags_early``: alternatives that are as probable; empty where it moves no edge."""
+        return ()
+
+    @classmethod
+    def with_taps(cls, parameters: Parameters, value: float, ci95: tuple[float, float]) -> Parameters | None:
+        """Its parameters by the edges once taps show its first, with 95 % interval, for effects with ``drags_early``;
+        None where the two contradict each other."""
         return None
 
     @classmethod

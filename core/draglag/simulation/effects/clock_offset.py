@@ -21,7 +21,7 @@ class ClockOffset(Effect):
     needs: ClassVar[str] = "taps"
     identifiable_with: ClassVar[str] = "taps timed on the same clock show it"
     laser_late: ClassVar[bool] = True
-    parts_taps_from_drags: ClassVar[bool] = True
+    drags_early: ClassVar[int] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_s", "s", -0.1, 0.1, 0.005),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

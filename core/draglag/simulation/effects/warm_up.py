@@ -9,10 +9,12 @@ import numpy as np
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
-TIMES_S = (120.0, 250.0, 500.0, 1000.0)
+TIMES_S = 100.0 * 1.25 ** np.arange(18)  # to 4400 s; half a step off, an amplitude of 10 ms is off by 0.4 ms
+LOG_TIME_SD = 0.7  # prior standard deviation of a time constant's logarithm: a factor of two
 
 
 @dataclass(frozen=True)
@@ -61,4 +63,23 @@ class WarmUp(Effect):
         # What takes longer than the session is a straight line in it: a drift, not a latency that settles.
         longest_s = float(np.max(view.since_start_s, initial=0.0))
         seen = [tau for tau in TIMES_S if tau <= longest_s]
-        return [Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(tau,)) for tau in seen]
+        return [Signature(latency=column(np.exp(-view.since_start_s / tau)), theta=(float(tau),)) for tau in seen]
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        """Amplitude and time constant, whose column is next to the best one: a Gauss–Newton step from there."""
+        fit, tau = found.fit, found.term.theta[0]
+        settled = fit.view.since_start_s / tau
+        by_log_tau = Signature(latency=column(found.sizes[0] * settled * np.exp(-settled))).columns(fit.view)
+        a, b = fit.white.apply(np.column_stack([fit.design, by_log_tau])), fit.white.apply(fit.residual_mm)
+        covariance = np.linalg.pinv(a.T @ a + np.diag([*fit.prior, LOG_TIME_SD**-2]), hermitian=True)
+        step, sd = covariance @ (a.T @ b), np.sqrt(np.diag(covariance))
+        value, reach = found.sizes[0] + step[found.own][0], Z95 * max(sd[found.own][0], found.se[0])
+        amplitude, time_constant = cls.parameters
+        times = np.clip(
+            tau * np.exp(step[-1] + Z95 * sd[-1] * np.array([0, -1, 1])), time_constant.lower, time_constant.upper
+        )
+        return {
+            amplitude.name: (float(value), (float(value - reach), float(value + reach))),
+            time_constant.name: (float(times[0]), (float(times[1]), float(times[2]))),
+        }

@@ -9,7 +9,6 @@ import numpy as np
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents, each_contact
-from draglag.simulation.residual import Signature, View, column
 
 JUMP, BACKLASH, FUZZ = 0.0, 1.0, 2.0
 KINDS = {JUMP: "jump", BACKLASH: "backlash", FUZZ: "fuzz"}
@@ -63,11 +62,6 @@ class Deadband(Effect):
             return events
         act = {JUMP: _jumped, BACKLASH: _followed, FUZZ: _defuzzed}[self.kind]
         return each_contact(events, lambda t_s, xy_mm: act(xy_mm, self.value))
-
-    @classmethod
-    def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """Half a width behind along the motion, a latency that falls with the speed."""
-        return Signature(latency=column(0.5 / view.speed), theta=theta)
 
 
 def _jumped(xy_mm: FloatArray, width_mm: float) -> FloatArray:

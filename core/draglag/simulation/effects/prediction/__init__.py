@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents, each_contact
-from draglag.simulation.residual import Signature, View, column
+from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.prediction.extrapolation import extrapolated
+from draglag.simulation.residual import LineGains, Signature, View, bent
+
+if TYPE_CHECKING:
+    from draglag.gap.fitting.joint import Fit
+    from draglag.gap.fitting.state import Term
+    from draglag.gap.traces.run_data import RunData
 
 WINDOW_S = 0.02  # over which screens measure the velocity
+SHORTEST_S = 1e-3  # of a horizon: a shorter one moves nothing
+STEP = 2.0  # factor between the windows at which traces are looked at: events do not identify it better
 
 
 @dataclass(frozen=True)
@@ -24,8 +33,9 @@ class Prediction(Effect):
         "earlier, taps are not."
     )
     follows: ClassVar[str] = "normal_acceleration"
+    refitted_by: ClassVar[str] = "draglag.simulation.effects.prediction.refits"
     separated_by: ClassVar[str] = "taps on the same clock: a clock's offset moves them, a prediction does not"
-    parts_taps_from_drags: ClassVar[bool] = True
+    drags_early: ClassVar[int] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("horizon_s", "s", 0.0, 0.1, 0.015),
         Parameter("window_s", "s", 0.005, 0.1, WINDOW_S),
@@ -44,33 +54,67 @@ class Prediction(Effect):
     window_s: float = WINDOW_S
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
-        return each_contact(events, lambda t_s, xy_mm: _extrapolated(t_s, xy_mm, self.value, self.window_s))
+        return each_contact(events, lambda t_s, xy_mm: extrapolated(t_s, xy_mm, self.value, self.window_s))
 
     def stamped_late_s(self) -> float:
         """Drags are shown early by the horizon: a fit has that in its law, and the simulation adds it again."""
         return -self.value
 
     @classmethod
-    def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """Drags earlier by the horizon h, and outside of curves by h d + h²/2 times the acceleration, where d is half
-        the window of the velocity: size h gives the whole at theta = (h, window)."""
+    def columns_at(cls, theta: Theta, view: View) -> tuple[Signature, ...]:
+        """Outside of curves by h d + h²/2 times the acceleration, where d is half the window of the velocity: size h
+        gives the whole at theta = (h, window). The horizon itself is part of the curve."""
         horizon_s, window_s = (*theta, WINDOW_S)[:2]
-        late = column(np.full(view.speed.size, -1.0))
-        return Signature(latency=late, offset=column(-0.5 * (window_s + horizon_s) * view.a_across), theta=theta)
+        return (bent(view, -0.5 * (window_s + horizon_s), theta=theta),)
+
+    @classmethod
+    def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
+        """What curves show: its size is h (h + window), s²."""
+        return [bent(view, -0.5)]
+
+    @classmethod
+    def signature_at(cls, theta: Theta, view: View) -> Signature:
+        return bent(view, -0.5, theta=theta)
+
+    @classmethod
+    def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
+        from draglag.simulation.effects.prediction.undone import Unpredicted
+
+        return Unpredicted(*term.theta) if term.theta else None, term
+
+    @classmethod
+    def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
+        horizon_s, window_s = term.theta or (0.0, WINDOW_S)
+        return np.array(term.sizes) + horizon_s * (horizon_s + window_s)
+
+    @classmethod
+    def parameters_in(cls, found: FittedTerm) -> Parameters:
+        """The horizon with the window of the traces; its interval holds those of the windows next to it, or of all."""
+        low, size, high = (max(found.sizes[0] + s * Z95 * found.se[0], 0.0) for s in (-1, 0, 1))
+        horizon, window = cls.parameters
+        window_s, reach = WINDOW_S, (window.lower, window.upper)
+        if found.term.theta:
+            window_s = found.term.theta[1]
+            reach = window_s / STEP, window_s * STEP
+        ends = horizon_of(low, reach[1]), horizon_of(high, reach[0])
+        return {horizon.name: (horizon_of(size, window_s), ends), window.name: (window_s, reach)}
+
+    @classmethod
+    def with_taps(cls, parameters: Parameters, value: float, ci95: tuple[float, float]) -> Parameters | None:
+        """Taps show the horizon, which leaves the window to the curves; where they show it worse, the curves do."""
+        horizon, window = cls.parameters
+        (by_curves_s, reach_s), (window_s, _) = parameters[horizon.name], parameters[window.name]
+        low, high = max(ci95[0], reach_s[0]), min(ci95[1], reach_s[1])
+        if low > high:
+            return None
+        surer_s = value if ci95[1] - ci95[0] < reach_s[1] - reach_s[0] else by_curves_s
+        horizons_s = np.clip([surer_s, low, high], max(low, SHORTEST_S), max(high, SHORTEST_S))
+        size_s2 = by_curves_s * (by_curves_s + window_s)
+        windows_s = np.clip(size_s2 / horizons_s - horizons_s, window.lower, window.upper)
+        span_s = float(windows_s.min()), float(windows_s.max())
+        return {horizon.name: (float(horizons_s[0]), (low, high)), window.name: (float(windows_s[0]), span_s)}
 
 
-def _window_start(t_s: FloatArray, window_s: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
-    """Where the path a window ago is to be read: event before it, share of the way to the next, span in time; (n,)."""
-    at_s = np.maximum(t_s - window_s, t_s[0])
-    begin = np.clip(np.searchsorted(t_s, at_s, side="right") - 1, 0, max(t_s.size - 2, 0))
-    after = np.minimum(begin + 1, t_s.size - 1)
-    share = np.clip((at_s - t_s[begin]) / np.maximum(t_s[after] - t_s[begin], 1e-9), 0.0, 1.0)
-    return begin, share, np.maximum(t_s - at_s, 1e-3)
-
-
-def _extrapolated(t_s: FloatArray, xy_mm: FloatArray, horizon_s: float, window_s: float) -> FloatArray:
-    if t_s.size < 2:
-        return xy_mm
-    begin, share, span_s = _window_start(t_s, window_s)
-    back = xy_mm[begin] + share[:, None] * (xy_mm[begin + 1] - xy_mm[begin])
-    return np.asarray(xy_mm + horizon_s * (xy_mm - back) / span_s[:, None])
+def horizon_of(size_s2: float, window_s: float) -> float:
+    """h of h (h + window) = size."""
+    return float(np.sqrt(0.25 * window_s**2 + size_s2) - 0.5 * window_s)

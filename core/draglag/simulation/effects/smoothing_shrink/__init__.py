@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
     from draglag.simulation.effects.fitted_shape import FittedShape
 
+SECOND_MOMENTS = (1 / 3, 0.5, 1.0)
+"""Of the square of its delay: of a long moving average, of one of five samples, and of a first-order low-pass."""
+
 
 @dataclass(frozen=True)
 class SmoothingShrink(Effect):
@@ -34,7 +37,9 @@ class SmoothingShrink(Effect):
     )
     follows: ClassVar[str] = "normal_acceleration"
     where: ClassVar[str] = "where the path bends"
+    separated_by: ClassVar[str] = "fast circles of a small radius: a low-pass shrinks them, a clock does not"
     undone_in: ClassVar[str] = "touch"
+    drags_early: ClassVar[int] = -1
     refitted_by: ClassVar[str] = "draglag.simulation.effects.smoothing_shrink.refits"
     looks_like: ClassVar[tuple[str, ...]] = ("direction_angle", "normal_acceleration")
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
@@ -70,6 +75,17 @@ class SmoothingShrink(Effect):
     @classmethod
     def signature_at(cls, theta: Theta, view: View) -> Signature:
         return bent(view, 0.5, theta=theta)
+
+    @classmethod
+    def columns_at(cls, theta: Theta, view: View) -> tuple[Signature, ...]:
+        """What shrinks is half of the kernel's second moment, whatever low-pass has this delay."""
+        return tuple(bent(view, 0.5 * share * theta[0], theta=theta) for share in SECOND_MOMENTS)
+
+    @classmethod
+    def with_taps(cls, parameters: Parameters, value: float, ci95: tuple[float, float]) -> Parameters | None:
+        """Drags wait for the filter and taps need not: they lie apart by its time constant, or by less."""
+        _, (low, high) = parameters[cls.parameters[0].name]
+        return parameters if low <= ci95[1] and ci95[0] <= high else None
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:

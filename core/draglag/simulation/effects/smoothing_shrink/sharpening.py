@@ -48,7 +48,8 @@ class Sharpening:
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         half_s = float(np.median(shown.speed_half_s))
         t_s, xy_mm, spread = _sharpened(trace.t_s, trace.xy_mm, self.setting.lag_s, half_s, self.setting.even)
-        return replace(trace, t_s=t_s, xy_mm=xy_mm, spread=spread)
+        whole = spread if trace.spread is None else spread @ trace.spread
+        return replace(trace, t_s=t_s, xy_mm=xy_mm, spread=whole)
 
 
 def _sharpened(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from draglag.path.events import first_of_contact
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents, each_contact
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
@@ -15,7 +16,6 @@ from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,
     cut_off_hz,
     filtered,
-    first_of_contact,
 )
 from draglag.simulation.residual import LineGains, Signature, View, bent
 

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from draglag.path.events import contact_losses
 from draglag.path.recursion import recursion
 from draglag.recording import FloatArray
 
@@ -41,14 +40,6 @@ class Setting(NamedTuple):
     def moved(self, logs: FloatArray) -> Setting:
         """Another setting, by (2,) changes of the logarithms."""
         return Setting(self.fmin_hz * float(np.exp(logs[0])), self.beta_per_mm * float(np.exp(logs[1])))
-
-
-def first_of_contact(t_s: FloatArray) -> np.ndarray:
-    """Which events (n,) are the first of a contact, or of a run, by the holes in time before them."""
-    out = np.zeros(t_s.size, bool)
-    out[:1] = True
-    out[np.searchsorted(t_s, contact_losses(t_s)[:, 1])] = True
-    return out
 
 
 def filtered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy.sparse import identity
 
-from draglag.path.events import sample_interval_s
+from draglag.path.events import first_of_contact, sample_interval_s
 from draglag.path.motion import local_fit
 from draglag.simulation.effects.in_fits import UndoneTrace
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,
     cut_off_hz,
-    first_of_contact,
     unfiltered,
 )
 

@@ -12,13 +12,13 @@ from draglag.gap.fitting.model import LawParameters, starting_law
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.run_data import as_shown
+from draglag.path.events import first_of_contact
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects.speed_adaptive_filter import OF_SCREENS_SD, USUAL, SpeedAdaptiveFilter
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,
     cut_off_hz,
     filtered,
-    first_of_contact,
 )
 
 OWN = SpeedAdaptiveFilter.id
