@@ -1,4 +1,4 @@
-"""Touches on calibration targets, gathered from a touch source: what counts as one, what is wrong with one. No Qt."""
+"""Touches on calibration targets, from a touch source."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOO_SHORT, SLID, SAME_PLACE, NO_UNITS = "too short", "slid", "same place", "no u
 
 @dataclass
 class Touches:
-    """One touch a target, in their order. ``device`` and ``axes`` are what the source says of itself."""
+    """One touch per target, in their order; ``device`` and ``axes`` as the source reports them."""
 
     device: str = ""
     axes: tuple[AxisInfo, ...] = ()
@@ -34,7 +34,7 @@ class Touches:
         return len(self.found) == TARGETS
 
     def take(self, batch: Batch) -> list[str]:
-        """Take what a source read. Returns a word for every touch that ended: "" if it was taken, else its fault."""
+        """For every touch that ended: "" if accepted, else its fault."""
         if batch.touch is not None and len(batch.touch.t_s):
             for contact in np.unique(batch.touch.contact_id):
                 self._parts.setdefault(int(contact), []).append(_only(batch.touch, int(contact)))
@@ -76,22 +76,22 @@ def _only(touch: TouchTrace, contact: int) -> TouchTrace:
 
 
 def fit_touches(x_raw: FloatArray, y_raw: FloatArray, screen: Screen) -> AffineFit:
-    """The affine through one touch a target, (9,) each. Raises DataError and EstimateError with the remedy."""
+    """The affine through one touch per target, (9,) each. Raises DataError, EstimateError with the remedy."""
     return fit_affine(x_raw, y_raw, *target_places(screen.width_mm, screen.height_mm, TARGETS))
 
 
 def as_recorded(
     fit: AffineFit, x_raw: FloatArray, y_raw: FloatArray, screen: Screen, device: str, made_utc: str
 ) -> TouchCalibration:
-    """The calibration as a session file keeps it."""
+    """The calibration as in a session file."""
     places = target_places(screen.width_mm, screen.height_mm, TARGETS)
     return TouchCalibration(x_raw, y_raw, *places, fit.matrix, device, made_utc)
 
 
 def size_mismatch(fit: AffineFit, resolution: tuple[int, ...]) -> float | None:
-    """By which share the panel's stated size and the touchscreen's own resolution disagree, if above 2 %.
+    """Relative difference of the panel's stated size and the touchscreen's resolution, if above 2 %.
 
-    ``resolution``: units per mm of the touchscreen's axes, 0 where unknown.
+    ``resolution``: units per mm of the axes, 0 where unknown.
     """
     if len(resolution) != 2:
         return None

@@ -1,4 +1,4 @@
-"""Long computations in a process of their own, so that they neither hold up a recording nor outlive a cancel. No Qt."""
+"""Long computations in a process of their own: they neither delay a recording nor outlive a cancel."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _POLL_S = 0.1
 
 
 def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress) -> Any:
-    """``function(*arguments, progress)`` in a new process; returns its result.
+    """The result of ``function(*arguments, progress)`` in a new process; all picklable.
 
-    Function, arguments and result must be picklable. ``progress`` is called several times a second with what the
-    function reported last; whatever it raises ends the process and is raised here.
+    ``progress`` is called several times a second with the latest report; what it raises ends the process and is raised
+    here.
 
-    Raises the function's own DraglagError when it fails, and DataError when the process ends without a result.
+    Raises the function's DraglagError, and DataError when the process ends without a result.
     """
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
@@ -72,17 +72,17 @@ def close_gap_of(
     include: frozenset[str],
     progress: Progress,
 ) -> dict[str, object]:
-    """The gap report of a session as the design's JSON, and what a page shows with it.
+    """The JSON of a session's gap report, and what a page shows with it.
 
     Args:
         without: effects that may not be named. added: effects to add by hand, in order.
-        kept: a report (``report`` of an earlier result) to go on from, with some of ``added`` in it, or None.
+        kept: a report (``report`` of an earlier result) to continue, with some of ``added`` in it, or None.
         path: the session's file, for the model's provenance, or None.
-        include: runs to take in although they went wrong.
+        include: runs to use although they went wrong.
 
-    Further keys: ``provisional`` (a term without a name that would close what is left, or None),
-    ``overlay`` (``overlay_numbers``, or None and ``overlay_why``),
-    ``model`` (the extended model's JSON or None) and ``report`` (to go on from).
+    Further keys: ``provisional`` (an unnamed term that would close the rest, or None), ``overlay``
+    (``overlay_numbers``, or None and ``overlay_why``), ``model`` (the extended model's JSON or None), ``report`` (to
+    continue).
     """
     import hashlib
     from datetime import UTC, datetime
@@ -125,7 +125,6 @@ def close_gap_of(
 
 
 def _provisional(report: Any) -> dict[str, object] | None:
-    """The smooth term that would close what has no name; None where nothing is left or nothing smooth does."""
     from draglag.gap.provisional import provisional_term
 
     found = provisional_term(report) if report.unexplained_by is not None else None
@@ -140,7 +139,6 @@ def write_gap_of(session: Any, report: Any, path: Any, progress: Progress) -> No
 
 
 def _overlay(session: Any, report: Any, progress: Progress) -> tuple[Any, str]:
-    """Numbers of the session simulated again, for the page's picture; or None and why."""
     from draglag.gap.replaying.replay import replays
     from draglag.report.replayed import overlay_numbers
 

@@ -1,4 +1,4 @@
-"""At each start, what killed commands left where this one works is swept away."""
+"""At each start, leftovers of killed commands are removed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _UNFINISHED, _BUILDING = ".partial", ".tmp"
 
 
 def sweep_for(arguments: Sequence[str]) -> list[Path]:
-    """Sweep the present folder and those that the arguments of a command name or lie in; returns what was removed.
+    """Files removed from the present folder and those of a command's arguments.
 
-    What a killed recording left goes too, unless the command is about an unfinished recording.
+    Leftovers of recordings stay if the command is about an unfinished one.
     """
     names = [os.path.abspath(text.rpartition("=")[2]) for text in arguments if "\0" not in text]
     try:
@@ -29,7 +29,7 @@ def sweep_for(arguments: Sequence[str]) -> list[Path]:
 
 
 def _has_leftovers(folder: str) -> bool:
-    """Whether a folder may hold leftovers of recordings, by the names in it: to look costs the import of HDF5."""
+    """By names only: to look inside costs the import of HDF5."""
     try:
         names = set(os.listdir(folder))
     except OSError:

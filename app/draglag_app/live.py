@@ -1,4 +1,4 @@
-"""What the live plots of a run show, gathered from digests of samples. No Qt."""
+"""Live plots of a run, from digests of samples."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SPACING_S = 0.01
 
 @dataclass
 class LiveRun:
-    """One run as it arrives. Times count from ``start_s``, the moment the target began to move.
+    """One run as it arrives; times count from ``start_s``, when the target began to move.
 
     Attributes (n touch events, m edges): t_s, x_mm, y_mm (n,); edge_s, light (m,); speed_t_s, speed_mm_s (k,).
     """
@@ -35,7 +35,7 @@ class LiveRun:
     speed: list[FloatArray] = field(default_factory=lambda: [np.empty((0, 2))])
 
     def add(self, samples: SamplesArrived) -> None:
-        """Take a digest; those of other runs are left alone."""
+        """Add a digest, if of this run."""
         if samples.run_id != self.run_id:
             return
         if len(samples.t_s):
@@ -51,7 +51,7 @@ class LiveRun:
         return _joined(self.touch)
 
     def edges_on_screen(self) -> FloatArray:
-        """(m, 3) x mm, y mm of the touch event at each edge, not yet shifted, and 1 where the light came back."""
+        """(m, 3) x mm, y mm of the touch at each edge, not shifted by the latency; 1 where the light came back."""
         trace, edges = self.trace(), _joined(self.edges)
         if len(trace) < 2 or not len(edges):
             return np.empty((0, 3))
@@ -59,7 +59,7 @@ class LiveRun:
         return np.column_stack([x_mm, y_mm, edges[:, 1]])
 
     def speeds(self) -> FloatArray:
-        """(k, 2) time s and speed mm/s so far; computes only what is new."""
+        """(k, 2) time s, speed mm/s so far; computes only what is new."""
         trace, known = self.trace(), _joined(self.speed)
         from_s = known[-1, 0] if len(known) else -np.inf
         fresh = trace[trace[:, 0] > from_s - 4 * _HALF_S]

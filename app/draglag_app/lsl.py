@@ -1,7 +1,7 @@
-"""What is recorded, meanwhile also as streams of the Lab Streaming Layer (extra ``lsl``): touch, laser and markers.
+"""Recording also as streams of the Lab Streaming Layer (extra ``lsl``).
 
-Stamps are those of the file: the host's monotonic clock, which is liblsl's own on Linux, so that a LabRecorder on
-this computer needs no correction. A stream that cannot be fed costs a warning and never the recording.
+Stamps are the host's monotonic clock, as in the file: liblsl's own on Linux, so a LabRecorder here needs no correction.
+A failing stream costs a warning, never the recording.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class _Outlets:
 def lsl_listener(source: str, then: events.Listener) -> events.Listener:
     """A listener that feeds three streams, and hands every event on to ``then``.
 
-    Streams: "draglag touch" (x_mm, y_mm, contact_id), "draglag laser" (light) and "draglag markers" (texts: "begin
-    run-01 circle", "end run-01 complete"). ``source``: what a receiver knows them by after a restart.
+    Streams: "draglag touch" (x_mm, y_mm, contact_id), "draglag laser" (light), "draglag markers" ("begin run-01
+    circle", "end run-01 complete"). ``source``: identifies them to receivers after a restart.
 
     Raises DraglagError where pylsl or its library is missing.
     """

@@ -1,4 +1,4 @@
-"""One piece of work for each of many items, on this machine's cores or on a Dask cluster, both through joblib."""
+"""One piece of work for many items, on local cores or a Dask cluster, through joblib."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ A_CORE = 8  # items a core of the cluster between two reports of progress: at mo
 
 
 class Unavailable(DraglagError):
-    """There is no cluster where one is asked for."""
+    """The cluster asked for is not available."""
 
 
 def spread(
@@ -31,17 +31,17 @@ def spread(
     scheduler: str | None = None,
     modules: Sequence[Path] = (),
 ) -> Iterator[tuple[int, Result]]:
-    """Place and result of every item as they come, in no order.
+    """Place and result of every item, in order of completion.
 
-    Each worker computes on one thread: there are many small matrices, not a few large ones. Ctrl+C ends the workers.
+    Each worker uses one thread, as matrices are small. Ctrl+C ends the workers.
 
     Args:
-        work: a function of a module that workers can import; whatever it raises ends all of it.
-        jobs: processes; None for one a core, 1 for this process alone.
-        scheduler: address of a Dask scheduler, where the work is to be done instead.
-        modules: files to be uploaded to the cluster, in addition to the installed draglag.
+        work: a function that workers can import; an exception ends all work.
+        jobs: processes; None for one per core, 1 for this process alone.
+        scheduler: address of a Dask scheduler to use instead.
+        modules: files to upload to the cluster, in addition to the installed draglag.
 
-    Raises Unavailable where no scheduler answers or none of its workers is there, DraglagError without Dask.
+    Raises Unavailable where no scheduler answers or it has no workers, DraglagError without Dask.
     """
     if scheduler is not None:
         return _on_cluster(work, items, scheduler, modules)
@@ -66,7 +66,7 @@ def _on_cores(work: Callable[[Item], Result], items: Sequence[Item], jobs: int) 
 
 @contextmanager
 def _scratch() -> Iterator[None]:
-    """Temporary files of the workers go into a folder that ends with them: one that is killed cannot clear up."""
+    """A folder for the workers' temporary files, deleted at the end: a killed worker cannot clean up."""
     before = os.environ.get("TMPDIR")
     with tempfile.TemporaryDirectory(prefix="draglag-work-", ignore_cleanup_errors=True) as folder:
         os.environ["TMPDIR"] = folder
@@ -109,7 +109,6 @@ def _on_cluster(
 
 
 def _client(scheduler: str) -> Any:
-    """A connection to the scheduler, to be closed. Raises Unavailable."""
     import distributed
 
     try:

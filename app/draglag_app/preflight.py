@@ -1,4 +1,4 @@
-"""The pre-flight: is the whole rig ready to measure? One row a check, with what was measured and its limit."""
+"""Pre-flight: is the rig ready? One row per check, with measured value and limit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _STEP_S = 0.25
 
 @dataclass(frozen=True)
 class Check:
-    """One line of the pre-flight. ``limit`` and ``remedy`` are empty where there is none."""
+    """One row; ``limit`` and ``remedy`` may be empty."""
 
     name: str
     state: State
@@ -42,8 +42,6 @@ class Check:
 
 @dataclass
 class _Observed:
-    """What one source showed while it was watched."""
-
     info: SourceInfo
     touches_s: list[float] = field(default_factory=list)
     edges: int = 0
@@ -67,7 +65,7 @@ class _Observed:
 
 
 def ready(checks: list[Check]) -> bool:
-    """Whether one may measure: no check failed (warnings are for the operator to judge)."""
+    """Whether no check failed; warnings are for the operator to judge."""
     return all(check.state != "fault" for check in checks)
 
 
@@ -79,17 +77,15 @@ def preflight(
     folder: Path | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Iterator[Check]:
-    """Open all sources, watch them for a while together, close them.
+    """Checks from opening all sources and watching them together; faults are rows, never exceptions.
 
     Args:
         addresses: role → address.
-        screen: the panel under test, to compare the touchscreen's size with; None leaves that out.
+        screen: the panel, to compare the touchscreen's size with; None omits that.
         screen_name: of the simulated world.
-        watch_s: how long to watch; a longer time bounds the drift of clocks more closely.
+        watch_s: a longer time bounds the drift of clocks more closely.
         folder: where sessions will be saved.
-        on_progress: called with the share that is done.
-
-    Yields one Check after the other; faults are rows, never exceptions.
+        on_progress: called with the fraction done.
     """
     yield _disk(folder or Path.cwd())
     opened: dict[str, tuple[Source, _Observed]] = {}
@@ -155,7 +151,6 @@ def _disk(folder: Path) -> Check:
 def _watch(
     rig: Rig, opened: dict[str, tuple[Source, _Observed]], watch_s: float, on_progress: Callable[[float], None] | None
 ) -> dict[str, DraglagError]:
-    """Read all sources in turn; returns those that were lost for good."""
     clock, lost = rig.stage.time_base, dict[str, DraglagError]()
     start_s = clock.now()
     if rig.stage.players:

@@ -1,1 +1,1 @@
-"""Sources of timed samples: touch, laser and WALT, each real, simulated and replayed. No Qt."""
+"""Sources of timed samples: touch, laser and WALT, real, simulated or replayed."""

@@ -1,7 +1,5 @@
-"""Addresses of devices: one form everywhere, ``scheme:target?option=value&option=value``.
-
-The simulator is chosen by its address only, never because a real device or its driver is missing.
-"""
+"""Addresses of devices, ``scheme:target?option=value&…``. Only an address chooses the simulator, never a missing
+device."""
 
 from __future__ import annotations
 
@@ -41,7 +39,7 @@ DRIVERS = {"evdev": "draglag_devices.evdev_touch", "ethercat": "draglag_devices.
 
 @dataclass(frozen=True)
 class Address:
-    """A parsed address. ``target`` is the text between the scheme and the options."""
+    """A parsed address; ``target`` is the text between scheme and options."""
 
     text: str
     scheme: str
@@ -49,7 +47,7 @@ class Address:
     options: Mapping[str, str] = field(default_factory=dict)
 
     def number(self, name: str, default: float | None = None) -> float | None:
-        """The option as a number, or the default. Raises DeviceError where it is not one."""
+        """The option as a number, or the default. Raises DeviceError."""
         if name not in self.options:
             return default
         try:
@@ -62,7 +60,7 @@ class Address:
             ) from None
 
     def choice(self, name: str, known: tuple[str, ...], default: str) -> str:
-        """The option as one of the known words. Raises DeviceError on any other."""
+        """The option, one of the known words. Raises DeviceError."""
         value = self.options.get(name, default)
         if value not in known:
             raise DeviceError(
@@ -73,7 +71,7 @@ class Address:
         return value
 
     def only(self, *names: str) -> None:
-        """Refuse options that nobody reads (a typing slip must not pass silently). Raises DeviceError."""
+        """Raise DeviceError for any other option, such as a misspelt one."""
         for name in self.options:
             if name not in names:
                 known = ", ".join(names) if names else "none"
@@ -85,7 +83,7 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """Parse ``scheme:target?options``. Raises DeviceError that lists the known forms."""
+    """The parsed address. Raises DeviceError that lists the known forms."""
     text = text.strip()
     scheme, colon, rest = text.partition(":")
     if not colon or (scheme not in _SERVES and scheme not in other_drivers()):
@@ -134,5 +132,5 @@ def known_forms() -> tuple[str, ...]:
 
 
 def roles_of(scheme: str) -> tuple[str, ...]:
-    """The roles that addresses of a scheme can serve."""
+    """The roles that a scheme can serve."""
     return _SERVES[scheme] if scheme in _SERVES else tuple(other_drivers()[scheme].ROLES)

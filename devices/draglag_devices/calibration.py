@@ -1,4 +1,4 @@
-"""Calibrations of touchscreens as small files, and as mappings for the drivers."""
+"""Calibrations of touchscreens: files, and mappings for drivers."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _LARGEST = 2.0**32
 
 
 def as_mapping(fit: AffineFit) -> Mapping2D:
-    """The fit as the mapping the decoder applies."""
+    """The fit as the decoder's mapping."""
     return Mapping2D(*(float(value) for value in fit.matrix.ravel()))
 
 
 def save_calibration(fit: AffineFit, path: Path, device: str = "", made: TouchCalibration | None = None) -> None:
-    """Write a fit with its residuals, and the touches it was ``made`` from. Raises DataError.
+    """Write a fit, and the touches it was ``made`` from. Raises DataError.
 
     ``device``: name of the touchscreen; a file with a name serves no other.
     """
@@ -73,7 +73,7 @@ def load_calibration(path: Path) -> tuple[AffineFit, str]:
 
 
 def load_touches(path: Path) -> TouchCalibration:
-    """The same file as a session keeps it; without touches where it holds none. Raises DataError."""
+    """A saved calibration, without touches where the file has none. Raises DataError."""
     fit, device = load_calibration(path)
     content = _read(path)
     touches = content.get("touches", dict.fromkeys(_TOUCHES, ()))

@@ -1,4 +1,4 @@
-"""Mapping the stamps of a device clock to the host's while recording, from bounds seen so far."""
+"""Device stamps → host times while recording, from bounds so far."""
 
 from __future__ import annotations
 
@@ -13,11 +13,8 @@ _DRIFT_SIGMA = 1e-4
 
 
 class OnlineClockMap:
-    """A line through the last bounds of the present epoch, weighted by their widths.
-
-    The offset alone is used until bounds span some time: the drift has a prior of 0 ± 100 ppm. The file keeps
-    the device's stamps and all bounds, so an analysis can map them again with hindsight.
-    """
+    """A line through the last bounds of an epoch, weighted by width; prior of the drift 0 ± 100 ppm. The file keeps
+    stamps and bounds, so an analysis can map again with all."""
 
     def __init__(self, keep: int = 120) -> None:
         self._bounds: deque[tuple[float, float, float]] = deque(maxlen=keep)
@@ -25,7 +22,7 @@ class OnlineClockMap:
         self._line: tuple[float, float, float] | None = None  # reference device time, offset there, drift
 
     def add(self, bounds: ClockBounds) -> None:
-        """Take two-sided bounds in; a new epoch forgets the old ones."""
+        """Use two-sided bounds; a new epoch discards earlier ones."""
         for k in range(len(bounds.device_s)):
             epoch = int(bounds.epoch[k]) if len(bounds.epoch) else 0
             if epoch != self._epoch:

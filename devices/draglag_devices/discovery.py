@@ -1,4 +1,4 @@
-"""What is there to measure with: the simulator, and whatever the drivers of real devices find."""
+"""Devices present: the simulator, and what drivers find."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag_devices.addresses import DRIVERS, other_drivers
 
 @dataclass(frozen=True)
 class Found:
-    """One device. ``remedy`` says what to do when it is not ``usable`` (rights, cable, a program that holds it)."""
+    """One device; ``remedy`` if not ``usable`` (rights, cable, in use)."""
 
     address: str
     roles: tuple[str, ...]
@@ -25,21 +25,16 @@ class Found:
 
 @runtime_checkable
 class Discovers(Protocol):
-    """A driver's module that lists what is there; EtherCAT's also takes the interfaces to probe."""
+    """A driver's module that lists devices; EtherCAT's also takes interfaces to probe."""
 
     def discover(self, probe: Collection[str] = ()) -> list[Found]:
-        """The devices that are there, usable or with a remedy."""
+        """Devices present, usable or with a remedy."""
         ...
 
 
 def discover(probe: Collection[str] = ()) -> list[Found]:
-    """The simulator first, then what each driver's own ``discover()`` finds, also those of other packages.
-
-    Drivers that are not built find nothing.
-
-    ``probe``: network interfaces to ask for EtherCAT devices although others use them.
-    A driver's package may be missing on this machine: that is one entry, with the remedy.
-    """
+    """The simulator, then what every driver finds; a driver without its package is an entry with the remedy. ``probe``:
+    interfaces to ask for EtherCAT devices although in use."""
     found = [Found("sim:", ("touch", "laser", "walt"), message("simulated rig (any screen of the presets)"))]
     for scheme, module_name in DRIVERS.items():
         try:

@@ -1,4 +1,4 @@
-"""From an address to its source: simulator, recording, driver, or a driver of another package."""
+"""From an address to its source."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from draglag_devices.stage import Stage
 
 
 def open_source(address: str | Address, role: str, stage: Stage | None = None) -> Source:
-    """The source an address stands for; it is made here and claimed by its own ``open()``.
+    """The source at an address, not yet open.
 
     Args:
-        address: the address, as text or parsed.
         role: "touch" | "laser" | "walt".
         stage: what the sources of one session share; a new one if None.
 
     Raises:
-        DeviceError: unknown address, a role the scheme cannot serve, or a driver this version lacks.
+        DeviceError: unknown address, a role the scheme cannot serve, or a missing driver.
     """
     parsed = parse_address(address) if isinstance(address, str) else address
     if role not in ROLES:

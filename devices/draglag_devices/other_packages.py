@@ -1,4 +1,4 @@
-"""Device schemes that other packages bring: entry points of the group ``draglag.sources``."""
+"""Device schemes of other packages: entry points ``draglag.sources``."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ GROUP = "draglag.sources"
 
 
 class Driver(Protocol):
-    """The module of a scheme. It may also have ``discover()``, which lists what is there (``discovery.Found``)."""
+    """The module of a scheme, perhaps with ``discover()`` (``discovery.Found``)."""
 
     ROLES: tuple[str, ...]
-    """What its devices can be used as: "touch", "laser", "walt"."""
+    """Roles of its devices: "touch", "laser", "walt"."""
 
     FORM: str
-    """An address as people write it: ``scheme:TARGET?option=1``."""
+    """Form of an address: ``scheme:TARGET?option=1``."""
 
     def open_source(self, address: Address, role: str) -> Source:
         """The source at an address, not yet open. Raises DeviceError."""
@@ -31,11 +31,8 @@ class Driver(Protocol):
 
 
 def drivers_of_others(taken: Collection[str], roles: Collection[str]) -> dict[str, Driver]:
-    """Scheme → driver; one that cannot be used is left out with a warning.
-
-    Args:
-        taken: schemes of draglag itself. roles: that there are.
-    """
+    """Scheme → driver, without unusable ones, which are warned of. ``taken``: draglag's schemes; ``roles``: known
+    ones."""
     return _drivers(frozenset(taken), frozenset(roles))
 
 

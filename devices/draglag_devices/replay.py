@@ -40,10 +40,8 @@ _COLUMNS = {"touch": ("t_s", "x_mm", "y_mm"), "laser": ("t_s", "light")}
 
 
 class Tape:
-    """A recording that is played back run by run, moved to the time at which the target starts.
-
-    The run of the same id is played; else the next one that has not been played. Stamps keep their distances.
-    """
+    """A recording played run by run, shifted to the target's start: the run of that id, else the next one not
+    played."""
 
     def __init__(self, name: str, runs: tuple[Run, ...], taps: Taps | None = None) -> None:
         self.name = name
@@ -70,7 +68,7 @@ class Tape:
             self.timelines[role].add(clock=_with_upper_bound(moved))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
-        """Shocks as recorded; the contacts that belong to them as the kernel registered them."""
+        """Play shocks as recorded, and their contacts as the kernel registered them."""
         taps = self._taps
         if taps is None or len(taps.physical_s) == 0:
             return
@@ -93,7 +91,7 @@ class Tape:
 
 
 def _with_upper_bound(bounds: ClockBounds) -> ClockBounds:
-    """Only observations whose end is known have a time at which they can be given out."""
+    """Observations with an end: without one they have no time of release."""
     good = np.isfinite(bounds.host_max_s)
     epoch = bounds.epoch[good] if len(bounds.epoch) else bounds.epoch
     return replace(
@@ -106,7 +104,7 @@ def _with_upper_bound(bounds: ClockBounds) -> ClockBounds:
 
 
 def replay_source(stage: Stage, role: str, address: Address) -> TimelineSource:
-    """A source that plays a file. The file is read when the source is opened. Raises DeviceError."""
+    """A source that plays a file, read on opening. Raises DeviceError."""
     address.only(*OPTIONS)
     timeline = Timeline()
 
@@ -124,12 +122,12 @@ def replay_source(stage: Stage, role: str, address: Address) -> TimelineSource:
 
 
 def _shared(address: Address, role: str) -> str:
-    """A CSV file serves one role; a session or folder serves all of them from one tape."""
+    """A CSV file serves one role; others serve all from one tape."""
     return role if address.scheme == "csv" else "all"
 
 
 def load_tape(address: Address, role: str) -> Tape:
-    """Read what an address names. Raises DeviceError with the reader's own sentence."""
+    """The recording at an address. Raises DeviceError with the reader's sentence."""
     path = Path(address.target)
     if not os.path.exists(path):
         raise DeviceError(address.text, "there is no such file", "check the path")
@@ -202,7 +200,7 @@ def _csv_tape(path: Path, role: str) -> Tape:
 
 
 def read_csv(path: Path, columns: tuple[str, ...]) -> list[FloatArray]:
-    """Columns of a CSV file (plain or .gz) with a header, each (n,). Raises DataError naming file and line."""
+    """Columns, each (n,), of a CSV file with a header. Raises DataError naming file and line."""
     table = read_table(path, columns)
     wrong = ~np.isfinite(table).all(axis=1) | (np.abs(table[:, 0]) > TIME_S)
     wrong[1:] |= np.diff(table[:, 0], prepend=-np.inf)[1:] < 0

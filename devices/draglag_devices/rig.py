@@ -1,4 +1,4 @@
-"""From addresses to the sources of one session, on one clock."""
+"""From addresses to a session's sources, on one clock."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def make_rig(
 
     Args:
         addresses: role → address.
-        screen_name, seed: of the simulated world, unless an address says otherwise (``sim:?seed=3``).
-        fast: as fast as the computer allows instead of real time; None leaves it to ``?speed=`` (default real).
+        screen_name, seed: of the simulated world, unless an address gives them (``sim:?seed=3``).
+        fast: instead of real time; None leaves it to ``?speed=`` (default real).
 
     Raises:
         DeviceError: an address is wrong, addresses contradict each other, or a real device cannot run fast.
@@ -50,7 +50,7 @@ def make_rig(
 
 
 def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
-    """Whether the sources run faster than time. Raises DeviceError where they differ in that or cannot."""
+    """Whether sources run faster than time. Raises DeviceError where they differ or cannot."""
     speeds = {
         role: address.choice("speed", ("real", "fast"), "fast" if fast else "real")
         for role, address in parsed.items()
@@ -69,17 +69,15 @@ def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
 
 
 def give_panel(sources: Iterable[Source], screen: Screen) -> None:
-    """Give the panel's size to sources that accept it; before they are opened."""
+    """Give the panel's size to sources that accept it, before they are opened."""
     for source in sources:
         if isinstance(source, AcceptsPanel):
             source.use_panel(screen.width_mm, screen.height_mm)
 
 
 def give_calibration(rig: Rig, mapping: Mapping2D, device: str, rms_mm: float) -> bool:
-    """Whether a source accepted the mapping of its units to mm; before it is opened.
-
-    ``device``: name of the touchscreen that was calibrated; another one refuses when it is opened.
-    """
+    """Whether a source accepted the mapping to mm; before it is opened. Touchscreens of another name than ``device``
+    refuse to open."""
     accepting = [source for source in rig.sources if isinstance(source, AcceptsCalibration)]
     for source in accepting:
         source.use_calibration(mapping, device, rms_mm)

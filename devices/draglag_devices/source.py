@@ -1,4 +1,4 @@
-"""The one small protocol every device speaks: open, read, close."""
+"""The protocol of every device: open, read, close."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag.touch_events.frames import Mapping2D
 
 
 class DeviceError(DraglagError):
-    """A device cannot be used. Names the source (its address), the problem and the remedy."""
+    """A device cannot be used: source (its address), problem and remedy."""
 
     def __init__(self, source: str, problem: str, remedy: str = "") -> None:
         self.source = source
@@ -25,10 +25,7 @@ class DeviceError(DraglagError):
 
 @dataclass(frozen=True)
 class Notice:
-    """Something the operator should read and the file should keep: loss, restart, unplugging, return.
-
-    ``state``: "lost" and "back" where the device went or came back, else empty.
-    """
+    """For operator and file: a loss, restart, unplugging, return. ``state``: "lost", "back" or empty."""
 
     t_s: float
     level: str  # "info" | "warning" | "error"
@@ -38,7 +35,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class SourceInfo:
-    """What a source is, known once it is open."""
+    """Description of an open source."""
 
     address: str
     role: str  # "touch" | "laser" | "walt"
@@ -50,11 +47,11 @@ class SourceInfo:
 
 @dataclass(frozen=True)
 class ContactChanges:
-    """When the kernel reported that a contact began or ended.
+    """Beginnings and ends of contacts by the kernel.
 
     Attributes:
         t_s: (n,) kernel stamp.
-        contact_id: (n,) the kernel's tracking id.
+        contact_id: (n,) tracking id.
         down: (n,) 1 = began, 0 = ended.
     """
 
@@ -65,11 +62,10 @@ class ContactChanges:
 
 @dataclass(frozen=True)
 class Batch:
-    """What one read returned. ``until_s``: all that happened before this host time has been reported.
+    """Result of one read; complete up to the host time ``until_s``.
 
-    A source fills only the fields of its role; ``None`` means nothing came. ``alive`` is False while the
-    device is lost and being recovered (a notice says why). A WALT reports shocks as taps whose
-    ``registered_s`` is NaN; the session pairs them with the touch source's ``contacts``.
+    Fields without news are None. ``alive`` is False while a lost device is being recovered (a notice says why). A WALT
+    reports shocks as taps with ``registered_s`` NaN, which the session pairs with ``contacts``.
     """
 
     until_s: float
@@ -83,7 +79,7 @@ class Batch:
 
 
 class Source(Protocol):
-    """A device that can be opened, read from one thread, and closed (twice without harm)."""
+    """A device: opened, read from one thread, and closed (twice without harm)."""
 
     address: str
     role: str
@@ -93,7 +89,7 @@ class Source(Protocol):
         ...
 
     def read(self, timeout_s: float) -> Batch:
-        """Wait at most ``timeout_s`` for samples. Raises DeviceError when the device is lost for good."""
+        """Samples, after waiting at most ``timeout_s``. Raises DeviceError when the device is lost for good."""
         ...
 
     def close(self) -> None:
@@ -103,46 +99,43 @@ class Source(Protocol):
 
 @runtime_checkable
 class Paced(Protocol):
-    """A source that says whether its time is real; without it, it is."""
+    """A source whose time may not be real; without this, it is."""
 
     realtime: bool
-    """False where a reader may wait for whoever takes its samples (simulation, replay)."""
+    """False where a reader may wait until samples are used (simulation, replay)."""
 
 
 @runtime_checkable
 class AcceptsPanel(Protocol):
-    """A touchscreen that takes the panel's size: one that reports no units per mm has no other way to know it."""
+    """A touchscreen that uses the panel's size where it reports no units per mm."""
 
     def use_panel(self, width_mm: float, height_mm: float) -> None:
-        """The size of the panel under test; before ``open``."""
+        """Take the size of the panel under test; before ``open``."""
         ...
 
 
 @runtime_checkable
 class AcceptsCalibration(Protocol):
-    """A touchscreen whose units are mapped to mm by a calibration."""
+    """A touchscreen whose units a calibration maps to mm."""
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """The mapping, the name of the calibrated touchscreen, and the fit's residual; before ``open``."""
+        """Take the mapping, the calibrated touchscreen's name, and the fit's residual; before ``open``."""
         ...
 
 
 @runtime_checkable
 class Concludes(Protocol):
-    """A source that has something left to say when nobody will read it any more."""
+    """A source with notices left when reading ends."""
 
     def final_notices(self) -> tuple[Notice, ...]:
-        """What has not been said yet; called once between the last ``read`` and ``close``, from the reading thread."""
+        """Unreported notices; called once between the last ``read`` and ``close``, from the reading thread."""
         ...
 
 
 @runtime_checkable
 class Synchronises(Protocol):
-    """A source that can compare its clock with the host's in full when it is asked to, before and after a block."""
+    """A source that can compare its clock with the host's in full, before and after a block."""
 
     def synchronise(self) -> threading.Event:
-        """Compare in the next ``read``, whatever else is going on; from any thread.
-
-        Returns an event that is set when that has been tried, just before the read returns the comparisons.
-        """
+        """An event, set just before the next ``read`` returns its comparison, if any. From any thread."""
         ...

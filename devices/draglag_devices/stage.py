@@ -1,4 +1,4 @@
-"""What the sources of one session share: its clock, and whoever acts when a target moves (simulated or taped)."""
+"""What a session's sources share: clock, and players (simulation or tape) that follow its targets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from draglag_devices.timeline import Timeline
 
 
 class Player(Protocol):
-    """Somebody who acts out what the display shows: the simulated hand, or a tape. People need no telling."""
+    """Acts out what the display shows: the simulated hand, or a tape."""
 
     timelines: dict[str, Timeline]
 
@@ -30,13 +30,13 @@ class Player(Protocol):
         ...
 
     def stop(self) -> None:
-        """The target is gone: what was not given out yet never happens."""
+        """The target is gone: drop what was not given out yet."""
         ...
 
 
 @runtime_checkable
 class TouchesTargets(Protocol):
-    """A player that touches the targets of a calibration; recordings cannot."""
+    """A player that touches calibration targets; recordings cannot."""
 
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
         """Touch the target at (x_mm, y_mm) from ``start_s`` on."""
@@ -45,9 +45,9 @@ class TouchesTargets(Protocol):
 
 @dataclass
 class Stage:
-    """Shared by the sources of one session and passed to whoever makes them; there is no global one.
+    """Shared by the sources of one session; not global.
 
-    ``players``: by a key such as "sim" or the path of a tape, so that touch and laser of one tape stay together.
+    ``players``: by a key such as "sim" or a tape's path, so that touch and laser of a tape stay together.
     """
 
     time_base: TimeBase = field(default_factory=HostTime)
@@ -70,7 +70,7 @@ class Stage:
             player.begin_taps(tap, start_s)
 
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
-        """A target to calibrate with is shown; a simulated hand touches it from ``start_s`` on. Tapes cannot."""
+        """Have players that can touch the calibration target, from ``start_s`` on."""
         for player in self.players.values():
             if isinstance(player, TouchesTargets):
                 player.begin_touch(x_mm, y_mm, start_s)
@@ -81,7 +81,7 @@ class Stage:
 
 
 def contact_changes(touch: TouchTrace, lift_after_s: float) -> ContactChanges:
-    """Beginnings and ends of the contacts of a trace; an end is reported ``lift_after_s`` after the last event."""
+    """Beginnings and ends of contacts; an end is reported ``lift_after_s`` after the last event."""
     n = len(touch.t_s)
     if n == 0:
         return ContactChanges(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))

@@ -1,4 +1,4 @@
-"""The clock a session runs on: the host's own, or a stepped one that runs as fast as the computer allows."""
+"""A session's clock: the host's, or one stepped as fast as possible."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 
 
 class TimeBase(Protocol):
-    """Seconds that everybody in one session agrees on."""
+    """The time of one session, s."""
 
     realtime: bool
 
@@ -17,11 +17,11 @@ class TimeBase(Protocol):
         ...
 
     def advance_to(self, t_s: float) -> None:
-        """Let time run up to ``t_s`` (a stepped clock moves there at once; the host's does as it likes)."""
+        """Move a stepped clock to ``t_s`` at once; no effect on the host's."""
         ...
 
     def wait_past(self, t_s: float, timeout_s: float) -> float:
-        """Return ``now()`` once it is later than ``t_s``, at the latest after ``timeout_s`` of real time."""
+        """``now()`` once later than ``t_s``, or after ``timeout_s`` of real time."""
         ...
 
 
@@ -44,7 +44,7 @@ class HostTime:
 
 
 class SteppedTime:
-    """A simulated clock: time stands still until the session advances it, then has already passed."""
+    """A simulated clock: it stands still until the session advances it."""
 
     realtime = False
 

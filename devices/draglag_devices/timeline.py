@@ -1,4 +1,4 @@
-"""Samples known ahead (simulated or recorded), given out as their time comes."""
+"""Samples known ahead (simulated or recorded), released at their time."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sample_times(
 
 
 def part(samples: _Samples, first: int, last: int) -> _Samples:
-    """Samples ``first``..``last`` of a trace; counts and gaps are left with the first part."""
+    """Samples ``first``..``last`` of a trace; counts and gaps stay with the first part."""
     n = len(sample_times(samples))
     changed: dict[str, Any] = {}
     for spec in fields(samples):
@@ -52,7 +52,7 @@ def part(samples: _Samples, first: int, last: int) -> _Samples:
 
 @dataclass
 class _Lane:
-    """Samples of one kind in order of time, and how far they have been given out."""
+    """Samples of one kind by time, and how many were released."""
 
     pending: list[Any] = field(default_factory=list)
 
@@ -86,7 +86,7 @@ def _join(parts: list[Any]) -> Any:
 
 
 class Timeline:
-    """What one source will report, added ahead by a simulated world or a tape. Thread-safe."""
+    """Future samples of one source. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -104,7 +104,7 @@ class Timeline:
         contacts: ContactChanges | None = None,
         notices: tuple[Notice, ...] = (),
     ) -> None:
-        """Append samples; each kind must come in order of time."""
+        """Append samples; each kind in order of time."""
         with self._lock:
             for name, samples in (
                 ("touch", touch), ("laser", laser), ("taps", taps), ("clock", clock), ("contacts", contacts)
@@ -114,14 +114,14 @@ class Timeline:
             self._notices.extend(notices)
 
     def cut(self) -> None:
-        """Forget what has not been given out (the hand stopped: the run was aborted)."""
+        """Drop what has not been released: the run was aborted."""
         with self._lock:
             for lane in self._lanes.values():
                 lane.pending.clear()
             self._notices.clear()
 
     def take(self, until_s: float) -> Batch:
-        """Everything stamped up to ``until_s`` that has not been given out yet."""
+        """Samples stamped up to ``until_s`` and not yet released."""
         with self._lock:
             self.given_until_s = max(self.given_until_s, until_s)
             due = tuple(notice for notice in self._notices if notice.t_s <= until_s)
@@ -133,9 +133,8 @@ class Timeline:
 class TimelineSource:
     """A source that reads a timeline on a session's clock.
 
-    Edges whose device stamps are given are mapped to the host through the bounds delivered so far, as a real
-    driver does; edges without device stamps keep the times they have. ``device_clock`` stamps the shocks of a
-    WALT, whose taps have no place for device stamps.
+    Edges with device stamps are mapped through the bounds delivered so far, as by a real driver; others keep their
+    times. ``device_clock`` stamps a WALT's shocks: taps hold no device stamps.
     """
 
     def __init__(

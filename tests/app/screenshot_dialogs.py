@@ -1,4 +1,4 @@
-"""Pictures of what asks, and of the window while something is under way or wrong, in both themes."""
+"""Pictures of dialogs, and of the window at work or in trouble, in both themes."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _asked(ask: Callable[[], object], path: Path, shoot: Shoot) -> None:
 
 
 def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:
-    """A rig without a WALT and with a broken touchscreen, a run to leave out, what a crash left, the way out."""
+    """A rig without a WALT and with a broken touchscreen, a run to exclude, a crash's leftovers, leaving."""
     whole = window.space.settings.rig
     window.space.change_settings(rig=whole.model_copy(update={"walt": ""}))
     window.header.set_light("touch", "fault", in_words(TOUCH.message))
@@ -76,7 +76,7 @@ def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> No
 
 
 def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:
-    """What the strip below reports: a device that is lost, a panel that was turned, a disk that is full."""
+    """Notices: a lost device, a turned panel, a full disk."""
     bridge = window.space.bridge
     window.go("record")
     bridge.device_fault.emit(events.DeviceFault("touch", TOUCH.source, TOUCH.problem, TOUCH.remedy))

@@ -1,6 +1,6 @@
-"""A recording that lasts: field bus at 1 kHz and touch at 120 Hz, and nothing of either is lost.
+"""A long recording loses nothing: field bus at 1 kHz and touch at 120 Hz.
 
-Only where DRAGLAG_ENDURANCE_S says how long (600 before a release); it then takes that long and a little more.
+Only with DRAGLAG_ENDURANCE_S (600 before a release), which is its duration.
 """
 
 import json

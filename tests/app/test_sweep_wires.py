@@ -1,10 +1,8 @@
-"""A latency sweep over all three emulated instruments at once, against the same sweep in process (``sim:``).
+"""A latency sweep over all three emulated instruments, compared with the same sweep in process (``sim:``).
 
-The recording leads: it says when each target will move, well ahead, and the world's hand follows it. What the hand
-does reaches the touchscreen (umockdev), the laser on the field bus (veth) and the WALT (pty) with its stamps laid down
-beforehand, so that the load of the machine changes nothing. The same seed gives the same hand and the same noise in
-process: what is left between the two is the resolution of the panel and what the clocks leave open.
-``pytest -s`` shows the tables.
+The recording announces each target; the world's hand follows it, and reaches the touchscreen (umockdev), the laser on
+the field bus (veth) and the WALT (pty) with stamps set beforehand, so that load changes nothing. With the same seed,
+panel resolution and clock uncertainty are the only differences. ``pytest -s`` shows the tables.
 """
 
 from __future__ import annotations
@@ -77,8 +75,7 @@ OF_INTERVAL = 0.3
 class Sweep:
     """The session over the wires, the world that moved them, and the session of the same seed in process.
 
-    ``shocks_s``: of the taps; ``unfelt_s``: those that the WALT could not keep, because nobody had asked for the one
-    before.
+    ``shocks_s``: of the taps; ``unfelt_s``: those the WALT could not keep, as nobody had asked for the one before.
     """
 
     wires: Session
@@ -106,8 +103,8 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
 
 
 def over_wires(folder: Path) -> tuple[World, np.ndarray]:
-    """Record the protocol in ``folder`` into ``sweep.h5`` there. Returns the world that moved the instruments, and the
-    shocks that the WALT could not keep, s."""
+    """The world that moved the instruments, and shocks the WALT could not keep, s; the recording is ``sweep.h5`` in
+    ``folder``."""
     world = World(seed=SEED, start_s=time.monotonic())
     screen = world.rig.screen
     coming = list(expand(load_protocol(folder / "sweep.toml"), screen, beam=world.rig.beam))
@@ -249,10 +246,10 @@ def test_taps_have_the_latency_of_the_same_taps_in_process(sweep: Sweep) -> None
 
 
 def walt_away_s(session: Session) -> list[tuple[float, float]]:
-    """From when to when the WALT was not heard, by the session's notes.
+    """From when to when the WALT was away, by the session's notes.
 
-    An emulated WALT stands still with its process. Its answers, and the shocks in them, then come to a port that has
-    been given up, and what it felt up to its return has stamps of another clock.
+    An emulated WALT stops with its process: its answers then reach a port given up, and later shocks have another
+    clock's stamps.
     """
     walt = [note for note in session.notes if note.source == "walt"]
     gone_s = [note.t_s for note in walt if "is gone" in note.text]

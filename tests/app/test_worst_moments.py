@@ -1,7 +1,6 @@
-"""Devices that fail at the worst moments: the session goes on, and each run says what it lacks.
+"""Devices that fail at the worst moments: the session goes on, and each run reports what it lacks.
 
-The instruments are simulated, so that every fault meets every moment; the drivers' own part is tried on emulated
-instruments (``tests/devices``).
+Simulated instruments, so that every fault meets every moment; ``tests/devices`` tests the drivers.
 """
 
 from __future__ import annotations

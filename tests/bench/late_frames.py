@@ -99,9 +99,9 @@ def _opened(path: str) -> int | None:
 
 
 class LateFrames:
-    """Notes what the program's threads do, and how long the window's thread waited for a core.
+    """Records the threads' work, and how long the window's thread waited for a core.
 
-    To be made before the application's windows; ``listen`` once there is an application.
+    Create before the application's windows; ``listen`` once there is an application.
     """
 
     def __init__(self) -> None:

@@ -1,8 +1,8 @@
-"""The public timer's way to a drag latency, in lean numpy: the peer the efficient estimator is timed against.
+"""The public timer's estimate of a drag latency, in lean numpy: the efficient estimator's competitor in speed.
 
-For each side of the beam, chosen by counting edges, it minimises the residual of a straight line through touch
-positions interpolated at laser time + S: 0 to 200 ms in steps of 1 ms, then ±3 ms in steps of 0.02 ms. The two sides'
-minima are averaged. The line is fitted in closed form, on positions about their means.
+For each side of the beam, found by counting edges, it minimises the residual of a line through touch positions
+interpolated at laser time + S: 0 to 200 ms in steps of 1 ms, then ±3 ms in steps of 0.02 ms, and averages the two
+minima. The line is fitted in closed form, on positions about their means.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""The operator's station under load, printed: ``./run bench window [SECONDS]`` (default 60).
+"""The operator's station under load: ``./run bench window [SECONDS]`` (default 60).
 
-One circle is recorded from the simulated rig in real time, its digitiser at 1 kHz, with the participant's window and
-the Record page in sight. Run it under Xvfb (``xvfb-run -s "-screen 0 1920x1080x24"``) for a window system that costs
-something; ``QT_QPA_PLATFORM=offscreen`` measures drawing alone. Before every late frame of the target stands what the
-program did, and beside them what a process misses that does nothing else.
-This watching takes about 1.3 % of a core by itself, which the figure of the whole process holds.
+Records one circle from the simulated rig in real time, digitiser at 1 kHz, participant's window and Record page in
+sight. Use Xvfb (``xvfb-run -s "-screen 0 1920x1080x24"``) for a window system with costs; ``QT_QPA_PLATFORM=offscreen``
+measures drawing alone. Prints what preceded each late frame, and what an idle process misses. The measurement itself
+takes about 1.3 % of a core, included in the process's figure.
 """
 
 from __future__ import annotations

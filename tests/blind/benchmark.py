@@ -32,14 +32,13 @@ def run_benchmark(
     keep: Path | None = None,
     engine: str | None = None,
 ) -> dict[str, Any]:
-    """Run the benchmark and return its figures; with `out`, write blind.json, a figure of each world and
-    reliability.png there.
+    """The figures of the benchmark; with `out`, also blind.json, a figure per world and reliability.png there.
 
-    world: plain, realistic or both. keep: folder whose sessions stay and are used again by the next run, with their
-    truth. engine: "module:function" that is handed a folder and returns a gap report, instead of this checkout's.
-    Ctrl+C ends it with the sessions that are done: fewer ("sessions") than asked for ("asked").
+    world: plain, realistic or both. keep: folder for sessions and truth, which are used again. engine:
+    "module:function" that takes a folder and returns a gap report, instead of this checkout's. Ctrl+C ends with the
+    sessions done: fewer ("sessions") than requested ("asked").
 
-    Raises DraglagError when there is no cluster where one is asked for, no workflow to judge, or nothing to do.
+    Raises DraglagError: no cluster where one is requested, no workflow to judge, or nothing to do.
     """
     chosen = choose(world, sessions, quick, seed, only)
     if not chosen:

@@ -85,7 +85,7 @@ def _drawn(rng: np.random.Generator, count: int) -> tuple[str, ...]:
 
 
 def tasks(sessions: int, seed: int, only: tuple[str, ...] = (), scales: tuple[float, ...] = SCALES) -> list[Task]:
-    """The whole benchmark, `sessions` a row, more of `none`, pairs and triples, which are drawn anew each time."""
+    """The whole benchmark: `sessions` per row, more of `none`, and of randomly drawn pairs and triples."""
     out: list[Task] = []
 
     def add(kind: str, row: str, names: tuple[str, ...] | int, scale: float, n: int, less: bool = False) -> None:
@@ -125,7 +125,7 @@ def _other_laws(sessions: int, seed: int, only: tuple[str, ...]) -> list[Task]:
 
 
 def quick_tasks(seed: int) -> list[Task]:
-    """About forty sessions that touch every kind, without the floors' second runs: for a few minutes on two cores."""
+    """About forty sessions of every kind, without the floors' second runs: some minutes on two cores."""
     rng = stream(seed, "quick")
     out = [Task("none", "none", 1.0, int(rng.integers(2**31)), floor=False) for _ in range(10)]
     singles = [name for name in LIBRARY if name not in UNIDENTIFIABLE]

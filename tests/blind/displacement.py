@@ -1,7 +1,7 @@
-"""By how many mm each hidden effect moves the edges, and how much of that no law of the speed and no beam takes up.
+"""How far, in mm, each hidden effect moves the edges, and how much of that no law and no beam absorbs.
 
-The session is made again without noise, rounding and missed passes, with the effect and without; the true law of the
-twin aligns both, and the difference of the edges' residuals is what the effect does.
+The session without noise, rounding and missed passes is made with and without the effect. The twin's true law aligns
+both; the difference of edge residuals is the effect's.
 """
 
 from dataclasses import dataclass, replace
@@ -18,8 +18,8 @@ FARTHEST_MM = 20.0  # an edge next to a hole in the trace says nothing of the ef
 
 @dataclass(frozen=True)
 class Displacement:
-    """RMS over all edges: of what the effect moves (`rms_mm`), and of what is left of it behind Eq. 5 and a straight
-    beam (`gap_mm`). `taps_show`: taps and curve part by what the law takes up."""
+    """RMS over all edges of the effect's displacement (`rms_mm`), and of its part beyond Eq. 5 and a straight beam
+    (`gap_mm`). `taps_show`: taps and curve differ by what the law absorbs."""
 
     rms_mm: float
     gap_mm: float

@@ -16,13 +16,12 @@ from .physics.effects import EFFECTS, REAL_LIBRARY
 class Outcome:
     """The verdict on one session.
 
-    `right` answers the kind's own question: nothing reported (none), the right name first (single, faint), that or
-    nothing (below), all names (pair, triple), `unexplained` or a name that says the same (left_out, unknown).
-    `answer` is what was said: right name, wrong name, unexplained, quiet or refused; `fair` says whether it is a good
-    one, which quiet is too where nothing hidden makes a gap of interest. `probability` is the stated one of the first
-    name, where the report states one. `named` are the library's ids in the order found; `spurious` those
-    of them that nothing hidden accounts for. `size`, of the least visible effect, counts just-detectable sizes, in the
-    realistic world sizes of interest; None where the streams show it.
+    `right`: nothing reported (none), the right name first (single, faint), that or nothing (below), all names (pair,
+    triple), `unexplained` or an equivalent name (left_out, unknown). `answer`: right name, wrong name, unexplained,
+    quiet or refused; `fair`: whether it is a good one, including quiet where nothing hidden makes a gap of interest.
+    `probability`: stated for the first name, if any. `named`: the library's ids in the order found; `spurious`: those
+    that nothing hidden accounts for. `size`: of the least visible effect, in just-detectable sizes, in the realistic
+    world in sizes of interest; None where the streams show it.
     """
 
     kind: str
@@ -52,7 +51,7 @@ class Outcome:
 
 
 def run_task(task: Task, keep: Path | None = None, engine: str | None = None) -> Outcome:
-    """Make the session (or find it in `keep`), run the workflow, or `engine`, on the folder alone, judge."""
+    """Make the session (or find it in `keep`), run the workflow or `engine` on the folder alone, judge."""
     with tempfile.TemporaryDirectory(prefix="draglag-blind-") as name:
         scratch = Path(name)
         made = kept_or_made(task, scratch, keep)
@@ -115,7 +114,7 @@ def _right(
 
 
 def _is(step: dict[str, Any], name: str, taps_before: bool) -> bool:
-    """The step's name is right, or the step says itself that it cannot be told from `name`, and that is so."""
+    """Whether the step's name is right, or the step truly says that it is indistinguishable from `name`."""
     if step["effect"] == name:
         return True
     return name in step.get("indistinguishable_from", ()) and step["effect"] in alike(name, taps_before)

@@ -1,4 +1,4 @@
-"""What is known of a session that is judged: its truth as plain data, so that any engine's report can be scored."""
+"""The truth of a session as plain data, to score any engine's report."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -11,7 +11,7 @@ from .physics.session import Truth
 
 @dataclass(frozen=True)
 class Known:
-    """The truth that a judgement needs. `size` of the least visible effect: in just-detectable sizes (plain world) or
+    """The truth that a judgement needs. `size`: of the least visible effect, in just-detectable sizes (plain world) or
     sizes of interest (realistic world); None where the streams show it. `together`: all effects at once."""
 
     effects: dict[str, float]

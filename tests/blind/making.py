@@ -62,9 +62,9 @@ def _profile(task: Task) -> Profile:
 def _realistic_size(
     task: Task, profile: Profile
 ) -> tuple[dict[str, float], dict[str, Displacement], Displacement | None]:
-    """Effects of a task at sizes that matter, or do not where that is asked for, and what they move.
+    """Effects of a task at sizes that matter, or deliberately do not, and what they move.
 
-    What cannot matter (a law takes it up at any size that occurs) stays as drawn.
+    What cannot matter (a law absorbs it at any realistic size) stays as drawn.
     """
     effects = dict(task.effects)
     displaced, together = displacements(task.seed, effects, profile)

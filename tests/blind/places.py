@@ -16,11 +16,8 @@ from .judge import Outcome, run_task
 def run_all(
     tasks: list[Task], jobs: int, scheduler: str | None = None, keep: Path | None = None, engine: str | None = None
 ) -> Iterator[Outcome]:
-    """Outcomes as they come, in no order.
-
-    keep: folder of sessions that stay, and are used again; engine: what is judged instead of this checkout's workflow.
-    Ctrl+C ends the workers at once.
-    """
+    """Outcomes in order of completion. keep: folder of sessions, reused; engine: judged instead of this checkout's
+    workflow. Ctrl+C ends the workers at once."""
     _package_on_path()
     work = partial(run_task, keep=keep, engine=engine)
     with tempfile.TemporaryDirectory() as folder:

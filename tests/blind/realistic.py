@@ -69,9 +69,9 @@ def _sizes(kind: str, row: str, seed: int) -> dict[str, float]:
 
 
 def refitted(task: Task, gap_mm: float) -> dict[str, float] | None:
-    """Sizes at which what is to matter does, and what is not to does not; None where they are well as drawn.
+    """Sizes at which effects matter, or do not, as intended; None where they are well as drawn.
 
-    gap_mm: the gap that the one effect makes at the size drawn. Effects of the plain world stay as they are drawn.
+    gap_mm: the gap of one effect at the size drawn. Effects of the plain world stay as drawn.
     """
     if len(task.effects) != 1 or gap_mm <= 0:
         return None

@@ -13,8 +13,8 @@ LIMITS = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
 def reliability(outcomes: Iterable[Outcome]) -> dict[str, Any]:
     """Bins of the stated probability with count, mean stated, share right and its binomial interval.
 
-    `named`: sessions with a name; `stated`: those of them whose report states how probable it is. `brier`: mean square
-    of stated minus right (0 or 1), None where nothing is stated.
+    `named`: sessions with a name; `stated`: those with its probability. `brier`: mean square of stated minus right (0
+    or 1), None without any stated.
     """
     named = [o for o in outcomes if o.answer in ("right name", "wrong name")]
     points = [(o.probability, o.answer == "right name") for o in named if o.probability is not None]

@@ -1,10 +1,9 @@
-"""How clearly an effect shows in one session, known truth in hand: python -m tests.blind.visibility prints the table.
+"""How clearly an effect shows in one session of known truth: python -m tests.blind.visibility prints the table.
 
-The same session is made with and without the effect. The true law aligns both; the difference of the edges' residuals
-is what the effect does. What a new set of Eq. 5's parameters and beam could absorb is projected out under the noise
-the twin shows, with the latency and offset each run has of its own. What is left, in standard deviations, is d: an
-effect of one known shape is found with probability Φ(d − 4) when a joint test over a few hundred shapes at 1 % asks for
-about four. `JUST_DETECTABLE` is d = 5 (84 %).
+The session is made with and without the effect; the true law aligns both, and the difference of edge residuals is the
+effect's. What Eq. 5's parameters and a beam could absorb is projected out under the twin's noise, with latency and
+offset free for each run. The rest, in standard deviations, is d: an effect of known shape is found with probability Φ(d
+− 4) if a joint test over some hundred shapes at 1 % needs about four. `JUST_DETECTABLE` is d = 5 (84 %).
 """
 
 import argparse

@@ -23,9 +23,9 @@ def missing() -> str | None:
 def close(
     folder: Path, excluded: tuple[str, ...] = (), max_effects: int | None = None, engine: str | None = None
 ) -> dict[str, Any]:
-    """Gap report of one exchange folder as plain data, and the `seconds` it took; `excluded` leave the library.
+    """Gap report of one exchange folder as plain data, with `seconds`; `excluded` leave the library.
 
-    engine: "module:function" of another one, which is handed the folder and returns such a report.
+    engine: "module:function" of another one, from a folder to such a report.
     """
     begin = time.perf_counter()
     report = _other(engine, folder) if engine else _own(folder, excluded, max_effects)

@@ -239,8 +239,8 @@ def test_a_model_file_whose_effects_no_rig_has_is_refused(
 def test_a_model_s_law_is_the_panel_s_and_comes_back_when_simulated(
     effect: str | None, parameter: str, size: float
 ) -> None:
-    """What the clock is blamed for is not the law's; taps go with the law. Taps of a sound rig lie within 0.9 ms (one
-    standard deviation) of an asymptote that is known to some 0.5 ms."""
+    """The clock's offset is not the law's; taps go with the law. Taps of a sound rig lie within 0.9 ms (one standard
+    deviation) of an asymptote known to some 0.5 ms."""
     effects = [] if effect is None else [parse_effect(f"{effect}={size}")]
     session = simulate_session("screen-1", load_protocol("demo"), effects=effects, seed=4)
     model = extended_model(session, close_gap(session, candidates=["clock_offset"]))

@@ -33,7 +33,7 @@ def simulated(*effects: str, seed: int = 5) -> Session:
 
 @lru_cache
 def report_of(effect: str) -> GapReport:
-    """The report of ``simulated`` with one effect: what is named, and what it could be as well, are of the same one."""
+    """The report of ``simulated`` with one effect, the same one for all tests."""
     return close_gap(simulated(effect))
 
 
@@ -49,8 +49,8 @@ def test_a_sound_session_has_no_gap() -> None:
 
 @pytest.mark.parametrize(("screen", "seed"), [("screen-1", 2), ("screen-2", 5), ("screen-2", 7)])
 def test_noise_of_positions_is_no_gap(screen: str, seed: int) -> None:
-    """Whole demo sessions: the noise of a fitted position and of the fitted acceleration there are correlated, and a
-    column of the latter once took position noise for a latency by direction."""
+    """Whole demo sessions: noise of fitted positions and accelerations is correlated there, and a column of the latter
+    once took position noise for a latency by direction."""
     assert close_gap(simulate_session(screen, load_protocol("demo"), seed=seed)).verdict == "no_gap"
 
 
@@ -114,8 +114,8 @@ def test_an_effect_of_the_acceleration_is_sized_although_it_warps_the_trace_it_i
 
 @pytest.mark.parametrize("seed", [19, 30])
 def test_a_bend_s_interval_holds_what_the_runs_leave_open(seed: int) -> None:
-    """Circles cover a part of the panel: a wide wave and a narrow one bend that part alike. So does a curved beam, from
-    which a second beam position would distinguish it."""
+    """Circles cover a part of the panel, which a wide wave, a narrow one and a curved beam bend alike; a second beam
+    position would distinguish the last."""
     straight_beam = set(EFFECTS) - {"beam_bow"}
     (step,) = close_gap(simulated("spatial_warp=0.6", seed=seed), candidates=straight_beam).steps
     assert step.effect == "spatial_warp"
@@ -257,8 +257,8 @@ def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_away_from_swi
 def test_a_curve_of_another_shape_is_left_unexplained(
     bump_s: float, at_mm_s: float, width_mm_s: float, seed: int
 ) -> None:
-    """A bump about one speed leaves runs at either side of Eq. 5, no more than twice as far as panels' runs may lie.
-    Nor is it a second filter: one at that speed would leave its run between both filters, and not later than either."""
+    """A bump about one speed leaves runs at either side of Eq. 5, at most twice as far as panels' runs may lie. Nor is
+    it a second filter: that would leave its run between both filters, not later than either."""
     session = simulated(seed=seed)
 
     def bumped(run: Run) -> Run:

@@ -101,7 +101,7 @@ def test_a_place_or_a_direction_is_no_filter_of_its_own() -> None:
 
 
 def test_events_are_freed_of_a_lateness_and_of_a_standstill() -> None:
-    """A stylus at 1 mm/ms, shown 10 ms later between 100 and 200 ms: it stands from 100 to 110, and skips at 210."""
+    """A stylus at 1 mm/ms, shown 10 ms later from 100 to 200 ms: it stands from 100 to 110, and skips at 210."""
     t_s = np.arange(0.0, 0.4, 0.004)
     shown_s = np.where(t_s < 0.1, t_s, np.where(t_s < 0.21, np.maximum(t_s - 0.01, 0.1), t_s))
     at_mm = np.column_stack([1e3 * shown_s, np.zeros(t_s.size)])

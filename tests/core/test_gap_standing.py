@@ -27,8 +27,7 @@ def sound() -> Session:
 
 
 def at_rate(touch: TouchTrace, rate_hz: float, jitter: float = 0.03, speed: float = 1.0) -> TouchTrace:
-    """The run seen by a panel of another rate, whose frames jitter by a share of their interval, at a share of its
-    speed."""
+    """The run at ``speed`` times its speed, by a panel whose frames jitter by a share of their interval."""
     t_s = np.arange(touch.t_s[0], touch.t_s[-1], 1 / rate_hz)
     t_s = t_s + jitter / rate_hz * np.random.default_rng(1).standard_normal(t_s.size).clip(-3, 3)
     own_s = touch.t_s[0] + speed * (t_s - touch.t_s[0])

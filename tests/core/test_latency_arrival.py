@@ -37,8 +37,8 @@ def test_an_even_stream_is_never_late() -> None:
 
 
 def circles(late: bool) -> tuple[Run, float]:
-    """Circles of 100 mm across a beam at 500 mm/s, and the mean latency over the edges. The reports' stamps scatter by
-    polls of 8 ms: because they are late, or because the scans are as uneven."""
+    """Circles of 100 mm across a beam at 500 mm/s, and the mean latency over the edges. Stamps scatter by polls of 8
+    ms: through late reports, or equally uneven scans."""
     rng = np.random.default_rng(3)
     radius_mm, speed_mm_s, duration_s = 50.0, 500.0, 20.0
     fine_s = np.arange(-0.5, duration_s + 0.5, 1e-4)

@@ -8,8 +8,8 @@ from draglag.recording import LaserTrace, Run, TouchTrace
 
 
 def circles_with_pauses(at_s: tuple[float, ...]) -> tuple[Run, float]:
-    """Circles of 44 mm at 190 mm/s across a beam of a hand that nearly stops at some times, on a screen whose latency
-    falls with speed; and the mean latency over all edges."""
+    """Circles of 44 mm at 190 mm/s across a beam, by a hand with near stops, on a screen whose latency falls with
+    speed; and the mean latency over all edges."""
     rng = np.random.default_rng(5)
     radius_mm, speed_mm_s, duration_s, step_s = 22.0, 190.0, 25.0, 2.5e-4
     t_s = np.arange(-1.0, duration_s + 0.5, step_s)

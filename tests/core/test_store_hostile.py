@@ -1,7 +1,7 @@
-"""Session files changed in any way their structure allows, and journals with right checksums and wrong contents.
+"""Session files changed in any way their structure allows, and journals with valid checksums and wrong contents.
 
-They give one clear sentence, or the session with what is wrong said; never a traceback, what is in another file, or
-memory without bound.
+They give one clear sentence, or a session with its faults reported; never a traceback, another file's data, or
+unbounded memory.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""``open_window.py [SESSION]``: opens the installed program's window as its command line does, and closes it.
+"""``open_window.py [SESSION]``: open the installed program's window as its command line does, and close it.
 
-Prints the window's title and ``session`` once the session is open, or ``empty`` without one. Run by the package's own
+Prints the window's title, and ``session`` once the session is open, or ``empty`` without one. Run by the package's
 interpreter in the tested root system.
 """
 

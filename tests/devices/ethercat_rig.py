@@ -1,4 +1,4 @@
-"""What the tests of the EtherCAT laser share: a segment to try it on, and a record of what the source told."""
+"""For tests of the EtherCAT laser: a segment, and a record of the source's reports."""
 
 from __future__ import annotations
 
@@ -95,9 +95,8 @@ def lost_edges(rec: Recording, true: list[list[int]]) -> tuple[list[list[int]], 
 
 
 def judge(rec: Recording, true: list[list[int]], light_is_high: bool = True) -> None:
-    """Every edge came with the stamp, level and time it had, or lies in a marked gap; no more time is marked than the
-    line was seen to stand still. So nothing may be marked, and nothing lost, on a machine that kept its cycle.
-    """
+    """Check that every edge has its stamp, level and time, or lies in a marked gap, and that no more is marked than the
+    line stood still: on a machine that kept its cycle, nothing marked, nothing lost."""
     by_stamp = {edge[3]: edge for edge in true}
     recorded = rec.stamps_ns()
     assert len(set(recorded)) == len(recorded)
@@ -122,9 +121,8 @@ def marked_s(rec: Recording) -> float:
 
 
 def stood_still_s(rec: Recording) -> float:
-    """How long the segment, at its end of the cable, got no frames with process data, each time a cycle or two longer;
-    and what a restart takes, where the line stood still for so long that there had to be one.
-    """
+    """How long the segment received no frames with process data, each pause a cycle or two longer; plus a restart where
+    the pause required one."""
     log = rec.segment.order("log", since=rec.begun_ns, count=0)
     still_s = log["paused_ns"] * 1e-9
     back = [float(found[1]) for text in rec.texts if (found := re.search(r"back after (\d+\.\d+) s", text))]

@@ -51,10 +51,8 @@ def snippets(page: Path) -> list[Snippet]:
 
 
 def run_page(blocks: list[Snippet], folder: Path) -> list[str]:
-    """Run the Python and bash of a page in order, in one folder, Python in one namespace, as a reader would.
-
-    Returns the names of Python modules that are not installed; a block that needs one is left at that line.
-    """
+    """Modules that are not installed, after running a page's Python and bash in order, in one folder and namespace; a
+    block that needs one is left at that line."""
     module = ModuleType("page_of_the_documentation")
     names = module.__dict__
     missing = []
@@ -74,9 +72,9 @@ def run_page(blocks: list[Snippet], folder: Path) -> list[str]:
 
 @contextmanager
 def _known(module: ModuleType) -> Iterator[None]:
-    """Among the imported modules, where dataclasses look for the one they are written in.
+    """Put the page among the imported modules, where dataclasses look for theirs.
 
-    Only this one is taken out again: matplotlib does not bear that modules which a page imported are imported twice.
+    Only it is removed again: matplotlib cannot be imported twice.
     """
     sys.modules[module.__name__] = module
     try:

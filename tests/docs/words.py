@@ -1,6 +1,6 @@
-"""The words that the glossary bans, looked for in names, comments and docstrings: ``python tests/docs/words.py``.
+"""Banned words of the glossary in names, comments and docstrings: ``python tests/docs/words.py``.
 
-Exit code 1 and one line a finding. Messages are left out: they are translated, and checked with their translations.
+Exit code 1 and a line per finding. Messages are not searched: they are checked with their translations.
 """
 
 from __future__ import annotations

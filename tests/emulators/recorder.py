@@ -1,8 +1,8 @@
-"""A recording in a process of its own that says, a JSON line each, when it shows which target: a hand can follow it.
+"""A recording in another process that announces each target, a JSON line each: a hand can follow it.
 
     python recorder.py PROTOCOL.toml SCREEN OUT.h5 ROLE=ADDRESS …
 
-It records as ``draglag record`` does; the beam is where the simulated rig has it, so that targets cross it.
+As ``draglag record``, with the simulated rig's beam, so that targets cross it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A disk in memory: the file calls of a recording, written down, and what the disk held at any moment of them.
+"""A disk in memory: a recording's file calls, and the disk's state at any moment.
 
-Calls are taken from ``os`` itself, for files below one folder: nothing of the recording is replaced by a copy.
+Calls are taken from ``os`` itself, for files below one folder: nothing of the recording is replaced.
 """
 
 from __future__ import annotations
@@ -187,11 +187,10 @@ class Disk:
 
 
 def after_power_cut(calls: list[Call], rng: random.Random, garbage: float = 0.0) -> Disk:
-    """What may be on the disk when the power fails after these calls.
+    """Possible contents of the disk after these calls and a power cut.
 
-    Of every page written since the last synchronisation the old or the new content (p = 0.5), or with the probability
-    ``garbage`` neither; of names given or taken since the folder was synchronised any number, in their order; of a
-    size that changed either, or something between.
+    Every page written since the last synchronisation is old or new (p = 0.5), or with probability ``garbage`` neither;
+    of names changed since the folder was synchronised any number hold, in order; changed sizes are old, new or between.
     """
     seen, safe, dirty = Disk(), {}, {}
     safe_names: dict[str, int] = {}

@@ -1,7 +1,7 @@
-"""Streams of which every sample is known: 1 kHz of touch, a laser compared with the host 1000 times a second, a WALT.
+"""Streams of known samples: 1 kHz of touch, a laser compared with the host 1000 times a second, a WALT.
 
-The stylus goes round a circle of 1.5 s that wanders along the beam, 50 ms before the touchscreen says so. All times
-and places follow from the number of a sample, so that a sample that is lost, repeated or changed is seen.
+The stylus circles in 1.5 s along the beam, reported 50 ms late. Times and places follow from a sample's number: lost,
+repeated and changed samples are detected.
 """
 
 from __future__ import annotations
@@ -98,8 +98,7 @@ def count_samples(run: Run) -> tuple[int, int, int]:
 class Meter(threading.Thread):
     """Resident memory (bytes), threads and descriptors of this process, once a second.
 
-    Threads of Qt's pools end after 30 s without work and begin again with it, each with an eventfd of its own to be
-    woken by: they are counted by themselves.
+    Threads of Qt's pools, counted separately, end after 30 s without work and begin again, each with an eventfd.
     """
 
     def __init__(self) -> None:

@@ -59,8 +59,8 @@ class Held:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Commits that were on the disk and were not found; values that were never recorded; runs that say they are whole
-    and are not; whether what is missing was said."""
+    """Commits on the disk but not found; values never recorded; damaged runs claimed whole; whether losses were
+    reported."""
 
     lost: tuple[int, ...]
     wrong: bool

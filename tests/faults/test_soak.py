@@ -1,8 +1,7 @@
-"""A session that lasts: 1 kHz of touch, a laser whose clock is compared 1000 times a second, and a WALT.
+"""A long session: 1 kHz of touch, a laser compared 1000 times a second, and a WALT.
 
-A few seconds by default; ``./run soak --minutes 60`` for as long as asked, which also prints the figures. With
-``--windows`` the operator's window and the participant's record it, with the live plots and estimates of the Record
-page in sight; without, the session alone.
+Some seconds by default; ``./run soak --minutes 60`` as long as requested, and prints the figures. ``--windows``:
+recorded by the operator's and participant's windows, with live plots and estimates.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Writes this machine's pip settings into one file and prints the local files and folders they name, one a line.
+"""Writes this machine's pip settings into one file, and prints the local files and folders they name, one a line.
 
-A root system that gets that file, and those places at the same paths, reaches the same packages as this machine.
+A root system with that file, and those places at the same paths, reaches the same packages.
 """
 
 from __future__ import annotations

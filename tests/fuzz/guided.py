@@ -1,7 +1,7 @@
 """One reader under inputs guided by coverage (atheris, libFuzzer): ``guided.py READER INPUTS SEED FOLDER CORPUS``.
 
-Ends with 3 where atheris is not installed. An input on which the reader fails is written to the folder; those that
-reach new lines are added to the corpus, a folder from which a further call goes on.
+Ends with 3 without atheris. Failing inputs are written to the folder; inputs that reach new lines to the corpus, for
+further calls.
 """
 
 from __future__ import annotations

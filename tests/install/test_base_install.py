@@ -1,6 +1,6 @@
-"""What is published, an sdist and its wheel, works without a checkout; the wheel is library and command line alone.
+"""The published sdist and wheel work without a checkout; the wheel is library and command line alone.
 
-Most is tried on the oldest and the newest Python found, one analysis on each between.
+On the oldest and newest Python found, one analysis on each between.
 """
 
 from __future__ import annotations

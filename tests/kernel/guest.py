@@ -1,6 +1,6 @@
-"""Runs in the virtual machine: a touchscreen made with uinput, read by draglag's own driver. Prints what was seen.
+"""Runs in the virtual machine: a touchscreen made with uinput, read by draglag's driver.
 
-Nothing is judged here; ``test_touch_kernel`` does, from the one line that begins with RESULT.
+Prints a line that begins with RESULT, which ``test_touch_kernel`` judges.
 """
 
 import json

@@ -1,6 +1,6 @@
-"""A small virtual machine with Debian's kernel, in which one command runs on the host's files (read only).
+"""A small virtual machine with Debian's kernel; one command runs on the host's files (read only).
 
-Needs qemu (no KVM: any machine will do), a kernel with its modules, and a C compiler for the first process.
+Needs qemu (no KVM), a kernel with its modules, and a C compiler for the first process.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Measurements by hands, panels and beams as laboratories have them, to judge what an estimate's interval covers.
+"""Measurements by realistic hands, panels and beams, to test an estimate's coverage.
 
-The hand, the beam and the laws are those of tests/blind/physics; shares no code with the library that is judged.
+Hand, beam and laws are those of tests/blind/physics; no code is shared with the library judged.
 """

@@ -14,8 +14,8 @@ CATCH_UP = 0.03  # of real time: where the latency falls faster than time passes
 
 @dataclass(frozen=True)
 class Panel:
-    """Digitiser: law (mm/s -> s), rate, noise (standard deviation a coordinate), steps its numbers come in, jitter of
-    its scans, and how often the bus asks for reports (0: each comes at once)."""
+    """Digitiser: law (mm/s -> s), rate, noise (standard deviation per coordinate), resolution, jitter of scans, and
+    polling by the bus (0: reports come at once)."""
 
     law: Law
     rate_hz: float

@@ -20,9 +20,9 @@ SCAN_JITTER_S = 1e-4  # of digitisers on polled buses
 def make_session(
     seed: int, form: str, duration_s: float = 25.0, poll_s: float | None = None
 ) -> tuple[Session, dict[str, float]]:
-    """One session of circles at twelve speeds; run id -> mean true latency over its edges, s.
+    """Run id -> mean true latency over its edges, s, of one session of circles at twelve speeds.
 
-    poll_s: of the bus that the reports come over; None: each comes at once.
+    poll_s: of the bus; None: reports come at once.
     """
     rng = np.random.default_rng([seed, 4711])
     sensor = Sensor(rng.uniform(0.15, 0.4), rng.uniform(0.2, 0.5), rng.uniform(0.005, 0.02))

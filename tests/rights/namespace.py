@@ -51,10 +51,8 @@ def why_not() -> str:
 
 
 class World:
-    """The namespace; it ends with the ``with`` block, and what was written in it, too.
-
-    Raises RuntimeError where the kernel does not allow one.
-    """
+    """The namespace and its contents; both end with the ``with`` block. Raises RuntimeError where the kernel forbids
+    it."""
 
     def __enter__(self) -> World:
         self._process = subprocess.Popen(

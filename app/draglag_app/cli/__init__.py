@@ -1,4 +1,4 @@
-"""The command line. Commands are imported when they are used, so that `draglag --help` answers at once."""
+"""The command line. Commands are imported on use, so that `draglag --help` is fast."""
 
 from draglag_app.cli.main import cli, main
 

@@ -1,4 +1,4 @@
-"""``draglag analyze``: the estimates of a session, for people or as JSON."""
+"""``draglag analyze``: the estimates of a session."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 
 def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """The name of an estimator; other packages are asked only where it is none of draglag's own."""
+    """Other packages are asked only for names not draglag's own, to save their import."""
     if value not in OWN and value not in estimator_names():
         raise click.BadParameter(f"{value!r} is not one of {', '.join(map(repr, estimator_names()))}.", ctx, param)
     return value
@@ -178,7 +178,6 @@ def analyze(
 
 
 def _refuse_early(session: Path, save: bool, report: Path | None, save_model: Path | None) -> None:
-    """Raise before long work for what cannot be written."""
     if save and not session.is_file():
         raise DataError(
             message("{session}: only a session file can keep a result", session=session),
@@ -196,7 +195,6 @@ def _refuse_early(session: Path, save: bool, report: Path | None, save_model: Pa
 
 
 def _corrected(data: Session, model_path: Path | None) -> tuple[Session, Correction | None]:
-    """The session without the effects of a model, and what was taken out."""
     if model_path is None:
         return data, None
     from draglag.gap.correction import corrected
@@ -208,7 +206,6 @@ def _corrected(data: Session, model_path: Path | None) -> tuple[Session, Correct
 
 
 def _write(session: Path, data: Session, analysis: Analysis, save_model: Path | None, report: Path | None) -> None:
-    """Write the model and the report that are asked for."""
     if save_model is not None:
         _save_model(save_model, session, data, analysis)
     if report is not None:
@@ -218,7 +215,6 @@ def _write(session: Path, data: Session, analysis: Analysis, save_model: Path | 
 
 
 def _refuse_without_latency(session: Path, analysis: Analysis) -> None:
-    """Raise EstimateError where no run gave a latency."""
     if analysis.runs and all(run.latency_s is None for run in analysis.runs):
         why = ", ".join(dict.fromkeys(flag.replace("_", " ") for run in analysis.runs for flag in run.flags))
         raise EstimateError(
@@ -260,7 +256,6 @@ def _many(
     paths: tuple[Path, ...], options: AnalysisOptions, save: bool | None, runs_out: Path | None, jobs: int | None,
     scheduler: str | None, out: Path | None, summary: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Analyse every session that the paths name."""
     refuse_outputs(out, summary)
     refuse_outputs(runs_out)
     outcomes = run_many(Analysing(options, save), sessions_in(paths), "Analysing", jobs, scheduler)
@@ -314,7 +309,6 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
 
 
 def _listed(title: str, lines: Iterable[str]) -> list[str]:
-    """A block of indented lines under a title; none without lines."""
     text = "".join(f"\n  {line}" for line in lines)
     return [title + text] if text else []
 

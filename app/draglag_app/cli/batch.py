@@ -1,4 +1,4 @@
-"""What is done with one of many sessions: a row of the table, or the sentence that says why there is none."""
+"""The work on one of many sessions: a row of the table, or the problem."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GAP_COLUMNS = (
 
 @dataclass(frozen=True)
 class Sparkline:
-    """A small picture: a line through points, and single marks, in units of its own."""
+    """A small picture: a line through points, and single marks, in its own units."""
 
     x: tuple[float, ...] = ()
     y: tuple[float, ...] = ()
@@ -42,7 +42,7 @@ class Sparkline:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One session done: its row, its runs' rows, its full result for JSON, its picture; ``problem`` where it failed."""
+    """One session done: row, runs' rows, full result for JSON, picture; ``problem`` where it failed."""
 
     file: str
     row: dict[str, Any]
@@ -53,7 +53,7 @@ class Outcome:
 
 
 def options_kept(options: AnalysisOptions, model: str = "") -> dict[str, Any]:
-    """Options of an analysis as a session file keeps them with the result. model: the file of the correction."""
+    """Analysis options as stored with a result. model: the file of the correction."""
     return {
         "estimator": options.estimator,
         "update_rate_hz": options.update_rate_hz,
@@ -68,7 +68,7 @@ def options_kept(options: AnalysisOptions, model: str = "") -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Analysing:
-    """``draglag analyze`` on one of many: called with a path."""
+    """``draglag analyze`` on one path."""
 
     options: AnalysisOptions
     save: bool | None = None
@@ -93,7 +93,7 @@ class Analysing:
 
 @dataclass(frozen=True)
 class FindingGap:
-    """``draglag gap`` on one of many: called with a path."""
+    """``draglag gap`` on one path."""
 
     max_effects: int
     without: Sequence[str] = ()
@@ -126,7 +126,6 @@ class FindingGap:
 
 
 def _or_problem(path: Path, work: Any) -> Outcome:
-    """One session that cannot be used must not end the work on the others."""
     try:
         done: Outcome = work(path)
     except DraglagError as error:

@@ -1,4 +1,4 @@
-"""``draglag blind``: the hidden-effect benchmark, which lives in tests/blind of a checkout."""
+"""``draglag blind``: the hidden-effect benchmark in tests/blind of a checkout."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def blind(
 
 
 def _benchmark() -> Any:
-    """The benchmark, from tests/ of the checkout this program belongs to or stands in. Raises DataError."""
+    """The benchmark of this checkout, or the one in the present folder. Raises DataError."""
     places = [Path(__file__).resolve().parents[3], Path.cwd()]
     for place in places:
         if (place / "tests" / "blind" / "benchmark.py").is_file():

@@ -1,4 +1,4 @@
-"""What several commands share: reading sessions of either kind, progress, JSON and tables."""
+"""Shared by commands: reading sessions, progress, JSON, tables."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Seed(click.IntRange):
 
 
 class FiniteRange(click.FloatRange):
-    """A range that also refuses nan, which compares with nothing, and inf."""
+    """A range that also refuses inf, and nan, which passes every comparison."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
@@ -60,7 +60,7 @@ def load_session(path: Path) -> Session:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """A place to write a new file at that gets its name when the block ends. Raises DataError."""
+    """Yields a place for a new file that gets its name when the block ends. Raises DataError."""
     from draglag.system.temporary import new_file
 
     try:
@@ -73,7 +73,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> None:
-    """Raise DataError for the id of a run that a session does not have; ``all`` is none."""
+    """Raise DataError for an unknown run id; ``all`` is allowed."""
     unknown = sorted(set(ids) - {run.id for run in session.runs} - {"all"})
     if unknown:
         raise DataError(
@@ -83,9 +83,9 @@ def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> Non
 
 
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
-    """Store a result in its session file. Where that cannot be: a warning, or a DataError if it ``must`` be.
+    """Store a result in its session file; failure is a warning, or a DataError if it ``must`` be.
 
-    An exchange folder and a recording that was not closed keep no results; no warning for those.
+    Exchange folders and journals keep no results: no warning for those.
     """
     from draglag.store import add_analysis
     from draglag.store.journal import is_journal
@@ -101,20 +101,20 @@ def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any
 
 
 def say_warnings(notes: Iterable[LogEntry]) -> None:
-    """Warnings of an import on stderr, where they do not mix with results."""
+    """Import warnings on stderr, away from results."""
     for note in notes:
         if note.level == "warning" and note.source == "import":
             warn(note.text)
 
 
 def warn(*texts: str) -> None:
-    """Each text that is not empty as a warning on stderr."""
+    """Each non-empty text as a warning on stderr."""
     for text in filter(None, texts):
         click.echo(f"warning: {one_line(text)}", err=True)
 
 
 def refuse_existing(path: Path) -> None:
-    """Raise DataError if something is there, before long work rather than after it."""
+    """Raise DataError if the path exists, before long work."""
     if os.path.lexists(path):
         raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
     if len(os.fsencode(path.name)) > NAME_BYTES:
@@ -130,7 +130,7 @@ def refuse_existing(path: Path) -> None:
 
 @contextmanager
 def progress(label: str) -> Iterator[Progress | None]:
-    """A bar on stderr when a person is watching; None otherwise."""
+    """Yields a bar on stderr, or None if it is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -151,7 +151,7 @@ def print_json(value: Mapping[str, Any]) -> None:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    """Columns aligned: the first ``left`` and the last to the left, the others to the right."""
+    """A text table: the first ``left`` columns and the last left-aligned, others right."""
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
 
     def line(row: Sequence[str]) -> str:
@@ -165,7 +165,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
 
 
 def number(value: object, digits: int = 1) -> str:
-    """A number for people; an absent one is a dash."""
+    """A number for people; a dash if absent."""
     return "–" if not isinstance(value, int | float) or value != value else f"{value:.{digits}f}"
 
 
@@ -178,5 +178,5 @@ def checksum(path: Path) -> str:
 
 
 def now_utc() -> str:
-    """The time as provenance has it, ISO 8601."""
+    """The present time, ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="seconds")

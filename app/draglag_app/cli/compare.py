@@ -1,4 +1,4 @@
-"""``draglag compare``: the latency curves of several sessions, how they differ, and in which order they are."""
+"""``draglag compare``: curves of several sessions, their differences and order."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ COLUMNS = ("session", "rank", "rank_low", "rank_high", "mean_latency_ms", "low_m
 
 @dataclass(frozen=True)
 class Found:
-    """The curve of one session or model and what it is from, or why there is none."""
+    """The curve of a session or model and its source, or why there is none."""
 
     curve: CurveFit | None = None
     source: Source | None = None
@@ -94,7 +94,7 @@ def compare(
 def _curves(
     paths: list[Path], jobs: int | None, scheduler: str | None
 ) -> tuple[list[tuple[str, CurveFit, Source]], dict[str, str]]:
-    """The curves in the order of the paths, and why others have none. Raises EstimateError with fewer than two."""
+    """Curves in order of the paths, and why others have none. Raises EstimateError with fewer than two."""
     jobs = jobs or (None if len(paths) > EACH_IN_FULL else 1)  # to start processes takes longer than two sessions
     found: dict[int, Found] = {}
     with progress("Comparing") as report:
@@ -116,7 +116,7 @@ def _curves(
 
 
 def curve_of(path: Path) -> Found:
-    """The curve of a session or of a model, and what it is from."""
+    """The curve of a session or model."""
     from draglag.analysis import analyze
     from draglag.model.file import load_model
 
@@ -141,7 +141,6 @@ def _differences(curves: list[tuple[str, CurveFit, Source]]) -> list[tuple[str, 
 
 
 def _order(curves: list[tuple[str, CurveFit, Source]]) -> tuple[Ranking | None, str]:
-    """The order of the curves; None, and why, where they share no speed."""
     from draglag.curve.ranking import ranking
 
     try:

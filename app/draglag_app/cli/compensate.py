@@ -1,4 +1,4 @@
-"""``draglag compensate``: a latency model put to work on recorded touch data."""
+"""``draglag compensate``: a latency model applied to recorded touches."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def compensate(
 
 
 def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool) -> dict[str, Any]:
-    """Write the events with the stylus' movement to ``out``; returns what was done as JSON. Raises DataError."""
+    """The JSON of what was done; events with the stylus' movement are written to ``out``. Raises DataError."""
     from draglag.gap.correction import corrected_touch
     from draglag.model.compensation import compensate as apply
 
@@ -121,7 +121,7 @@ def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool
 
 
 def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Columns t_s, x_mm, y_mm of a CSV file; what is no number becomes NaN. Raises DataError."""
+    """Columns t_s, x_mm, y_mm of a CSV file, NaN for no number. Raises DataError."""
     from draglag.exchange.tables import read_events
 
     rows = read_events(path, ("t_s", "x_mm", "y_mm"))
@@ -159,7 +159,6 @@ def _words(result: dict[str, Any], out: Path | None) -> list[str]:
 
 
 def _tracking_table(response: list[dict[str, float]]) -> str:
-    """Gain and phase at each frequency of the multi-sine, as a table."""
     head = ["rad/s", "amplitude mm", "gain", "phase °", "delay ms"]
     digits = {"frequency_rad_s": 3, "amplitude_mm": 2, "gain": 3, "phase_deg": 1, "delay_ms": 1}
     rows = [[number(row[name], n) for name, n in digits.items()] for row in response]

@@ -1,4 +1,4 @@
-"""``draglag devices``: what is there, with rights, and what to do when something is missing."""
+"""``draglag devices``: devices present, and what to do when something is missing."""
 
 from __future__ import annotations
 
@@ -41,7 +41,6 @@ def devices(as_json: bool, probe: tuple[str, ...]) -> None:
 
 
 def _check(interfaces: tuple[str, ...]) -> None:
-    """Raises DataError for an interface that is not there."""
     known = [name for _, name in socket.if_nameindex()]
     for interface in interfaces:
         if interface not in known:

@@ -1,4 +1,4 @@
-"""``draglag import`` and ``draglag export``: the ways in and out of the session file."""
+"""``draglag import`` and ``draglag export``."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def export(session: Path, kind: str, out: Path) -> None:
 
 @contextmanager
 def _source(path: Path) -> Iterator[tuple[Session, list[StoredAnalysis]]]:
-    """A session to export, and its stored results. That of a file stays there until it is written piece by piece."""
+    """A session to export, and its stored results; a file's columns are read as they are written."""
     from draglag.store import open_columns, read_analyses
 
     if path.is_dir() or path.name == "session.json":

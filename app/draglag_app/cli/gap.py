@@ -1,4 +1,4 @@
-"""``draglag gap``: where simulation and measurement disagree, by what, and how the gap shrinks."""
+"""``draglag gap``: where simulation and measurement disagree, and why."""
 
 from __future__ import annotations
 
@@ -146,7 +146,6 @@ def gap(
 def _write(
     path: Path, data: Session, result: GapReport, unnamed: Provisional | None, report: Path | None, model: Path | None
 ) -> None:
-    """Write the report and the model that are asked for."""
     if report is not None:
         from draglag.report.gap import write_gap_report
 
@@ -172,7 +171,6 @@ def _many(
     paths: tuple[Path, ...], work: FindingGap, jobs: int | None, scheduler: str | None, out: Path | None,
     summary: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Explain the gap of every session that the paths name."""
     refuse_outputs(out, summary)
     outcomes = run_many(work, sessions_in(paths), "Explaining gaps", jobs, scheduler)
     legend = "The gap, from 0 mm, before and after each effect, on one scale; dashed: the noise floor."
@@ -181,7 +179,6 @@ def _many(
 
 
 def _print_more(data: Session, result: GapReport, without: tuple[str, ...]) -> None:
-    """What else one should know of the finding: a drift, effects and runs that were left out."""
     if drift := drift_in_analysis(data, result):
         click.echo(drift)
     if without and result.verdict == "unexplained" and result.stopped_at is None:
@@ -191,7 +188,7 @@ def _print_more(data: Session, result: GapReport, without: tuple[str, ...]) -> N
 
 
 def print_finding(result: GapReport, report: Path | None) -> None:
-    """Print the headline, a row a step, the gap and what else goes with the finding."""
+    """Print headline, steps, gap and notes."""
     click.echo(headline(result))
     rows = []
     for step in result.steps:

@@ -1,4 +1,4 @@
-"""Commands on many sessions: which they are, the work on each, one table, one page, and what failed."""
+"""Commands on many sessions: selection, work, table, page, failures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Function = Callable[..., Any]
 
 
 def work_options(command: Function) -> Function:
-    """The options that say where the work on many sessions is done."""
+    """Options on where the work is done."""
     for option in (
         click.option("--scheduler", metavar="ADDRESS", help="Work on a Dask cluster: its scheduler, as tcp://host:8786."),
         click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core."),
@@ -31,7 +31,7 @@ def work_options(command: Function) -> Function:
 
 
 def many_options(command: Function) -> Function:
-    """The options of a command that works on one session or on many."""
+    """Options of a command for one session or many."""
     command = work_options(command)
     for option in (
         click.option("--summary", "summary_path", type=click.Path(path_type=Path), metavar="FILE.html",
@@ -44,10 +44,10 @@ def many_options(command: Function) -> Function:
 
 
 def sessions_in(paths: Sequence[Path]) -> list[Path]:
-    """Session files and exchange folders that paths, folders and globs name, each once, in order.
+    """Session files and exchange folders of paths, folders and globs, each once, in order.
 
-    A folder stands for the session files and exchange folders in it, and for the session files in its folders.
-    Raises DataError for a glob or a folder without any.
+    A folder stands for session files and exchange folders in it, and session files one level below. Raises DataError
+    for a glob or folder without any.
     """
     found: dict[Path, None] = {}
     for path in paths:
@@ -62,7 +62,7 @@ def sessions_in(paths: Sequence[Path]) -> list[Path]:
 
 
 def is_one(paths: Sequence[Path]) -> bool:
-    """Whether the paths name one session, which has an output of its own, rather than a collection."""
+    """Whether the paths name one session rather than a collection."""
     if len(paths) != 1:
         return False
     path = paths[0]
@@ -70,14 +70,14 @@ def is_one(paths: Sequence[Path]) -> bool:
 
 
 def only_one(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for an option that belongs to one session, used with many."""
+    """Raise click.UsageError for an option of one session, used with many."""
     for name, value in asked.items():
         if value:
             raise click.UsageError(f"{name} works on one session, and several are named.")
 
 
 def only_many(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for an option that belongs to many sessions, used with one."""
+    """Raise click.UsageError for an option of many sessions, used with one."""
     for name, value in asked.items():
         if value is not None:
             raise click.UsageError(f"{name} is of many sessions; name several, a folder of them or a glob.")
@@ -104,7 +104,7 @@ def run_many(
     jobs: int | None,
     scheduler: str | None,
 ) -> list[Outcome]:
-    """The outcome of every path, in their order, with progress on a terminal."""
+    """The outcome of every path, in their order, with progress."""
     done: dict[int, Outcome] = {}
     with progress(label) as report:
         for place, outcome in spread(work, paths, jobs, scheduler):
@@ -115,7 +115,7 @@ def run_many(
 
 
 def refuse_outputs(out: Path | None, *others: Path | None) -> None:
-    """Raise before long work where an output exists, or is of a kind that cannot be written."""
+    """Raise before long work for outputs that exist or cannot be written."""
     for path in filter(None, (out, *others)):
         refuse_existing(path)
     if out is not None and out.suffix not in (".csv", ".parquet"):
@@ -125,7 +125,7 @@ def refuse_outputs(out: Path | None, *others: Path | None) -> None:
 
 
 def write_table(rows: Sequence[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
-    """The rows as CSV or Parquet. Raises DataError where the file cannot be written."""
+    """Write rows as CSV or Parquet. Raises DataError."""
     with written_whole(path) as growing:
         if path.suffix == ".parquet":
             from draglag.analysis.tables import frame_of
@@ -142,10 +142,10 @@ def conclude(
     outcomes: Sequence[Outcome], columns: Sequence[str], shown: Sequence[tuple[str, str, int]], *, legend: str,
     title: str, out: Path | None, summary: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Print the table or JSON, write the table and the page, name what failed; exit 1 if anything did.
+    """Print the table or JSON, write table and page, name failures; exit 1 if any.
 
     Args:
-        columns: of the table. shown: of those for people, each with its head and digits (-1: no number).
+        columns: of the table. shown: of those for people, with head and digits (-1: no number).
     """
     head = [name for _, name, _ in shown]
     cells = [[_cell(outcome.row, key, digits) for key, _, digits in shown] for outcome in outcomes]
@@ -178,7 +178,7 @@ def _print_written(*paths: Path | None) -> None:
 
 
 def end_with(problems: Sequence[str], n_sessions: int) -> None:
-    """Name on stderr what failed, and exit with 1 if anything did."""
+    """Name failures on stderr; exit 1 if any."""
     for problem in problems:
         click.echo(f"failed: {problem}", err=True)
     if problems:
@@ -191,7 +191,7 @@ def _with_file(outcome: Outcome) -> str:
 
 
 def _cell(row: Mapping[str, Any], key: str, digits: int) -> str:
-    """One cell for people; a simulated screen says so. digits: −1 where it is no number."""
+    """A cell for people, marking simulated screens. digits: −1 for no number."""
     value = row.get(key)
     if digits >= 0 or value is None:
         return number(value, max(digits, 0))

@@ -1,4 +1,4 @@
-"""``draglag plan``: how sure a protocol will be of the latency."""
+"""``draglag plan``: the precision a protocol will give."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def display_number(display: str, screen_number: str | None) -> int | None:
 def session_options(
     rig: Rig, screen_name: str, seed: int | None, stylus_mm: float | None = None, note: str = ""
 ) -> SessionOptions:
-    """Screen, stylus and beam of a session; the simulated world knows its own. Raises DataError."""
+    """Screen, stylus and beam of a session, from the simulated world if any. Raises DataError."""
     preset = load_screen_file(screen_name)
     screen = Screen(preset.name, **preset.screen.model_dump())
     stylus, beam = Stylus(preset.stylus.diameter_mm), None
@@ -137,7 +137,7 @@ def session_options(
 
 
 def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
-    """Have the touchscreen at ``touch`` map with a saved calibration, which the session keeps. Raises DataError."""
+    """A saved calibration, now used by the touchscreen at ``touch``. Raises DataError."""
     fit, device = load_calibration(path)
     if "calibration" in parse_address(touch).options:
         raise DataError(
@@ -159,11 +159,10 @@ def record_with(
     spare: Path | None = None,
     lsl: bool = False,
 ) -> Path:
-    """Run a session, with progress on a terminal. Ctrl-C, SIGTERM and SIGHUP end it in order.
+    """The path of a recorded session. Ctrl-C, SIGTERM and SIGHUP end it properly.
 
-    ``spare``: the folder in which it goes on when the place of ``out`` is full or gone.
-    ``lsl``: what arrives is also offered as streams of the Lab Streaming Layer.
-    Raises DraglagError; also when the session ended early, with the path of what was recorded.
+    ``spare``: folder to continue in when the place of ``out`` is full or gone. ``lsl``: also stream to the Lab
+    Streaming Layer. Raises DraglagError; also when the session ended early, with the path of what was recorded.
     """
     problem = ""
     notify = progress_printer()
@@ -214,7 +213,7 @@ def _on_screen(number: int) -> _OnScreen:
 @contextmanager
 def stop_on_signals(control: Control) -> Iterator[None]:
     """The first Ctrl-C, SIGTERM (kill, shutdown) or SIGHUP (terminal closed) ends the session and closes the file; a
-    second Ctrl-C is the usual one, further SIGTERM and SIGHUP change nothing."""
+    second Ctrl-C acts as usual, further SIGTERM and SIGHUP have no effect."""
     before: dict[signal.Signals, Any] = {}
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -238,7 +237,7 @@ def stop_on_signals(control: Control) -> Iterator[None]:
 
 
 def progress_printer() -> events.Listener:
-    """One line a finished run, and every warning, on stderr."""
+    """A listener that prints finished runs and warnings on stderr."""
     quiet = not sys.stderr.isatty()
     numbers: dict[str, str] = {}
 

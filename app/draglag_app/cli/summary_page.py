@@ -1,4 +1,4 @@
-"""The page of many sessions: one row and one small picture each, whole in one file."""
+"""The self-contained page of many sessions: a row and a small picture each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ polyline{fill:none;stroke:#0072b2;stroke-width:1.5}line{stroke:#d55e00;stroke-da
 
 
 def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence[str]]], legend: str) -> str:
-    """One self-contained page; every cell is escaped.
+    """The HTML page; every cell is escaped.
 
     Args:
         head: of the columns. rows: each outcome with its cells. legend: what the pictures show.
@@ -51,19 +51,18 @@ def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence
 
 
 def _column_type(column: Sequence[str]) -> str:
-    """The class of a column of text; numbers stand at the right, as they do without one."""
     return "" if all(not cell or cell[-1].isdigit() for cell in column) else ' class="text"'
 
 
 def _frame(pictures: Sequence[Sparkline]) -> tuple[float, float]:
-    """The greatest x and y of all: one scale for every picture, from zero, so that they can be compared."""
+    """Greatest x and y: one scale from zero for comparable pictures."""
     xs = [x for p in pictures for x in (*p.x, *(mark[0] for mark in p.marks))]
     ys = [y for p in pictures for y in (*p.y, *(mark[1] for mark in p.marks), *([p.floor] if p.floor else []))]
     return max(xs, default=1.0) or 1.0, max(ys, default=1.0) or 1.0
 
 
 def sparkline(picture: Sparkline, frame: tuple[float, float]) -> str:
-    """A picture as inline SVG, on the scale of ``frame``."""
+    """Inline SVG on the scale of ``frame``."""
 
     def at(x: float, y: float) -> tuple[float, float]:
         across = EDGE + (WIDTH - 2 * EDGE) * x / frame[0]

@@ -1,4 +1,4 @@
-"""Standard output on a terminal: what a file's names and notes hold is printed, and never obeyed."""
+"""Standard output on a terminal: control characters in names and notes of a file take no effect."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ class _Printable(TextIOWrapper):
 
 
 def _parts(text: str) -> list[str]:
-    """The text, split at its tabs and line ends, which are parts of their own."""
     parts: list[str] = []
     for line in text.split("\n"):
         parts += [piece for cell in line.split("\t") for piece in (cell, "\t")][:-1]
@@ -27,7 +26,7 @@ def _parts(text: str) -> list[str]:
 
 
 def guard_output() -> None:
-    """Let standard output hand only printable text to a terminal; a file or pipe gets what was written."""
+    """Let only printable text reach a terminal; files and pipes get everything."""
     out = sys.stdout
     if isinstance(out, TextIOWrapper) and not isinstance(out, _Printable) and out.isatty():
         encoding, errors, by_line = out.encoding, out.errors, out.line_buffering

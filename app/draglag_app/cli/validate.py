@@ -107,7 +107,6 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
 
 
 def _each(runs: list[Run], validated: Callable[[Run], Validation]) -> tuple[list[Validation], list[str]]:
-    """The validations of runs, and why others have none."""
     done: list[Validation] = []
     problems: list[str] = []
     with progress("Validating") as on_progress:
@@ -122,7 +121,6 @@ def _each(runs: list[Run], validated: Callable[[Run], Validation]) -> tuple[list
 
 
 def _with_histogram(item: Validation) -> dict[str, Any]:
-    """A run's validation as JSON, with the histogram of its speeds."""
     count = np.histogram(item.speeds_mm_s, [*BINS_MM_S, np.inf])[0].tolist()
     return {**item.to_dict(), "speed_histogram": {"from_mm_s": BINS_MM_S, "count": count}}
 
@@ -146,7 +144,6 @@ def _table(done: list[Validation]) -> str:
 
 
 def _means(done: list[Validation]) -> str:
-    """Means over the runs of each kind of target, one line each."""
     from draglag.analysis import mean_by_protocol
 
     means = [

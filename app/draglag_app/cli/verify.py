@@ -69,14 +69,12 @@ def verify(session: Path, out: Path | None, as_json: bool) -> None:
 
 
 def _unfinished(session: Path) -> bool:
-    """Whether a recording was cut off and has not been saved since."""
     from draglag.store import PARTIAL, final_name
 
     return session.name.endswith(PARTIAL) and not final_name(session).exists()
 
 
 def _folder(folder: Path) -> list[Finding]:
-    """Findings of an exchange folder. Raises DataError where it cannot be read."""
     from draglag.exchange import read_exchange
     from draglag.store import Finding, check_session
 

@@ -32,20 +32,19 @@ def run_session(
     listener: events.Listener = lambda event: None,
     control: Control | None = None,
 ) -> Path:
-    """Record a protocol into a new session file. Blocks until the file is closed.
+    """The path of a new session file with a recorded protocol. Blocks until the file is closed.
 
     Args:
-        rig: sources (not yet open) and their stage; sources with the roles "touch" and "laser" are needed for
-            runs, "touch" and "walt" for taps.
+        rig: sources (not yet open) and their stage; runs need the roles "touch" and "laser", taps "touch" and "walt".
         listener: called with every event (see ``events``), from two threads.
         control: requests from other threads.
 
-    Returns the path of the file. When a device is lost or the operator stops, the file is whole, holds what was
-    recorded, and ``SessionFinished.problem`` says what happened.
+    When a device is lost or the operator stops, the file is whole, holds what was recorded, and
+    ``SessionFinished.problem`` says why.
 
     Raises:
         OpenFaults: sources that could not be opened, all at once; nothing was written.
-        DataError: the file exists or cannot be written and nobody named another place (what was flushed is in the
+        DataError: the file exists or cannot be written and no other place was named (what was flushed is in the
             ``.partial`` file), or a target does not fit the screen.
     """
     plan = expand(protocol, options.screen, options.seed, beam=options.beam)
@@ -84,7 +83,7 @@ def run_session(
 
 
 def _finish(recorder: Recorder, writer: SessionWriter, control: Control, listener: events.Listener) -> Path:
-    """Make the session file from the journal; its path. Raises DataError: the journal is what there is."""
+    """The session file, made from the journal. Raises DataError: the journal remains."""
     failure = recorder.saver.failure
     try:
         if failure is not None and not control.has_place:

@@ -1,4 +1,4 @@
-"""Comparing device clocks with the host's before and after every block, where a source can do that on demand."""
+"""Clock comparisons before and after every block, by sources that offer them on request."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COMPARE_S = 8.0
 
 
 class Comparisons:
-    """Asks for comparisons and waits for those that must be kept with a block."""
+    """Requests comparisons and waits for those to be kept with a block."""
 
     def __init__(self, sources: Iterable[Source], time_base: TimeBase, saver: Saver) -> None:
         self._comparing = {source.role: source for source in sources if isinstance(source, Synchronises)}
@@ -24,12 +24,12 @@ class Comparisons:
         self._saver = saver
 
     def ask(self, roles: tuple[str, ...]) -> dict[str, threading.Event]:
-        """Have sources that offer it compare their clocks in full; each returned event is set when one has."""
+        """Role → event, set when that source has compared its clock in full."""
         living = {role: source for role, source in self._comparing.items() if role not in self._saver.lost}
         return {role: source.synchronise() for role, source in living.items() if role in roles}
 
     def wait(self, roles: tuple[str, ...]) -> None:
-        """The comparison after a block, waited for, so that it is kept with the block."""
+        """Compare after a block, and wait, so that it is kept with the block."""
         deadline_s = time.monotonic() + _COMPARE_S
         for role, done in self.ask(roles).items():
             while not done.wait(TICK_S) and time.monotonic() < deadline_s and role not in self._saver.lost:

@@ -1,4 +1,4 @@
-"""The session's own thread: leads through the protocol, step by step."""
+"""The session's own thread: the protocol step by step."""
 
 from __future__ import annotations
 
@@ -45,8 +45,6 @@ TAP_ROLES = ("touch", "walt")
 
 @dataclass(frozen=True)
 class _Recorded:
-    """The run that was recorded last, and how often."""
-
     planned: PlannedRun
     number: int
     count: int
@@ -54,7 +52,7 @@ class _Recorded:
 
 
 class Conductor:
-    """The session's own thread: leads through the protocol and hears the operator."""
+    """Runs the protocol in the session's own thread and takes the operator's requests."""
 
     def __init__(
         self,
@@ -106,7 +104,7 @@ class Conductor:
             self.problem = NO_TOUCH
 
     def _steps(self, plan: tuple[PlannedRun, ...]) -> Iterator[Callable[[], None]]:
-        """What the protocol asks for, and before its end the runs that went wrong, once more."""
+        """Steps of the protocol; before its end, runs that went wrong again."""
         taps, check = self._protocol.taps, self._protocol.clock_check
         if check is not None:
             yield lambda: self._clock_check(check.duration_s)
@@ -122,7 +120,7 @@ class Conductor:
             yield lambda: self._clock_check(check.duration_s)
 
     def _between(self) -> bool:
-        """Rest, and record the run that just ended again as often as asked. False if the session is to end."""
+        """Rest, and repeat the last run as often as asked. False if the session is to end."""
         while self._rest():
             repeat = self._control.take_repeat()
             if self._last is None or not repeat:
@@ -133,7 +131,7 @@ class Conductor:
         return False
 
     def _over(self) -> bool:
-        """Whether the session cannot or shall not go on; ``problem`` then says why."""
+        """Whether the session must end; ``problem`` then says why."""
         if (
             self._saver.failure is not None
             and resume_elsewhere(self._saver, self._control, self._emit)
@@ -162,14 +160,14 @@ class Conductor:
         self._run(planned, planned.id, number, count)
 
     def _once_more(self, run_id: str) -> None:
-        """A run that went wrong, unless the operator has thought better of it in the rest before."""
+        """Repeat a run that went wrong, unless the operator withdrew it meanwhile."""
         if self._control.unqueue(run_id) and run_id in self._wrong:
             self._control.take_repeat()
             self._last = self._wrong.pop(run_id)
             self._repeat_run()
 
     def _queue_or_forget(self, planned: PlannedRun, run: Run, outcome: str) -> None:
-        """Queue a run that went wrong; one that serves, or was tried often enough, does not come again."""
+        """Queue a run that went wrong, unless tried often enough."""
         last, wanted = self._last, self._control.retries and not planned.practice and not self._control.stopping
         if not wanted:
             return
@@ -183,7 +181,6 @@ class Conductor:
             self._wrong.pop(planned.id, None)
 
     def _repeat_run(self) -> None:
-        """The run that just ended, under an id of its own."""
         last = self._last
         if last is None or "laser" in self._saver.lost:
             return
@@ -267,7 +264,7 @@ class Conductor:
         return start_s, None
 
     def _follow(self, planned: PlannedRun, start_s: float, end_s: float) -> Signal | None:
-        """Record while the target moves; a turned touchscreen is reported as early as the touches allow."""
+        """Record while the target moves; report a turned touchscreen as early as touches allow."""
         reported = False
         for after_s in CHECKS_AFTER_S:
             signal = self._watch.wait_until(min(start_s + after_s, end_s), RUN_ROLES, frames=True)
@@ -279,7 +276,7 @@ class Conductor:
         return self._watch.wait_until(end_s, RUN_ROLES, frames=True)
 
     def _check_orientation(self, planned: PlannedRun, start_s: float) -> bool:
-        """Report touches that are mirrored against the target: the panel was turned after its calibration."""
+        """Report touches mirrored against the target: the panel was turned after its calibration."""
         run = self._saver.call(self._saver.so_far)
         wrong = None if run is None else wrong_way_round(run.touch, planned.target, start_s, self._options.screen)
         if wrong is not None:
@@ -306,7 +303,7 @@ class Conductor:
             self._watch.log("warning", "touch", words)
 
     def _preview(self, end_s: float) -> None:
-        """Emit a preview of the run without waiting for the longest possible latency."""
+        """Emit a preview of the run before the longest possible latency has passed."""
         self._time.advance_to(end_s + PREVIEW_S)
         patience_s = TAIL_S if self._time.realtime else STUCK_S
         if self._saver.wait_past(end_s + PREVIEW_S, RUN_ROLES, patience_s):

@@ -1,4 +1,4 @@
-"""What the operator may ask of a running session, from another thread."""
+"""The operator's requests to a running session."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Place:
-    """Where to go on saving; without a folder where it was, in which there is room now."""
+    """Where to go on saving; without a folder, the same place, which has room now."""
 
     folder: Path | None = None
 
@@ -18,11 +18,10 @@ class Control:
     """Requests that the session polls several times a second. Thread-safe.
 
     Args:
-        auto: begin each run by itself after the rest; False waits for ``proceed()`` before every run.
-        asks: somebody answers where to go on when nothing can be saved any more (``name_place``).
+        auto: begin each run after the rest; False waits for ``proceed()`` before every run.
+        asks: somebody will answer (``name_place``) where to go on when nothing can be saved.
         spare: the folder to go on in then, without asking; used once.
-        retries: runs that were aborted, failed, or give no latency for the curve are queued to be recorded again
-            after the planned ones.
+        retries: queue, after the planned runs, those that were aborted, failed, or give no latency for the curve.
     """
 
     def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None, retries: bool = False) -> None:
@@ -40,31 +39,31 @@ class Control:
         self._queue: list[str] = []
 
     def stop(self) -> None:
-        """End the session: the present run is aborted, the file is closed."""
+        """End the session: the present run is aborted, the file closed."""
         with self._changed:
             self._stop = self._abort = True
             self._changed.notify_all()
 
     def abort_run(self) -> None:
-        """End the present run; what it recorded is kept, marked as aborted."""
+        """End the present run; its data are kept, marked as aborted."""
         with self._changed:
             self._abort = True
             self._changed.notify_all()
 
     def repeat_run(self) -> None:
-        """Record the present run (or the one just ended) once more, under an id of its own."""
+        """Record the present or last run again, under a new id."""
         with self._changed:
             self._repeat = True
             self._changed.notify_all()
 
     def queue(self, run_id: str) -> None:
-        """Record that planned run again after the others; twice is once."""
+        """Record that planned run again after the others, once."""
         with self._changed:
             if run_id not in self._queue:
                 self._queue.append(run_id)
 
     def unqueue(self, run_id: str) -> bool:
-        """Do not record that run again; whether it was queued."""
+        """Whether the run was queued; it no longer is."""
         with self._changed:
             there = run_id in self._queue
             self._queue = [queued for queued in self._queue if queued != run_id]
@@ -87,19 +86,19 @@ class Control:
             self._changed.notify_all()
 
     def name_place(self, folder: Path | None) -> None:
-        """Go on saving in that folder, or where it was."""
+        """Go on saving in that folder; None: where it was."""
         with self._changed:
             self._place = Place(folder)
             self._changed.notify_all()
 
     def no_place(self) -> None:
-        """There is no other place, and nobody will name one: a session that cannot save ends."""
+        """No other place will be named: a session that cannot save ends."""
         with self._changed:
             self._asks, self._spare = False, None
             self._changed.notify_all()
 
     def note(self, text: str) -> None:
-        """Words for the file, stamped with the present time."""
+        """A note for the file, stamped now."""
         with self._changed:
             self._notes.append(text)
             self._changed.notify_all()
@@ -120,7 +119,7 @@ class Control:
             return self._abort
 
     def take_abort(self) -> bool:
-        """Whether an abort was asked for; forgets it, unless the whole session is to stop."""
+        """Whether an abort was requested; clears it, unless the session is to stop."""
         with self._changed:
             asked, self._abort = self._abort, self._stop
             return asked
@@ -132,7 +131,7 @@ class Control:
 
     @property
     def repeating(self) -> bool:
-        """Whether a repeat was asked for that has not begun."""
+        """Whether a requested repeat has not begun."""
         with self._changed:
             return self._repeat
 
@@ -153,7 +152,7 @@ class Control:
             return self._asks or self._spare is not None
 
     def wait_for_place(self, stoppable: bool) -> Place | None:
-        """Wait until a place is named; None where nobody will, or (``stoppable``) once the session is to stop."""
+        """The place, once named; None if nobody will, or (``stoppable``) once the session is to stop."""
         with self._changed:
             if self._spare is not None:
                 place, self._spare = Place(self._spare), None
@@ -163,6 +162,6 @@ class Control:
             return self._place
 
     def wait(self, timeout_s: float) -> None:
-        """Wait for any request, at most so long."""
+        """Wait for any request, at most ``timeout_s``."""
         with self._changed:
             self._changed.wait(timeout_s)

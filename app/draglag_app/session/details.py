@@ -1,4 +1,4 @@
-"""Details of a session: participant, session, operator, free fields; the file name made from them."""
+"""Details of a session, and the file name made from them."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from draglag.messages import message
 
 STANDARD = ("participant", "session", "operator")
 TEMPLATE = "{date}_{time}_{protocol}-{screen}"
-"""Names every session differently: no two begin in the same second."""
+"""Unique by default: no two sessions begin in one second."""
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}\Z")  # also a name of HDF5, MATLAB and R
 GIVEN = ("date", "time", "protocol", "screen")
-"""What the program fills into a name itself."""
+"""Fields of a name that the program fills in."""
 _LONGEST = 200  # of a stem, bytes: file systems take 255 with the endings
 
 
 def check_name(name: str) -> str:
-    """The name of a free field itself, if it can be one. Raises DataError."""
+    """The name, if valid for a free field. Raises DataError."""
     if not _NAME.match(name) or name in GIVEN:
         raise DataError(
             message("“{name}” cannot be the name of a field", name=name[:60]),
@@ -32,7 +32,7 @@ def check_name(name: str) -> str:
 
 
 def parse_details(texts: Iterable[str]) -> dict[str, str]:
-    """Details from NAME=TEXT each. Raises DataError."""
+    """Details from texts NAME=TEXT. Raises DataError."""
     out = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -43,7 +43,7 @@ def parse_details(texts: Iterable[str]) -> dict[str, str]:
 
 
 def check_template(template: str, fields: Iterable[str] = ()) -> str:
-    """The template itself, if file names can be made from it. Raises DataError."""
+    """The template, if valid for file names. Raises DataError."""
     known = {*GIVEN, *STANDARD, *fields}
     try:
         parts = [part for part in string.Formatter().parse(template) if part[1] is not None]
@@ -65,10 +65,7 @@ def check_template(template: str, fields: Iterable[str] = ()) -> str:
 def file_name(
     folder: Path, template: str, protocol: str, screen: str, details: Mapping[str, str], now: datetime
 ) -> Path:
-    """A session file's path that is not taken yet, from the template. Fields without a value leave no separators.
-
-    Raises DataError for a template that ``check_template`` refuses.
-    """
+    """An unused path for a session file; empty fields leave no separators. Raises DataError as ``check_template``."""
     values = {"date": f"{now:%Y-%m-%d}", "time": f"{now:%H%M%S}", "protocol": protocol, "screen": screen}
     values |= dict.fromkeys(STANDARD, "") | dict(details)
     plain = {key: re.sub(r"[^\w.-]+", "_", value).strip("._") for key, value in values.items()}

@@ -1,4 +1,4 @@
-"""The participant's display as the session sees it, and one that needs no screen."""
+"""The participant's display for the session, and one without a screen."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from draglag.recording import DisplayTrace
 
 
 class Display(Protocol):
-    """Shows a target and remembers when it was drawn where. Called from the session's thread."""
+    """Shows a target and records when it was drawn where. Called from the session's thread."""
 
     def show(self, target: Target, start_s: float) -> None:
-        """Draw the target at its start; from ``start_s`` on (session clock) let it move."""
+        """Draw the target at its start; it moves from ``start_s`` (session clock)."""
         ...
 
     def prompt(self, text: str) -> None:
-        """A short sentence for the participant; empty takes it away."""
+        """A short sentence for the participant; empty removes it."""
         ...
 
     def frames(self, until_s: float) -> DisplayTrace:
-        """The frames drawn since the last call, up to ``until_s``; ``missed`` counts those that came too late."""
+        """Frames drawn since the last call, up to ``until_s``; ``missed`` counts late ones."""
         ...
 
     def hide(self) -> None:
-        """No target any more."""
+        """Remove the target."""
         ...
 
 
 class OffscreenDisplay:
-    """Draws nothing, and says where each frame of a 60 Hz screen would have shown the target."""
+    """Draws nothing; computes the frames of a 60 Hz screen."""
 
     def __init__(self, frame_hz: float = 60.0) -> None:
         self.frame_hz = frame_hz

@@ -1,4 +1,4 @@
-"""Events of a session for its listener. Events about data are emitted after the data were appended to the file."""
+"""Events of a session for its listener; those about data are emitted after the data were appended to the file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DeviceOpened:
 
 @dataclass(frozen=True)
 class StateChanged:
-    """A run moved on. ``remaining_s`` counts down to the target's start in "countdown", else to its end."""
+    """A run's phase. ``remaining_s``: to the target's start in "countdown", else to its end."""
 
     run_id: str
     phase: Phase
@@ -38,7 +38,7 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class Resting:
-    """A rest began. ``remaining_s``: until the next step; infinite where the operator begins it."""
+    """A rest began. ``remaining_s``: to the next step; infinite where the operator begins it."""
 
     remaining_s: float
 
@@ -47,7 +47,7 @@ class Resting:
 class RunQueued:
     """A run went wrong and will be recorded again after the planned ones (``Control.unqueue``).
 
-    ``outcome``: of its recording, or "unusable" where that was whole and gives no latency for the curve.
+    ``outcome``: of its recording, or "unusable" for a whole one without a latency for the curve.
     """
 
     run_id: str
@@ -63,10 +63,10 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class RunPreviewed:
-    """The target is done and nearly everything has been saved: what the run holds so far, soon after its end.
+    """The run so far, soon after its target ended and nearly all is saved.
 
-    The last events follow with RunFinished, once whatever the longest latency holds back has arrived. Left out where
-    a source is late or the run ended early.
+    RunFinished brings the last events, after the longest latency. Omitted where a source is late or the run ended
+    early.
     """
 
     run: Run
@@ -75,9 +75,9 @@ class RunPreviewed:
 
 @dataclass(frozen=True)
 class RunFinished:
-    """A run is in the file, whole, with its one outcome. ``run`` is what was recorded.
+    """A whole run, saved with its final outcome.
 
-    ``clocks``: comparisons of clocks that the session holds so far outside its runs.
+    ``clocks``: clock comparisons of the session so far outside its runs.
     """
 
     run: Run
@@ -90,12 +90,12 @@ class SamplesArrived:
     """A digest of samples for live plots; at most a few hundred points.
 
     Attributes:
-        run_id: the run they were saved in; empty between runs, when they are shown and not kept.
+        run_id: the run they were saved in; empty between runs, when they are not kept.
         t_s, x_mm, y_mm: (n,) decimated touch events. edge_s, light: (m,) edges.
-        count: samples in all, before decimation. rate_hz: of this batch, 0 where unknown.
-        age_s: how old the newest sample was when it was read; 0 without samples, where a contact began or ended alone.
+        count: samples before decimation. rate_hz: of this batch, 0 where unknown.
+        age_s: of the newest sample when read; 0 without samples, where only a contact began or ended.
         lost: samples known to be lost since the session began.
-        batch: all of them, as they were read; None where only the digest is at hand.
+        batch: all of them as read, or None.
     """
 
     role: str
@@ -115,7 +115,7 @@ class SamplesArrived:
 
 @dataclass(frozen=True)
 class TapsArrived:
-    """Pairs of tap and registered event, saved. ``rejected``: so far, by reason."""
+    """Taps paired and saved. ``rejected``: so far, by reason."""
 
     down: int
     release: int
@@ -124,7 +124,7 @@ class TapsArrived:
 
 @dataclass(frozen=True)
 class DeviceFault:
-    """A device is lost for good. One plain sentence and what to do."""
+    """A device is lost for good."""
 
     role: str
     address: str
@@ -149,7 +149,7 @@ class DiskStatus:
 
 @dataclass(frozen=True)
 class PlaceWanted:
-    """Nothing can be saved any more; the session waits for ``Control.name_place``. ``path``: the session file."""
+    """Saving fails; the session waits for ``Control.name_place``. ``path``: the session file."""
 
     path: Path
     problem: str
@@ -181,4 +181,4 @@ Event = (
     | SessionFinished
 )
 Listener = Callable[[Event], None]
-"""Called from the session's and the writer's thread; it must return quickly and never raise."""
+"""Called from the session's and the writer's thread; must return quickly and never raise."""

@@ -1,4 +1,4 @@
-"""The life of one run as a pure state machine: whatever happens in whatever order, a run has exactly one outcome."""
+"""A run as a pure state machine: exactly one outcome, whatever happens in whatever order."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Phase(Enum):
 
 
 class Signal(Enum):
-    """What can happen to a run."""
+    """Events of a run."""
 
     PREPARE = "prepare"
     READY = "ready"
@@ -46,7 +46,7 @@ _SEVERITY = ("complete", "aborted", "device_lost", "failed")
 
 @dataclass(frozen=True)
 class RunState:
-    """Phase and, once it is FINISHED, the outcome: "complete" | "aborted" | "device_lost" | "failed"."""
+    """Phase and, once FINISHED, outcome: "complete" | "aborted" | "device_lost" | "failed"."""
 
     phase: Phase = Phase.IDLE
     ending: str | None = None
@@ -62,7 +62,7 @@ class RunState:
 
 
 def advance(state: RunState, signal: Signal) -> RunState:
-    """The state after a signal. Signals that mean nothing in a phase leave it as it is."""
+    """The state after a signal; signals without meaning in a phase change nothing."""
     if state.phase is Phase.FINISHED:
         return state
     if state.phase is Phase.CLOSING and signal is Signal.DRAINED:

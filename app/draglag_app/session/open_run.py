@@ -1,4 +1,4 @@
-"""The run that is being recorded, as far as it has been saved."""
+"""The run being recorded, as far as saved."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from draglag.recording import ClockBounds, DisplayTrace, LaserTrace, LogEntry, R
 
 @dataclass
 class OpenRun:
-    """What has come of a run; samples up to ``to_s`` belong to it."""
+    """Data of a run so far; samples up to ``to_s`` belong to it."""
 
     run: Run
     to_s: float
@@ -20,7 +20,7 @@ class OpenRun:
     log: list[LogEntry] = field(default_factory=list)
 
     def assembled(self, outcome: str, duration_s: float) -> Run:
-        """All of it as one run."""
+        """The data as one run."""
         empty = self.run
         return replace(
             empty,

@@ -1,4 +1,4 @@
-"""Options of a session in addition to its protocol and its sources."""
+"""Options of a session apart from protocol and sources."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COUNTDOWN_S = 3.0
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """Options of a session in addition to its protocol. ``seed`` None: that of the protocol."""
+    """Options of a session; ``seed`` None: the protocol's."""
 
     screen: Screen
     stylus: Stylus = field(default_factory=lambda: Stylus(7.0))

@@ -1,6 +1,6 @@
-"""Samples in order of time: what a device stamps with a time that cannot be is left out, counted and marked.
+"""Samples in order of time; those of impossible time are left out, counted and marked.
 
-One stamp that goes back would otherwise make every reader refuse the whole session.
+One stamp that goes back would make every reader refuse the session.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Order:
         self._said = False
 
     def kept(self, batch: Batch) -> Batch:
-        """The batch without samples whose stamps go back, lie ahead or are no numbers: those count as lost."""
+        """The batch without samples that go back, lie ahead or have no time; they count as lost."""
         touch, laser = batch.touch, batch.laser
         lost = 0
         if touch is not None and len(touch.t_s):
@@ -65,7 +65,6 @@ class Order:
 
 
 def _chosen(trace: _Trace, keep: np.ndarray[Any, Any]) -> _Trace:
-    """The samples that are kept, with all their columns."""
     changed: dict[str, Any] = {}
     for spec in fields(trace):
         value = getattr(trace, spec.name)

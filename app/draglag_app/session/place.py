@@ -1,4 +1,4 @@
-"""When nothing can be saved any more: the session waits for another place, or for room, and goes on."""
+"""When nothing can be saved: the session waits for another place, or for room."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag_app.session.saver import Saver
 
 
 def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> bool:
-    """Ask until saving goes on; False if nobody names a place, or the session is to stop."""
+    """Ask until saving goes on; False if no place is named, or the session is to stop."""
 
     def go_on(place: Path | None) -> None:
         saver.call(lambda: saver.resume(place))
@@ -23,7 +23,7 @@ def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> b
 
 
 def close(writer: SessionWriter, control: Control, emit: events.Listener) -> Path:
-    """Make the session file, in another place where it has to be. Raises DataError: the journal is what there is."""
+    """The session file, elsewhere if necessary. Raises DataError: the journal remains."""
     try:
         return writer.close()
     except DataError as error:
@@ -40,7 +40,7 @@ def close(writer: SessionWriter, control: Control, emit: events.Listener) -> Pat
 
 
 def elsewhere(failure: DraglagError, partial: Path) -> DataError:
-    """The failure with what to do once the session has ended."""
+    """The failure with the remedy after the session."""
     return DataError(
         failure.problem,
         message("Make room on the disk, then `draglag verify {file}`, or save it elsewhere with --out", file=partial),
@@ -55,7 +55,6 @@ def _request_place(
     emit: events.Listener,
     stoppable: bool,
 ) -> bool:
-    """Wait for answers and try them, until one does."""
     while failure is not None:
         emit(events.PlaceWanted(path, failure.problem, failure.remedy))
         answer = control.wait_for_place(stoppable)

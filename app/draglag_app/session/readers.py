@@ -1,4 +1,4 @@
-"""One thread a source: it reads, and hands on; nothing it does waits for the disk or for a window."""
+"""One reading thread per source, which never waits for disk or windows."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Lost:
 
 
 class OpenFaults(DeviceError):
-    """Sources that could not be opened, all of them together. ``faults`` holds one DeviceError a source."""
+    """All sources that could not be opened; ``faults``: one DeviceError each."""
 
     def __init__(self, faults: tuple[DeviceError, ...]) -> None:
         self.faults = faults
@@ -78,8 +78,8 @@ def as_device_error(source: Source, error: Exception) -> DeviceError:
 class ReaderThread(threading.Thread):
     """Reads one source into a bounded queue.
 
-    Where time can wait (simulation, replay) a full queue makes the reader wait. A real device cannot wait: what
-    does not fit is counted, and travels as ``dropped``/``missed`` and a gap with the next samples that do.
+    In simulation and replay a full queue blocks the reader. A real device cannot wait: what does not fit is counted,
+    and sent as ``dropped``/``missed`` and a gap with the next samples that do.
     """
 
     def __init__(self, source: Source, post: queue.Queue[object], stop: threading.Event) -> None:

@@ -1,4 +1,4 @@
-"""The threads of a session: a reader for every source and one that saves."""
+"""The threads of a session: one reader per source, and a saver."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUEUE_BATCHES = 512
 
 
 class Recorder:
-    """Starts the threads over sources that are open, and stops them in order. ``saver`` does the rest."""
+    """Starts and stops the threads over open sources; ``saver`` does the rest."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Recorder:
             reader.start()
 
     def stop(self) -> None:
-        """Stop reading, save what was read, close the sources. The file stays open for its owner to close."""
+        """Stop reading, save what was read, close the sources. The owner closes the file."""
         self._stop_readers.set()
         for reader in self._readers:
             if reader.is_alive():

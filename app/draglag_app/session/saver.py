@@ -1,4 +1,4 @@
-"""The writer thread: the only one that touches the file. Data are saved before events about them are emitted."""
+"""The writer thread, the only one that touches the file. Data are saved before events about them are emitted."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _T = TypeVar("_T")
 
 
 class Saver:
-    """Takes batches and requests from one queue, in order.
+    """Processes batches and requests from one queue, in order.
 
-    After a failure to write the disk is left alone until ``resume``; what comes meanwhile waits in memory.
+    After a write failure it does not use the disk until ``resume``; data wait in memory.
 
     Attributes:
         failure: why nothing can be saved at present, or None.
-        lost: role → what became of a source that is gone for good.
+        lost: role → error of a source that is gone for good.
     """
 
     def __init__(
@@ -68,16 +68,16 @@ class Saver:
 
     @property
     def partial(self) -> Path:
-        """What is written meanwhile."""
+        """The journal."""
         return self._writer.partial
 
     @property
     def tap_count(self) -> int:
-        """Taps saved so far of which both touch and release found their shock."""
+        """Taps saved so far with shocks for both touch and release."""
         return min(self._taps["down"], self._taps["release"])
 
     def call(self, action: Callable[[], _T]) -> _T:
-        """Run an action in the writer's thread, after what is in the queue. Raises what the action raises."""
+        """Run an action in the writer's thread, after the queue's content. Raises what it raises."""
         result: Future[_T] = Future()
 
         def act() -> None:
@@ -90,13 +90,13 @@ class Saver:
         return result.result()
 
     def lagging_roles(self, t_s: float, roles: Iterable[str]) -> list[str]:
-        """Living sources of these roles that have not reported past ``t_s`` yet."""
+        """Living sources of these roles that have not reported past ``t_s``."""
         return [role for role in roles if role not in self.lost and self._marks.get(role, np.inf) < t_s]
 
     def wait_past(self, t_s: float, roles: tuple[str, ...], timeout_s: float) -> list[str]:
-        """Wait until all living sources of these roles are saved past ``t_s``; returns those that are not.
+        """Roles of living sources not saved past ``t_s`` within the time.
 
-        Returns at once, and nobody, when saving has failed.
+        Empty, at once, when saving has failed.
         """
         with self._progress:
             self._progress.wait_for(lambda: not self.lagging_roles(t_s, roles) or self.failure is not None, timeout_s)
@@ -104,7 +104,7 @@ class Saver:
 
     @property
     def clocks(self) -> tuple[ClockBounds, ...]:
-        """Comparisons of clocks that were saved outside runs, so far."""
+        """Clock comparisons saved outside runs so far."""
         return tuple(self._clocks)
 
     # --- actions: they run in the writer's thread, through ``call`` ------------------------------------------
@@ -117,7 +117,7 @@ class Saver:
         self._keep(lambda: self._writer.begin_run(run))
 
     def resume(self, path: Path | None) -> None:
-        """Save again, from now on as ``path`` (None: where it was); first what waits. Raises DraglagError."""
+        """Save again, first what waits, as ``path`` (None: where it was). Raises DraglagError."""
         if path is not None:
             self._writer.move(path)
         self._keep(self._writer.flush)
@@ -125,22 +125,22 @@ class Saver:
             self.failure = None
 
     def cut_run(self, to_s: float) -> None:
-        """The run ends earlier than planned."""
+        """End the run earlier than planned."""
         if self._run is not None:
             self._run.to_s = min(self._run.to_s, to_s)
 
     def so_far(self) -> Run | None:
-        """What the open run holds and the file has, as planned; None where there is none or saving has failed."""
+        """The open run as saved so far, with its planned duration; None without one or if saving has failed."""
         opened = self._run
         if opened is None or self.failure is not None:
             return None
         return opened.assembled(opened.run.outcome, opened.run.duration_s)
 
     def end_run(self, outcome: str, duration_s: float) -> Run | None:
-        """End the run and return what was recorded; it is on the disk then.
+        """The ended run, on disk.
 
-        Where nothing could be saved before, its outcome is "failed". Where ``failure`` came only now, it is whole and
-        waits in memory.
+        If saving failed before, the outcome is "failed". If it fails only now (``failure``), the run is whole and waits
+        in memory.
         """
         opened, self._run = self._run, None
         if opened is None:
@@ -160,14 +160,14 @@ class Saver:
             opened.display.append(trace)
 
     def log(self, entry: LogEntry) -> None:
-        """Into the open run's log, or the session's notes."""
+        """Add to the open run's log, or the session's notes."""
         opened = self._run
         self._keep(lambda: self._writer.append_log(entry, None if opened is None else opened.run.id))
         if opened is not None:
             opened.log.append(entry)
 
     def give_up(self, role: str) -> None:
-        """Treat a source that does not report any more as lost."""
+        """Treat a source that reports no more as lost."""
         error = DeviceError(role, message("the {role} source does not report any more", role=role), "check the device")
         self._take_loss(Lost(role, error))
 
@@ -272,7 +272,7 @@ class Saver:
         self._pending_events.append(events.TapsArrived(**self._taps))
 
     def _keep(self, append: Callable[[], _T]) -> _T:
-        """Hand to the writer, which has it on the disk after the next flush. Raises DraglagError."""
+        """Hand to the writer; on disk after the next flush. Raises DraglagError."""
         try:
             done = append()
         except OSError as error:

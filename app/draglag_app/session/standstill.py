@@ -1,4 +1,4 @@
-"""Whether this program and its computer kept running: a stopped process, a closed lid, a computer too busy."""
+"""Detects that program or computer stood still: stopped process, suspend, overload."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLEPT_S = 0.1
 
 @dataclass(frozen=True)
 class Standstill:
-    """From ``from_s`` to ``to_s`` (CLOCK_MONOTONIC) this program did not run; ``suspended_s``: the computer slept.
+    """This program did not run from ``from_s`` to ``to_s`` (CLOCK_MONOTONIC); ``suspended_s``: time asleep.
 
     CLOCK_MONOTONIC stands while the computer sleeps, CLOCK_BOOTTIME does not.
     """
@@ -30,7 +30,7 @@ class Standstill:
     suspended_s: float
 
     def message(self) -> str:
-        """What happened and what it means for the run, in one sentence and a half."""
+        """What happened and what it means for the run."""
         if self.suspended_s > SLEPT_S:
             return message(
                 "the computer was suspended for {s:.1f} s: nothing was recorded meanwhile. Keep it awake, and "
@@ -50,7 +50,7 @@ def _clocks() -> tuple[float, float]:
 
 
 class Pulse:
-    """Samples the monotonic clocks twenty times a second, in a thread of its own. Thread-safe.
+    """Samples the monotonic clocks twenty times a second in its own thread. Thread-safe.
 
     Steps of CLOCK_REALTIME (a time server, the operator) change neither clock.
     """
@@ -74,7 +74,7 @@ class Pulse:
             self._thread.join()
 
     def take(self) -> list[Standstill]:
-        """What was seen since this was last asked, the moment of asking included."""
+        """Standstills since the last call, up to now."""
         self._sample()
         with self._lock:
             found, self._found = self._found, []

@@ -1,4 +1,4 @@
-"""Pairing what the WALT felt with what the kernel registered."""
+"""Pairing shocks of the WALT with contacts of the kernel."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ _T = TypeVar("_T")
 class TapPairer:
     """Every registered touch or release takes the last shock before it, each shock once, at most 200 ms apart.
 
-    What finds no partner is counted: "touch"/"release" for an event without a shock, "shock" for the other way. So is
-    what a source itself rejected, under its own reasons, and "clock": an event or shock stamped far ahead of what has
-    happened, which would wait for its partner for ever.
+    Without a partner, "touch"/"release" (no shock) and "shock" are counted as rejected; so are sources' own rejections,
+    and "clock": stamped far ahead, which would wait forever.
     """
 
     _shocks: list[float] = field(default_factory=list)
@@ -33,7 +32,7 @@ class TapPairer:
     _rejected: Counter[str] = field(default_factory=Counter)
 
     def add(self, taps: Taps | None = None, changes: ContactChanges | None = None, until_s: float = np.inf) -> None:
-        """Take what a source reported, which is all that happened before ``until_s``."""
+        """Add a source's report, complete up to ``until_s``."""
         latest_s = until_s + AHEAD_S
         if taps is not None:
             self._rejected.update(taps.rejected)

@@ -1,4 +1,4 @@
-"""Whether a run that has just been recorded must be recorded again."""
+"""Whether a run must be recorded again."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from draglag.latency.estimate import CONSTANT_SPEED
 from draglag.recording import ClockBounds, Run
 
 UNUSABLE = "unusable"
-"""A run that was recorded whole, and gives no latency that goes into the curve."""
+"""A whole run without a latency for the curve."""
 
 
 def went_wrong(run: Run, outcome: str, clocks: Sequence[ClockBounds], stylus_mm: float) -> str:
-    """Why a run must come again; empty for one that serves.
+    """Why a run must be recorded again; empty if usable.
 
     Args:
         outcome: of the recording. clocks: comparisons of the session outside its runs.

@@ -1,4 +1,4 @@
-"""Time passes, with an eye on the operator, the devices and the disk."""
+"""Waiting, with attention to operator, devices and disk."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DISK_LOW = 200_000_000
 
 
 class Watch:
-    """Waits for the session's thread, and says what ended a wait early. ``roles``: those of all sources."""
+    """Waits for the session's thread, and says what ended a wait early. ``roles``: of all sources."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class Watch:
         condition: Callable[[], bool] = lambda: False,
         abortable: bool = True,
     ) -> Signal | None:
-        """Let time pass up to ``until_s`` or until ``condition()``; a signal says that something ended it early."""
+        """Wait up to ``until_s`` or ``condition()``; the signal that ended it early, else None."""
         while True:
             if not abortable:
                 self._control.take_abort()  # keeps the request to stop altogether
@@ -89,7 +89,6 @@ class Watch:
                     self._saver.call(partial(self._saver.give_up, role))
 
     def _interruption(self, roles: tuple[str, ...]) -> Signal | None:
-        """Operator, program, devices, disk."""
         self.check_standstill()
         for text in self._control.take_notes():
             self.log("note", "operator", text)
@@ -103,7 +102,7 @@ class Watch:
         return None
 
     def drain(self, until_s: float, roles: tuple[str, ...]) -> Signal | None:
-        """Wait until what belongs to the run has been reported and saved."""
+        """Wait until the run's data have been reported and saved."""
         self._time.advance_to(until_s)
         patience_s = STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
         late = self._saver.wait_past(until_s, roles, patience_s)
@@ -114,7 +113,7 @@ class Watch:
         return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
 
     def check_standstill(self) -> None:
-        """Say in the file that this program, or its computer, stood still. Simulated time stands with it."""
+        """Log a standstill of program or computer; simulated time stands with it."""
         for found in self.pulse.take():
             if self._time.realtime:
                 self.log("error", STANDSTILL, found.message())

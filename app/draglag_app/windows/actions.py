@@ -1,4 +1,4 @@
-"""Everything the operator can ask for, in one table: menus, keys and the Help page are made from it."""
+"""The operator's actions, in one table for menus, keys and the Help page."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def say(text: str) -> str:
 
 
 class Actions(QObject):
-    """The table as QActions. ``handlers`` maps ids to what they do; ids without one are left out."""
+    """The table as QActions. ``handlers``: id → callable; ids without one are left out."""
 
     def __init__(self, parent: QObject, handlers: Mapping[str, Callable[[], object]]) -> None:
         super().__init__(parent)
@@ -116,12 +116,12 @@ class Actions(QObject):
             self.made[spec.id] = action
 
     def use_keys(self, chosen: Mapping[str, str]) -> None:
-        """Let actions have these keys; those that are not named have the usual ones."""
+        """Give actions these keys, others the usual ones."""
         for name, action in self.made.items():
             action.setShortcut(QKeySequence(keys_of(name, chosen)))
 
     def fill(self, bar: QMenuBar) -> None:
-        """Menus in the order of the table."""
+        """Add menus in the order of the table."""
         for name, title in MENUS.items():
             menu = LetterMenu(say(title), bar)
             bar.addMenu(menu)
@@ -130,21 +130,21 @@ class Actions(QObject):
                     menu.addAction(self.made[spec.id])
 
     def add_recent(self, bar: QMenuBar, recent: RecentMenu) -> None:
-        """The sessions opened last, below *Open session…*."""
+        """Add recent sessions below *Open session…*."""
         first = bar.findChild(LetterMenu)
         if first is not None:
             first.insertMenu(first.actions()[1], recent)
 
     def serve(self, window: QWidget) -> None:
-        """Let the keys that steer a session, and those that go to a page, work in another window too."""
+        """Make keys of measuring and of pages work in another window too."""
         window.addActions([self.made[s.id] for s in ACTIONS if s.id in self.made and s.menu in ("measure", "go")])
 
     def run_keys(self) -> list[QAction]:
-        """Those that steer a run, for a dialog that has the keyboard meanwhile."""
+        """Actions of a run, for a dialog that has the keyboard meanwhile."""
         return [self.made[s.id] for s in ACTIONS if s.id in self.made and s.when == "recording"]
 
     def follow(self, stack: QUndoStack) -> None:
-        """Undo and redo say what they would do, and are there only where there is something."""
+        """Keep names and availability of undo and redo up to date."""
         for name, able, able_now, what, what_now in (
             ("undo", stack.canUndoChanged, stack.canUndo(), stack.undoTextChanged, stack.undoText()),
             ("redo", stack.canRedoChanged, stack.canRedo(), stack.redoTextChanged, stack.redoText()),
@@ -157,7 +157,7 @@ class Actions(QObject):
             renamed(what_now)
 
     def set_recording(self, recording: bool) -> None:
-        """Enable what makes sense now."""
+        """Enable the actions of the present state."""
         for spec in ACTIONS:
             if spec.id in self.made and spec.when != "always":
                 self.made[spec.id].setEnabled((spec.when == "recording") == recording)
@@ -175,22 +175,22 @@ def _without_argument(handler: Callable[[], object]) -> Callable[[], None]:
 
 
 def key_list(chosen: Mapping[str, str]) -> list[tuple[str, str]]:
-    """(keys, what they do) of every action, for the Help page; ``chosen``: keys of the operator's own, by action."""
+    """(keys, meaning) of every action, for the Help page; ``chosen``: the operator's keys by action."""
     rows = [(keys_of(spec.id, chosen), say(spec.text)) for spec in ACTIONS]
     return [(keys, text) for keys, text in rows if keys]
 
 
 def keys_of(action: str, chosen: Mapping[str, str]) -> str:
-    """The keys of an action, as people read them; empty where it has none."""
+    """The keys of an action as text; empty if none."""
     usual = next((spec.keys for spec in ACTIONS if spec.id == action), "")
     return QKeySequence(chosen.get(action, usual)).toString()
 
 
 def who_has(keys: str, chosen: Mapping[str, str]) -> str:
-    """The action that has these keys already; empty where they are free."""
+    """The action that has these keys; empty if free."""
     return next((spec.id for spec in ACTIONS if keys and keys_of(spec.id, chosen) == keys), "")
 
 
 def other_keys() -> list[tuple[str, str]]:
-    """(keys, what they do) of those that belong to no action, for the Help page."""
+    """(keys, meaning) of those without an action, for the Help page."""
     return [(say(keys), say(what)) for keys, what in ELSEWHERE]

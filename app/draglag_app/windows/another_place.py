@@ -1,4 +1,4 @@
-"""A session that cannot save any more waits: where shall it go on? The dialog stands in nobody's way."""
+"""The question where to go on when a session cannot save; not modal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def tr(text: str) -> str:
 
 
 class AnotherPlace(QDialog):
-    """Asks until a button is pressed; a folder may be chosen again as long as none was named."""
+    """Asks until a button is pressed; a folder may be chosen again until one is named."""
 
     def __init__(self, window: QWidget, control: Control, event: events.PlaceWanted) -> None:
         super().__init__(window)
@@ -46,7 +46,7 @@ class AnotherPlace(QDialog):
         self.end.clicked.connect(self._none)
 
     def reject(self) -> None:
-        """Esc is no answer: the session would wait with nobody asked."""
+        """Ignore Esc: the session would wait with nobody asked."""
 
     def _answer(self, folder: Path | None) -> None:
         self._control.name_place(folder)
@@ -59,7 +59,7 @@ class AnotherPlace(QDialog):
 
 
 def ask_another_place(window: QWidget, control: Control | None, event: events.PlaceWanted) -> AnotherPlace | None:
-    """Show the question, instead of one that was answered in vain. None where there is no session any more."""
+    """The question, replacing one answered in vain; None without a session."""
     withdraw(window)
     if control is None:
         return None
@@ -69,7 +69,7 @@ def ask_another_place(window: QWidget, control: Control | None, event: events.Pl
 
 
 def withdraw(window: QWidget) -> None:
-    """The session has ended: nothing is asked any more."""
+    """Close the question: the session has ended."""
     for dialog in window.findChildren(AnotherPlace):
         close_file_dialogs(dialog)
         dialog.done(0)

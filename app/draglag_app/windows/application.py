@@ -1,4 +1,4 @@
-"""The Qt application: faults become one sentence and a log file; language, fonts and theme."""
+"""The Qt application: unexpected errors, language, fonts and theme."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from draglag_resources import resource
 
 
 def make_application(arguments: Sequence[str], settings: Settings | None = None) -> QApplication:
-    """The one application of this process, made on first call, in the settings' theme and language."""
+    """The only application of the process, in the settings' theme and language."""
     present = QCoreApplication.instance()
     application = cast(QApplication, present) if present is not None else QApplication(list(arguments))
     collect_in_this_thread(application)
@@ -44,7 +44,7 @@ def make_application(arguments: Sequence[str], settings: Settings | None = None)
 
 
 def install_excepthook(report: Callable[[str], None]) -> None:
-    """Faults nobody foresaw: the traceback into a log file, one sentence to the operator, the program goes on."""
+    """Unexpected errors: a traceback in the log file, a sentence to the operator; the program goes on."""
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if issubclass(kind, KeyboardInterrupt):
@@ -61,7 +61,7 @@ def install_excepthook(report: Callable[[str], None]) -> None:
 
 
 def write_fault(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> Path:
-    """Append a traceback to the log file; returns its path."""
+    """The log file, with the traceback appended."""
     path = user_log_path("draglag") / "faults.log"
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)

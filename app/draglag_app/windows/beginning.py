@@ -1,4 +1,4 @@
-"""Begin to measure: ask for the session's details and about what is missing, then start the recording."""
+"""Begin to measure: session details, what is missing, start."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def tr(text: str) -> str:
 
 
 def begin(window: OperatorWindow, asked: bool = False) -> None:
-    """Start the recording, unless something is missing and the operator does not want to start anyway.
+    """Start recording, unless something is missing and the operator declines.
 
-    ``asked``: the details of the session have been asked for, where the settings want that.
+    ``asked``: the session's details were already asked for, if the settings want that.
     """
     space = window.space
     if space.settings.ask_details and not asked:

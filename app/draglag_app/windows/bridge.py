@@ -1,4 +1,4 @@
-"""The one bridge from session events, sent by other threads, to Qt signals in the windows' thread."""
+"""The only bridge from session events of other threads to Qt signals of the windows' thread."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from draglag_app.session import events
 
 @dataclass(frozen=True)
 class Prompted:
-    """What the participant reads or sees now; ``kind`` of the target, empty where there is none."""
+    """The participant's text, and the ``kind`` of target, empty if none."""
 
     text: str
     kind: str = ""
 
 
 class SessionBridge(QObject):
-    """``listener`` may be called from any thread; the signals are emitted in the thread this object lives in.
+    """``listener`` may be called from any thread; signals are emitted in this object's thread.
 
-    Events are queued and taken in a bunch: a source of 1 kHz costs one wake-up of the window, not a thousand.
+    Events are queued and taken in bunches: a 1 kHz source costs one wake-up of the window, not a thousand.
     """
 
     device_opened = Signal(object)
@@ -42,7 +42,7 @@ class SessionBridge(QObject):
     session_finished = Signal(object)
     prompted = Signal(object)
     crashed = Signal(object)
-    """The session's thread ended with this exception; no file was closed."""
+    """The exception that ended the session's thread; no file was closed."""
     _wake = Signal()
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -53,11 +53,11 @@ class SessionBridge(QObject):
         self._wake.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
 
     def listener(self, event: events.Event | Prompted) -> None:
-        """Take an event, from any thread."""
+        """Queue an event, from any thread."""
         self._post(event)
 
     def failed(self, error: Exception) -> None:
-        """Take the exception that ended the session's thread, from any thread."""
+        """Queue the exception that ended the session's thread, from any thread."""
         self._post(error)
 
     def _post(self, item: Any) -> None:

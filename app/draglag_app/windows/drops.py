@@ -1,4 +1,4 @@
-"""Sessions dragged onto the operator's window: one is opened, several are compared."""
+"""Sessions dropped onto the window: one is opened, several are compared."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 class Drops(QObject):
-    """Takes what is dropped anywhere on the window.
+    """Takes drops anywhere on the window.
 
-    Fields do not: file managers give the path as text too, which would be written into whatever field is below.
+    Fields accept none: file managers also give the path as text, which a field would insert.
     """
 
     def __init__(self, window: OperatorWindow) -> None:
@@ -49,7 +49,7 @@ class Drops(QObject):
 
 
 def dropped(data: QMimeData) -> list[Path]:
-    """One session file or folder, or several session files; nothing where anything else is dragged."""
+    """One session file or folder, or several session files; else nothing."""
     paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
     if len(paths) != len(data.urls()):
         return []

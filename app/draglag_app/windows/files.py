@@ -25,7 +25,7 @@ def tr(text: str) -> str:
 
 
 def open_session(window: OperatorWindow) -> None:
-    """Ask for a session file and put it at hand."""
+    """Ask for a session file and open it."""
 
     def read(path: Path) -> None:
         window.space.open(path, lambda: window.go("results"))
@@ -34,13 +34,13 @@ def open_session(window: OperatorWindow) -> None:
 
 
 def import_folder(window: OperatorWindow) -> None:
-    """Read an exchange folder of another rig."""
+    """Ask for an exchange folder and read it."""
     title = tr("Import exchange folder")
     ask_folder(window, title, window.space.settings.folder, lambda path: read_folder(window, path))
 
 
 def read_folder(window: OperatorWindow, path: Path) -> None:
-    """Put the session of an exchange folder at hand."""
+    """Open the session of an exchange folder."""
     from draglag.exchange import read_exchange
 
     def take(session: Session) -> None:
@@ -53,7 +53,7 @@ def read_folder(window: OperatorWindow, path: Path) -> None:
 
 
 def export_session(window: OperatorWindow) -> None:
-    """Write the session at hand in a neutral form."""
+    """Write the session as an exchange folder."""
     session = window.space.session
     if session is None:
         window.notify("info", tr("There is no session to export yet."))
@@ -73,7 +73,7 @@ def export_session(window: OperatorWindow) -> None:
 
 
 def write_report(window: OperatorWindow) -> None:
-    """Write the HTML report of the session at hand."""
+    """Write the session's HTML report."""
     session, analysis = window.space.session, window.space.analysis
     if session is None or analysis is None:
         window.notify("info", tr("There are no results to report yet."))
@@ -91,14 +91,15 @@ def write_report(window: OperatorWindow) -> None:
 
 
 def proposed(window: OperatorWindow, what: str) -> Path:
-    """In the folder of the session, named after it."""
+    """A path in the session's folder, named after it."""
     path, space = window.space.path, window.space
     stem = path.stem if path is not None else "session"
     return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
 
 
 def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
-    """Work in a worker, then say where the result is, and ``more``. A report is a page in the folder ``where``."""
+    """Run ``work`` in a worker, then show where the result is, and ``more``; a report is a page in the folder
+    ``where``."""
     page = where / "report.html"
 
     def done(result: object) -> None:
@@ -108,7 +109,7 @@ def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str
 
 
 def offer_salvage(window: OperatorWindow) -> None:
-    """Ask about recordings that were never closed; No leaves them as they are."""
+    """Ask about recordings that were not closed; No leaves them."""
     folder = Path(window.space.settings.folder)
     try:
         if folder.is_dir():
@@ -127,7 +128,7 @@ def offer_salvage(window: OperatorWindow) -> None:
 
 
 def _save_each(window: OperatorWindow, left: list[Path], folder: Path | None) -> None:
-    """Save recordings in their own folder, or in a folder; those that cannot be saved are offered another one."""
+    """Save recordings in their own folder or in ``folder``; for failures, offer another."""
 
     def work(progress: Progress) -> tuple[list[str], list[Path], str]:
         saved, failed, why = [], [], ""

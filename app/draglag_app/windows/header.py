@@ -1,4 +1,4 @@
-"""Always in sight: device lights, session name, clock, disk left."""
+"""The bar always in sight: device lights, session name, clock, free disk."""
 
 from __future__ import annotations
 
@@ -89,13 +89,13 @@ class Header(QFrame):
         self.lights_changed.emit()
 
     def faults(self) -> list[str]:
-        """What a check or a session found wrong with instruments that are chosen."""
+        """Faults of the chosen instruments, by a check or session."""
         rig = self._space.settings.rig
         lights = ((role, self.lights[role]) for role in ROLES if getattr(rig, role))
         return [f"{source_name(role)}: {light.toolTip()}" for role, light in lights if light.state == "fault"]
 
     def show_rig(self) -> None:
-        """Lights of the rig as chosen: nothing is known of it until it is checked or used."""
+        """Show the chosen rig; its states are unknown until checked or used."""
         if self._space.recording.active:
             return
         rig = self._space.settings.rig
@@ -110,7 +110,7 @@ class Header(QFrame):
                 self.set_light(role, "warning", self.tr("{address}: not checked yet").format(address=address))
 
     def _rig_changed(self) -> None:
-        """Other settings leave what a check found."""
+        """Keep a check's results if only other settings changed."""
         rig = self._space.settings.rig
         if any(getattr(rig, role) != self._rig[role] for role in ROLES):
             self.show_rig()
@@ -159,6 +159,5 @@ class Header(QFrame):
 
 
 def _who(details: Mapping[str, str]) -> str:
-    """Participant, session and operator, where they are known."""
     known = [details[name] for name in STANDARD if details.get(name)]
     return "".join(f" · {text}" for text in known)

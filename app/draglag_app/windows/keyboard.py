@@ -1,4 +1,4 @@
-"""The operator's keys, whichever of the windows has the keyboard: during a run that is mostly the participant's."""
+"""The operator's keys in every window: during a run the participant's mostly has the keyboard."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Keyboard(QObject):
-    """Brings the operator's window forward where a key needs it, and lets it make way again."""
+    """Brings the operator's window forward where a key needs it, and back."""
 
     def __init__(self, window: OperatorWindow) -> None:
         super().__init__(window)
@@ -19,27 +19,27 @@ class Keyboard(QObject):
         self._lent = False
 
     def serve(self) -> None:
-        """Let the keys work on the participant's screen too, where one was just opened."""
+        """Make the keys work on a newly opened participant's screen."""
         participant = self._window.space.recording.window
         if participant is not None:
             self._window.actions_table.serve(participant)
 
     def come_to(self, page: str) -> None:
-        """Show a page to somebody whose keyboard may be with the participant's window."""
+        """Show a page, raising the window if the participant's may have the keyboard."""
         self._window.go(page)
         if self._window.space.recording.window is not None:
             self._window.raise_()
             self._window.activateWindow()
 
     def note(self) -> None:
-        """A note is to be written."""
+        """Move the keyboard to the note field."""
         participant = self._window.space.recording.window
         self._lent = participant is not None and participant.isActiveWindow()
         self.come_to("record")
         self._window.record.note.setFocus()
 
     def give_back(self) -> None:
-        """The note is written: on a single screen the operator's window makes way for the target again."""
+        """On a single screen, bring the participant's window back after a note."""
         participant = self._window.space.recording.window
         if participant is not None and self._lent:
             participant.raise_()

@@ -1,4 +1,4 @@
-"""The question before the window closes on a session that is being recorded."""
+"""The question before closing during a recording."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def tr(text: str) -> str:
 
 
 def sure_to_stop(window: QWidget) -> bool:
-    """Whether the operator wants to stop and save; to continue is the default."""
+    """Whether the operator wants to stop and save; default: continue."""
     box = QMessageBox(window)
     box.setWindowTitle("draglag")
     box.setText(tr("A session is being recorded."))

@@ -1,4 +1,4 @@
-"""The strip at the bottom of the window: what the operator should know, and what is being computed."""
+"""The strip at the bottom: notices and progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SLOW_MS = 400
 
 
 class NoticeStrip(QFrame):
-    """One sentence, and a bar while a task is under way; it hides when there is neither."""
+    """One sentence, and a bar during a task; hidden without both."""
 
     def __init__(self, tasks: Tasks, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -54,7 +54,7 @@ class NoticeStrip(QFrame):
         tasks.progressed.connect(lambda fraction, text: self.progress.setValue(round(1000 * fraction)))
 
     def notify(self, level: str, text: str) -> None:
-        """One sentence: "info", "warning" or "error"; an empty one clears it."""
+        """Show a sentence: "info", "warning" or "error"; an empty one clears it."""
         self.text.setText(in_words(text))
         restyle(self, "level", level)
         self.open.hide()
@@ -62,7 +62,7 @@ class NoticeStrip(QFrame):
         self.setVisible(bool(text) or self.progress.isVisibleTo(self))
 
     def saved(self, path: Path, more: str = "") -> None:
-        """Say where a file or folder is, and ``more``; a page or a folder can be opened from here."""
+        """Say where a file or folder is, and ``more``; a page or folder can be opened from here."""
         said = self.tr("Saved: {path}").format(path=path)
         self.notify("info", " · ".join(part for part in (said, more) if part))
         self._path = path
@@ -74,7 +74,7 @@ class NoticeStrip(QFrame):
             self.notify("warning", text)
 
     def forget_done(self) -> None:
-        """Take away a notice that something was done; warnings and errors stay until they are dismissed."""
+        """Clear an "info"; warnings and errors stay until dismissed."""
         if self.property("level") == "info":
             self.notify("", "")
 

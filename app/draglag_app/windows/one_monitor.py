@@ -1,4 +1,4 @@
-"""One monitor for participant and operator: who has it when, and how notes are written meanwhile."""
+"""One monitor for participant and operator."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class OneMonitor(QObject):
     """In a rest the operator's window comes to the front; for a target the participant's, full screen, true to size.
 
-    A desktop may refuse to bring a window to the front: a bar in the participant's window has the state and a line for
-    notes in every rest. With a monitor each, nothing changes place.
+    A desktop may refuse that: a bar in the participant's window shows the state and takes notes in every rest. With a
+    monitor each, nothing moves.
     """
 
     def __init__(self, window: OperatorWindow) -> None:
@@ -36,7 +36,7 @@ class OneMonitor(QObject):
         window.record.band.said.connect(self._said)
 
     def begin(self) -> None:
-        """A session has begun, or has ended: its window is another one, or there is none."""
+        """Follow the beginning or end of a session, which changes the participant's window."""
         self._bar = None
         participant = self._window.space.recording.window
         if participant is None or not participant.isWindow():
@@ -46,7 +46,7 @@ class OneMonitor(QObject):
         self._bar.pressed.connect(self._window.ask)
 
     def _shared(self) -> ParticipantWindow | None:
-        """The participant's window where it fills the monitor that the operator's is on."""
+        """The participant's window if it fills the operator's monitor."""
         participant = self._window.space.recording.window
         if participant is None or not participant.isFullScreen():
             return None
@@ -60,7 +60,7 @@ class OneMonitor(QObject):
         self._window.activateWindow()
 
     def _to_participant(self) -> None:
-        """A window shown again comes to the front of every desktop; one that is raised may stay behind."""
+        """Hide and show the window: that brings it to the front on every desktop; raising may not."""
         if self._bar is None or self._bar.isHidden():
             return
         self._bar.hide()

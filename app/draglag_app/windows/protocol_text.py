@@ -1,4 +1,4 @@
-"""A protocol as TOML text that ``load_protocol`` reads again."""
+"""A protocol as TOML text for ``load_protocol``."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from draglag.protocol.runs import Protocol
 
 
 def to_toml(protocol: Protocol) -> str:
-    """The text; defaults are left out, so that it stays short."""
+    """The TOML, without defaults."""
     table = protocol.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude={"source"})
     return tomli_w.dumps(table)

@@ -1,4 +1,4 @@
-"""What the next session is about: screen, participant, session, operator, free fields, and the file's name."""
+"""The next session's screen, details and file name."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NAME_PX = 150
 
 
 class SessionDialog(QDialog):
-    """Kept in the settings on OK; Cancel changes nothing. ``starts``: a session begins with OK, which says so."""
+    """Saves to the settings on OK. ``starts``: OK begins a session, and says so."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None, starts: bool = False) -> None:
         super().__init__(parent)
@@ -95,7 +95,6 @@ class SessionDialog(QDialog):
         return line
 
     def _add_field(self, name: str, text: str) -> None:
-        """A free field: its name and its text, in one row."""
         pair = QLineEdit(name), QLineEdit(text)
         row = Flow()
         for line, what, shown in zip(
@@ -116,7 +115,7 @@ class SessionDialog(QDialog):
             pair[0].setFocus()
 
     def _changes(self) -> dict[str, object]:
-        """The settings as they would be. Raises DataError for a name or a template that cannot be."""
+        """New settings. Raises DataError for an invalid name or template."""
         fields = {
             check_name(name.text().strip()): text.text().strip() for name, text in self.free if name.text().strip()
         }
@@ -131,7 +130,6 @@ class SessionDialog(QDialog):
         }
 
     def _preview(self) -> None:
-        """The file's name as it would be now, or why it cannot be."""
         if not hasattr(self, "buttons"):
             return
         given = [name.text().strip() for name, _ in self.free]

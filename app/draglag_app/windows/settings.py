@@ -1,4 +1,4 @@
-"""The operator's settings: TOML in the user's config folder, checked, and never in the way of starting."""
+"""The operator's settings: checked TOML in the user's config folder; errors never prevent starting."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class RigSettings(_Table):
 
 
 class CalibrationSettings(_Table):
-    """One touch a target, nine of them, in the touchscreen's units; the targets stand where the panel's size says."""
+    """One touch per target, nine, in device units; the panel's size gives the targets' places."""
 
     address: str  # of the touchscreen, without options
     device: str = ""
@@ -64,22 +64,22 @@ class CalibrationSettings(_Table):
     resolution: tuple[int, ...] = ()  # of its axes, units per mm
 
     def serves(self, address: str) -> bool:
-        """Whether it was made on the touchscreen at that address, and that address brings none of its own."""
+        """Whether it was made at that address, which names no calibration file."""
         where, _, options = address.partition("?")
         return where == self.address and "calibration=" not in options
 
     def fit(self, screen: Screen) -> AffineFit:
-        """The mapping to mm on a panel of that size. Raises EstimateError."""
+        """The mapping to mm on that panel. Raises EstimateError."""
         return fit_touches(np.array(self.x_raw), np.array(self.y_raw), screen)
 
     def recorded(self, screen: Screen) -> TouchCalibration:
-        """As a session file keeps it. Raises EstimateError."""
+        """The calibration as in a session file. Raises EstimateError."""
         x_raw, y_raw = np.array(self.x_raw), np.array(self.y_raw)
         return as_recorded(self.fit(screen), x_raw, y_raw, screen, self.device, self.made_utc)
 
 
 class PanelSettings(_Table):
-    """The screen under test, as measured. Without sizes of its own the preset's are used."""
+    """The screen under test, as measured; missing sizes are the preset's."""
 
     preset: str = "screen-1"
     width_mm: Positive | None = None
@@ -107,12 +107,12 @@ class PanelSettings(_Table):
         return Stylus(self.stylus_mm)
 
     def beam(self) -> Beam | None:
-        """The beam as the operator measured it; None leaves it to the middle of the screen."""
+        """The beam as measured; None: the middle of the screen."""
         return None if self.beam_intercept_mm is None else Beam(self.beam_slope, self.beam_intercept_mm)
 
 
 class Settings(_Table):
-    """All settings. ``first_start`` is True until the operator has chosen a rig."""
+    """All settings. ``first_start``: until the operator has chosen a rig."""
 
     first_start: bool = True
     theme: Literal["dark", "light", "system"] = "dark"
@@ -139,12 +139,12 @@ class Settings(_Table):
     panel: PanelSettings = PanelSettings()
 
     def details(self) -> dict[str, str]:
-        """What sessions are about, as their files keep it: fields with a text."""
+        """Details of sessions that have a text."""
         known = {"participant": self.participant, "session": self.session_label, "operator": self.operator}
         return {name: text for name, text in (known | self.fields).items() if text}
 
     def touched_screen(self) -> Screen:
-        """The screen that is touched: the simulated rig brings its own. Raises DraglagError."""
+        """The screen that is touched, a simulated rig's own if any. Raises DraglagError."""
         address = self.rig.touch
         if address.startswith("sim:"):
             return rig_for_screen(parse_address(address).options.get("screen", self.panel.preset)).screen
@@ -152,15 +152,15 @@ class Settings(_Table):
 
 
 def settings_path() -> Path:
-    """Where the settings are kept; ``DRAGLAG_SETTINGS`` names another file."""
+    """Path of the settings, or ``DRAGLAG_SETTINGS``."""
     given = os.environ.get("DRAGLAG_SETTINGS")
     return Path(given) if given else user_config_path("draglag") / "settings.toml"
 
 
 def load_settings(path: Path) -> tuple[Settings, str]:
-    """Settings and a sentence for the operator, empty when all is well. Never raises: defaults take over.
+    """Settings and a sentence for the operator, empty when all is well. Never raises: defaults replace invalid values.
 
-    What cannot be used is named; the file as it was is kept next to it, since the next change writes a new one.
+    The sentence names those; a copy of the file is kept, since the next change overwrites it.
     """
     if not os.path.exists(path):
         return Settings(), ""
@@ -196,7 +196,7 @@ def load_settings(path: Path) -> tuple[Settings, str]:
 
 
 def _without(known: dict[str, Any], places: Iterable[tuple[int | str, ...]]) -> dict[str, Any]:
-    """A table without what stands at these places; a place inside an array takes the whole array along."""
+    """A table without these places; a place in an array removes the whole array."""
     out = {key: dict(value) if isinstance(value, dict) else value for key, value in known.items()}
     for first, *rest in places:
         inner = out.get(str(first))
@@ -208,7 +208,7 @@ def _without(known: dict[str, Any], places: Iterable[tuple[int | str, ...]]) -> 
 
 
 def _kept(path: Path) -> str:
-    """Copy a file that cannot be used, before it is overwritten; words about it."""
+    """Copy an invalid file before it is overwritten; a sentence about it."""
     copy = path.with_name(path.name + ".unusable")
     try:
         copy.write_bytes(read_bytes(path, DOCUMENT_BYTES))

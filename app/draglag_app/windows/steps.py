@@ -1,4 +1,4 @@
-"""The steps to a measurement across the top of the window, and what each still needs."""
+"""The steps to a measurement across the top of the window."""
 
 from __future__ import annotations
 
@@ -28,10 +28,7 @@ def tr(text: str) -> str:
 
 @dataclass(frozen=True)
 class Step:
-    """One step. ``missing`` is empty where it is done; ``blocks``: without it nothing can be recorded.
-
-    ``next``: nothing is in its way, and it is what to do now.
-    """
+    """One step. ``missing``: empty when done; ``blocks``: nothing can be recorded without it; ``next``: to do now."""
 
     page: str
     missing: str = ""
@@ -40,7 +37,7 @@ class Step:
 
 
 def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ...]:
-    """The four steps. ``faults``: instruments that a check found wrong, a sentence each."""
+    """The four steps. ``faults``: of instruments, by a check, a sentence each."""
     made = []
     for page in STEPS:
         here = [obstacle for obstacle in found if obstacle.page == page]
@@ -57,7 +54,7 @@ def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ..
 
 
 class StepGuide(QFrame):
-    """A row of buttons, one a step: "✓ Bench", "1 Bench: choose touchscreen". ``chosen`` names the page."""
+    """A button per step: "✓ Bench", "1 Bench: choose touchscreen". ``chosen``: the page."""
 
     chosen = Signal(str)
 
@@ -78,7 +75,7 @@ class StepGuide(QFrame):
             row.addWidget(made, 1)
 
     def show_steps(self, steps: Sequence[Step], present: str) -> None:
-        """Say what is done and what is missing; ``present`` is the page in sight."""
+        """Show what is done and missing; ``present``: the page in sight."""
         for number, step in enumerate(steps, 1):
             made, name = self.buttons[step.page], say(STEPS[step.page])
             done = not step.missing

@@ -1,4 +1,4 @@
-"""What the window is named after, and what its figures say they are drawn from."""
+"""The window's title, and the source of its figures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def tr(text: str) -> str:
 
 
 def window_title(space: Workspace) -> str:
-    """The program, the session or the file being recorded, and whether it is simulated."""
+    """Program, session or file being recorded, and whether simulated."""
     name = "" if space.session is None else space.session.name
     if space.recording.active and space.recording.order is not None:
         name = space.recording.order.out.name
@@ -24,7 +24,7 @@ def window_title(space: Workspace) -> str:
 
 
 def figure_source(space: Workspace) -> str:
-    """The line under a figure: the session it is of, or the file being recorded."""
+    """The line under a figure: its session, or the file being recorded."""
     if space.recording.active and space.recording.order is not None:
         now = datetime.now(UTC).isoformat(timespec="seconds")
         return Source(space.recording.order.out.name, now, space.simulated).line()

@@ -1,4 +1,4 @@
-"""The operator's window: header, navigation, pages, and a strip for what the operator should know."""
+"""The operator's window: header, navigation, pages, notices."""
 
 from __future__ import annotations
 
@@ -202,11 +202,11 @@ class OperatorWindow(QMainWindow):
         page.setFocus()
 
     def notify(self, level: str, text: str) -> None:
-        """One sentence in the strip below: "info", "warning" or "error"; an empty one clears it."""
+        """Show a sentence: "info", "warning" or "error"; an empty one clears it."""
         self.notice.notify(level, text)
 
     def open_file(self, path: Path) -> None:
-        """Put a session file at hand, or read an exchange folder; not while a session is being recorded."""
+        """Open a session file or exchange folder; not during a recording."""
         if self.space.recording.active:
             self.notify("info", self.tr("A session is being recorded: open others when it is done."))
         elif path.is_dir() or path.name == "session.json":
@@ -215,7 +215,7 @@ class OperatorWindow(QMainWindow):
             self.space.open(path, lambda: self.go("results"))
 
     def restore(self) -> None:
-        """Size, place and page as they were when the window was last closed."""
+        """Restore size, place and page of the last time."""
         settings = self.space.settings
         if settings.geometry:
             self.restoreGeometry(QByteArray.fromBase64(settings.geometry.encode()))
@@ -228,20 +228,17 @@ class OperatorWindow(QMainWindow):
         self.space.change_settings(geometry=text, page=self.page)
 
     def offer_salvage(self) -> None:
-        """Recordings that a crash left behind can be saved."""
+        """Offer to save recordings left by a crash."""
         files.offer_salvage(self)
 
     # --- recording ------------------------------------------------------------------------------------------
 
     def start(self, asked: bool = False) -> None:
-        """Begin to measure. What is missing is said, and asked about with No as the default.
-
-        ``asked``: the details of the session have been asked for, where the settings want that.
-        """
+        """Begin to measure; if something is missing, ask, with No as the default. ``asked``: see ``begin``."""
         begin(self, asked)
 
     def help_here(self) -> None:
-        """The manual's section on the page in sight."""
+        """Show the manual's section on the page in sight."""
         title = self.pages[self.page][0]
         self.go("help")
         page = self.pages["help"][1]
@@ -249,7 +246,7 @@ class OperatorWindow(QMainWindow):
         page.show_section(title)
 
     def ask_details(self) -> None:
-        """Ask what the next session is about: screen, participant, operator, free fields, the file's name."""
+        """Ask for the next session's details."""
         SessionDialog(self.space, self).open()
 
     def _control(self, request: str) -> None:
@@ -285,13 +282,11 @@ class OperatorWindow(QMainWindow):
         self._show_readiness()
 
     def _show_readiness(self) -> None:
-        """Whether F5 would begin, as the lights and the choices are now."""
         found, faults = obstacles(self.space), self.header.faults()
         self.record.show_readiness(found, faults)
         self._show_steps()
 
     def _show_steps(self) -> None:
-        """The steps of a measurement, on the pages that are steps, while nothing is being recorded."""
         page = self.page
         self.steps.setVisible(page in STEPS and not self.space.recording.active)
         if self.steps.isVisibleTo(self):
@@ -304,7 +299,6 @@ class OperatorWindow(QMainWindow):
         return next((name for name, (_, page) in self.pages.items() if page is shown), "bench")
 
     def _use_keys(self) -> None:
-        """The keys as the settings have them, in menus, on buttons and in the tips of the pages."""
         chosen = self.space.settings.keys
         if chosen == self._keys:
             return
@@ -317,7 +311,7 @@ class OperatorWindow(QMainWindow):
         help_page.show_keys()
 
     def figure_source(self) -> str:
-        """What figures of this window are drawn from."""
+        """The source of this window's figures."""
         return figure_source(self.space)
 
     def _show_title(self) -> None:
@@ -361,7 +355,7 @@ class OperatorWindow(QMainWindow):
         self.navigation.set_narrow(self.width() < wide(_NARROW_PX))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Return presses the button that has the keyboard, as in dialogs; here Qt gives that to the space bar alone."""
+        """Let Return press a focused button, as in dialogs; Qt gives that to the space bar alone."""
         focus = self.focusWidget()
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and isinstance(focus, QPushButton):
             focus.click()
@@ -380,12 +374,12 @@ class OperatorWindow(QMainWindow):
         event.accept()
 
     def end(self) -> None:
-        """Stop and save without a question, and leave: nobody may be there to answer."""
+        """Stop, save and leave without a question: nobody may be there to answer."""
         self.shut_down()
         QApplication.exit()
 
     def shut_down(self) -> None:
-        """Stop and save what is being recorded, cancel what is being computed. Twice does no harm."""
+        """Stop and save the recording, cancel computations. Twice does no harm."""
         self.space.calibrating.cancel()
         self.space.recording.stop_and_wait()
         self.space.tasks.finish()

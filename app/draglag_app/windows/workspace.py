@@ -1,4 +1,4 @@
-"""What the pages share: settings, protocol, the session at hand and its estimates. Signals announce every change."""
+"""What pages share: settings, protocol, session and estimates; signals announce changes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from draglag_app.windows.wording.library_words import in_words
 
 
 class Edit(QUndoCommand):
-    """One undoable change: what to do and how to take it back."""
+    """One undoable change."""
 
     def __init__(self, text: str, do: Callable[[], object], undo: Callable[[], object]) -> None:
         super().__init__(text)
@@ -43,18 +43,18 @@ class Edit(QUndoCommand):
 
 
 class Workspace(QObject):
-    """One a window."""
+    """One per window."""
 
     settings_changed = Signal()
     protocol_changed = Signal()
     session_changed = Signal()
-    """Another session is at hand, or none."""
+    """Another session was opened, or none is open."""
     analysis_changed = Signal()
     comments_changed = Signal()
     noticed = Signal(str, object)
     """(level, sentence) for the operator."""
     saved = Signal(object)
-    """The path of what was written for the operator."""
+    """The path of a file written for the operator."""
 
     def __init__(self, settings: Settings, settings_file: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -87,7 +87,7 @@ class Workspace(QObject):
         self.settings_changed.emit()
 
     def change_protocol(self, protocol: Protocol, what: str) -> None:
-        """An edit that can be undone."""
+        """Change the protocol; undoable."""
         before = self.protocol
         if protocol != before:
             self.undo.push(Edit(what, lambda: self.set_protocol(protocol), lambda: self.set_protocol(before)))
@@ -106,14 +106,14 @@ class Workspace(QObject):
 
     @property
     def simulated(self) -> bool:
-        """Whether what is being recorded, or else the session at hand, comes from simulated instruments."""
+        """Whether the recording, or else the open session, is simulated."""
         order = self.recording.order if self.recording.active else None
         if order is not None:
             return any(source.address.startswith("sim:") for source in order.rig.sources)
         return self.session is not None and is_simulated(self.session.devices)
 
     def open(self, path: Path, done: Callable[[], object] | None = None) -> None:
-        """Read a session file in a worker, then analyse it; ``done`` is called once it could be read."""
+        """Read a session file in a worker, then analyse it; ``done`` is called once read."""
 
         def take(got: tuple[Session, dict[str, str]]) -> None:
             self.take(got[0], path, got[1])
@@ -128,7 +128,7 @@ class Workspace(QObject):
         self.tasks.start(self.tr("Reading"), work, take, self.fault)
 
     def take(self, session: Session, path: Path | None, comments: Mapping[str, str] | None = None) -> None:
-        """Put a session at hand and analyse it; ``comments`` are those on its runs."""
+        """Open a session and analyse it; ``comments``: run → text."""
         self.session, self.path, self.analysis = session, path, None
         self.comments = dict(comments or {})
         self.options = replace(self.options, exclude={})
@@ -150,20 +150,20 @@ class Workspace(QObject):
         self.analyse()
 
     def exclude(self, run_id: str, reason: str) -> None:
-        """Leave a run out of the curve. Can be undone."""
+        """Leave a run out of the curve; undoable."""
         before = self.options
         after = replace(before, exclude={**before.exclude, run_id: reason}, include=before.include - {run_id})
         self._change_runs(self.tr("exclude {run}").format(run=run_id), before, after)
 
     def include(self, run_id: str) -> None:
-        """Take a run into the curve that was left out by hand, or for how it went. Can be undone."""
+        """Use a run in the curve that was left out, by hand or by its outcome; undoable."""
         before = self.options
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})
         self._change_runs(self.tr("include {run}").format(run=run_id), before, after)
 
     def comment(self, run_id: str, text: str) -> None:
-        """Words on a run, kept with the results; empty ones take them away. Can be undone."""
+        """Comment on a run, kept with the results; empty removes it; undoable."""
         before = dict(self.comments)
         after = {key: said for key, said in {**before, run_id: text}.items() if said}
         if after != before:
@@ -209,7 +209,7 @@ class Workspace(QObject):
         self.analysis_changed.emit()
 
     def fault(self, text: str) -> None:
-        """Tell the operator that something asked for did not succeed."""
+        """Show an error to the operator."""
         self.noticed.emit("error", text)
 
     # --- recording ------------------------------------------------------------------------------------------
@@ -225,7 +225,7 @@ class Workspace(QObject):
 
 
 def kept_comments(path: Path) -> dict[str, str]:
-    """Comments on runs, run → words, as they were kept last with results; none where they cannot be read."""
+    """Run → comment, as last stored with results; none where unreadable."""
     try:
         stored = read_analyses(path)
     except DraglagError:

@@ -1,4 +1,4 @@
-"""The neutral exchange folder and the plain formats: what other tools write and read."""
+"""The exchange folder and plain formats, written and read."""
 
 from draglag.exchange.csv_files import write_csv
 from draglag.exchange.folder import read_exchange, write_exchange

@@ -1,4 +1,4 @@
-"""One tidy folder of plain CSV for spreadsheets and statistics programs: runs, edges, touch, taps."""
+"""A folder of plain CSV for spreadsheets and statistics programs."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _COUNT_COLUMNS = ("touch_events", "touch_dropped", "edges", "edges_missed")
 
 
 def write_csv(session: Session, folder: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
-    """Write ``runs.csv``, ``touch.csv``, ``edges.csv``, ``taps.csv``, and stored results as ``results.csv``.
+    """The folder with ``runs.csv``, ``touch.csv``, ``edges.csv``, ``taps.csv``, and stored results in ``results.csv``.
 
-    One row a record, the run's id in a column, an empty cell where nothing is known. Raises DataError where the folder
-    is not empty."""
+    One row per record, the run's id in a column, unknown cells empty. Raises DataError where the folder is not empty.
+    """
     folder = Path(folder)
     with new_folder(folder) as place:
         with (place / "runs.csv").open("w", newline="", encoding="utf-8") as file:
@@ -52,7 +52,6 @@ def _run_row(run: Run) -> list[object]:
 
 
 def _touch_names(session: Session) -> tuple[str, ...]:
-    """The columns that any run has."""
     known = [name for name in TOUCH_MORE if any(len(getattr(run.touch, name)) for run in session.runs)]
     return ("run", "t_s", "x_mm", "y_mm", *known)
 

@@ -1,4 +1,4 @@
-"""The optional files and keys of an exchange folder: what the mandatory ones have no place for (docs/exchange.md)."""
+"""Optional files and keys of an exchange folder (docs/exchange.md)."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _CLOCK = ("device_s", "host_min_s", "host_max_s")
 
 
 def find_pair(folder: Path, run_id: str, stream: str) -> tuple[Path | None, Path | None]:
-    """The file of a stream and the optional one of its further columns, where they are. Raises DataError."""
+    """Files of a stream and of its further columns, if present. Raises DataError."""
     return find_table(folder, f"{run_id}.{stream}"), find_table(folder, f"{run_id}.{stream}-more")
 
 
 def write_run_extras(place: Path, run: Run, end: str) -> None:
-    """The optional files of one run, each only where there is something to put in it."""
+    """Write a run's optional files, none of them empty."""
     for name, trace, columns in (("touch", run.touch, TOUCH_MORE), ("laser", run.laser, LASER_MORE)):
         known = {column: getattr(trace, column) for column in columns if len(getattr(trace, column))}
         if known:
@@ -57,7 +57,7 @@ def write_run_extras(place: Path, run: Run, end: str) -> None:
 
 
 def run_keys(run: Run, end: str) -> dict[str, Any]:
-    """The optional keys of one run in session.json."""
+    """Optional keys of a run in session.json."""
     keys = {
         "as_recorded": True,
         "touch_dropped": run.touch.dropped,
@@ -71,7 +71,7 @@ def run_keys(run: Run, end: str) -> dict[str, Any]:
 
 
 def write_session_extras(place: Path, session: Session, end: str) -> dict[str, Any]:
-    """Write the optional files of the session; returns its optional keys for session.json."""
+    """Optional keys of session.json, whose files are written."""
     for number, bounds in enumerate(session.clocks, 1):
         _write_clock(place / f"clock-{number}{end}", bounds)
     if session.protocol_toml:
@@ -103,7 +103,7 @@ def write_session_extras(place: Path, session: Session, end: str) -> dict[str, A
 
 
 def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:
-    """The optional fields of a ``Session``. Raises DataError naming file or key."""
+    """Optional fields of a ``Session``. Raises DataError naming file or key."""
     devices = dict(header.devices)
     if header.simulated and not is_simulated(devices):
         devices[SIMULATED] = "session.json says so"
@@ -125,10 +125,7 @@ def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:
 def run_extras(
     folder: Path, part: RunPart, touch: TouchTrace, laser: LaserTrace
 ) -> tuple[TouchTrace, LaserTrace, DisplayTrace | None, list[str]]:
-    """The traces of one run with gaps, counts and axes, what was displayed, and what was mended in it.
-
-    Raises DataError.
-    """
+    """Traces with gaps, counts and axes; what was displayed; corrections made. Raises DataError."""
     axes = tuple(AxisInfo(a.name, a.minimum, a.maximum, a.resolution, a.fuzz) for a in part.touch_axes)
     touch = replace(touch, gaps_s=_gaps(folder, f"{part.id}.touch"), dropped=part.touch_dropped, axes=axes)
     missed = laser.missed if part.laser_missed is None else part.laser_missed
@@ -140,7 +137,7 @@ def run_extras(
 
 
 def read_clocks(folder: Path, parts: Sequence[ClockPart]) -> tuple[ClockBounds, ...]:
-    """Clock comparisons, one ``ClockBounds`` a stream. Raises DataError: not numbers, or bounds the wrong way round."""
+    """One ``ClockBounds`` per stream. Raises DataError: not numbers, or bounds reversed."""
     return tuple(_clock(folder / part.file, part.stream) for part in parts)
 
 

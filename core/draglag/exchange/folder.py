@@ -1,8 +1,5 @@
-"""The neutral exchange folder (the design, section 7), read and written.
-
-All times in it are absolute: ``t_s`` of touch and laser, the taps and every ``start_s`` are seconds on one and the
-same host clock, as they are in a ``Session``. A run's samples therefore begin near its ``start_s``, not near zero.
-"""
+"""The neutral exchange folder. All times are absolute seconds on one host clock: a run's samples begin near its
+``start_s``, not near zero."""
 
 from __future__ import annotations
 
@@ -42,13 +39,12 @@ _SLACK_S = 5.0
 
 
 def read_exchange(folder: Path | str) -> Session:
-    """A session from an exchange folder, on the host clock of its files.
+    """The session of a folder, on the host clock of its files.
 
-    What is not sound is left out and said: in the log of the run it concerns (level "warning", source "import") and
-    in the session's notes.
+    Unsound rows are left out and reported in the run's log (level "warning", source "import") and the session's notes.
 
-    Raises DataError, naming file, line or key and what was expected: no or malformed session.json, malformed CSV,
-    two runs of one id, no run with any data.
+    Raises DataError, naming file, line or key: no or malformed session.json, malformed CSV, two runs of one id, no run
+    with any data.
     """
     folder = Path(folder)
     header = read_header(folder / "session.json")
@@ -129,7 +125,7 @@ def _run(folder: Path, part: RunPart) -> Run:
 
 
 def _log(part: RunPart, start_s: float, said: list[str]) -> tuple[LogEntry, ...]:
-    """The run's log, and what the import has to add: an earlier import may have said the same."""
+    """The run's log with new remarks, without those of an earlier import."""
     log = entries(part.log)
     new = [LogEntry(start_s, "warning", "import", message("{run}: {text}", run=part.id, text=text)) for text in said]
     return (*log, *(entry for entry in new if entry not in log))
@@ -145,11 +141,8 @@ def _taps(folder: Path, header: HeaderPart) -> tuple[Taps | None, list[str]]:
 def write_exchange(
     session: Session, folder: Path | str, compress: bool = True, results: Sequence[StoredAnalysis] = ()
 ) -> Path:
-    """Write a session as an exchange folder; with ``compress``, its CSV files are gzipped.
-
-    What the mandatory files have no place for goes into optional ones (docs/exchange.md).
-    Raises DataError where the folder exists and is not empty, or cannot be written.
-    """
+    """The folder written, with CSV files gzipped if ``compress``. Raises DataError where it exists and is not empty, or
+    cannot be written."""
     folder = Path(folder)
     end = ".csv.gz" if compress else ".csv"
     with new_folder(folder) as place:
@@ -192,10 +185,8 @@ def _header_bytes(header: dict[str, Any], folder: Path) -> bytes:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """A folder that appears under its name only when everything in it is written.
-
-    Raises DataError where it exists and is not empty, or cannot be made.
-    """
+    """Yields a folder that gets its name once whole. Raises DataError where that exists and is not empty, or cannot be
+    made."""
     # "/" and "." have no name of their own.
     if not folder.name or (folder.exists() and (not folder.is_dir() or any(folder.iterdir()))):
         raise DataError(message("{path}: exists already and is not overwritten", path=folder), "Choose another name")

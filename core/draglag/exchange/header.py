@@ -1,4 +1,4 @@
-"""``session.json`` of an exchange folder, validated: which key, and what was expected."""
+"""``session.json`` of an exchange folder, validated."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class EntryPart(_Part):
 
 
 def _lines(value: object) -> object:
-    """A text alone, as other labs may write it, is one note."""
+    """A plain text, as other labs write it, is one note."""
     return [{"t_s": 0.0, "level": "note", "source": "import", "text": value}] if isinstance(value, str) else value
 
 
@@ -187,7 +187,6 @@ def _json(path: Path) -> Any:
 
 
 def _plain(error: Any) -> str:
-    """Pydantic's message as an expectation."""
     text = str(error["msg"]).split(", unable to parse")[0].split(" or instance of ")[0]
     text = text.replace("a valid dictionary", "an object {…}").replace("a valid list", "a list […]")
     text = text.removeprefix("Value error, ")

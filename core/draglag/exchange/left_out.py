@@ -1,4 +1,4 @@
-"""What an export leaves out of a session: named, never dropped in silence."""
+"""What an export leaves out of a session."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ from draglag.recording import Session
 
 
 def left_out(session: Session, kind: str) -> tuple[str, ...]:
-    """What of this session a format ("exchange", "csv", "netcdf" or "mat") does not carry, in words.
-
-    Only what the session holds is named.
-    """
+    """What of this session a format ("exchange", "csv", "netcdf", "mat") omits."""
     if kind != "csv":
         return ()
     runs = session.runs

@@ -1,4 +1,4 @@
-"""A MATLAB file (level 5): one struct ``session`` with the groups and columns of a session file."""
+"""A MATLAB file (level 5): a struct ``session`` with groups and columns of a session file."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from draglag.store.session_nodes import distinct, session_nodes
 from draglag.system.temporary import new_file
 
 _COMPRESSED_BYTES = 16 * 2**20
-"""Columns up to this size are compressed: that holds them in memory twice."""
+"""Largest column that is compressed, bytes: compression holds it twice in memory."""
 
 
 def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
-    """Write a session for ``load`` of MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector,
-    ``session.runs.run_01.touch.units.x_mm`` its unit; stored results are ``session.analysis.x1`` and so on.
+    """The file for ``load`` of MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector,
+    ``session.runs.run_01.touch.units.x_mm`` its unit, ``session.analysis.x1`` a stored result.
 
-    Names become valid MATLAB names (the true id of a run is its field ``id``). A column at a time is in memory; large
-    sessions are not compressed, which would take the whole of them at once. Raises DataError, also beyond 4 GiB.
+    Names become valid in MATLAB; ``id`` is a run's true id. Large sessions are not compressed, so that one column at a
+    time is in memory. Raises DataError, also beyond 4 GiB.
     """
     path = Path(path)
     root: dict[str, Any] = {}
@@ -69,7 +69,7 @@ def _save(file: IO[bytes], root: dict[str, Any], compress: bool) -> None:
 
 
 def _field(names: tuple[str, ...], fields: dict[tuple[str, ...], str]) -> str:
-    """The struct field of a group; two groups whose names read the same in MATLAB get a field each."""
+    """The struct field of a group, different for groups whose names read the same."""
     if names not in fields:
         taken = {field for other, field in fields.items() if other[:-1] == names[:-1]}
         wanted = field = _name(names[-1])
@@ -81,6 +81,5 @@ def _field(names: tuple[str, ...], fields: dict[tuple[str, ...], str]) -> str:
 
 
 def _name(text: str) -> str:
-    """A valid MATLAB name of at most 63 characters."""
     name = re.sub(r"\W", "_", text, flags=re.ASCII)[:60]
     return name if name[:1].isalpha() else f"x{name}"

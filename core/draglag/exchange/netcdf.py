@@ -1,4 +1,4 @@
-"""netCDF-4 with the groups and columns of a session file, for tools that know netCDF and not HDF5."""
+"""netCDF-4 with groups and columns of a session file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from draglag.system.temporary import new_file
 
 
 def write_netcdf(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
-    """Write a session as netCDF-4; dimensions are named as the session file's scales.
+    """The netCDF-4 file; dimensions have the names of the session file's scales.
 
     Raises DataError: h5netcdf is not installed, or the file exists or cannot be written.
     """
@@ -71,7 +71,6 @@ def _put(file: Any, node: Node, start: str) -> None:
 
 
 def _variable(group: Any, column: Column, dimension: str, values: Any) -> Any:
-    """The variable that was made for one column, filled block by block."""
     text = column.kind.startswith("S")
     kind = h5py.string_dtype() if text else column.dtype
     variable = group.create_variable(column.name, (dimension,), dtype=kind)

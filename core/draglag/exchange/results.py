@@ -1,4 +1,4 @@
-"""Stored results next to an export's raw data: one table of runs, and everything as JSON."""
+"""Stored results next to exported raw data."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ _ABOUT = ("analysis", "created_utc", "software", "up_to_date")
 
 
 def write_results(place: Path, results: Sequence[StoredAnalysis]) -> None:
-    """Write ``results.csv`` (a row a run of every stored analysis, units in the names, empty where nothing is known)
-    and ``results.json`` (whole, as ``draglag analyze --json`` prints them, with options); nothing where there are none.
-    """
+    """Write ``results.csv`` (a row per analysis and run, units in the names, unknown cells empty) and ``results.json``
+    (as ``draglag analyze --json``, with options); neither without results."""
     if not results:
         return
     rows = [

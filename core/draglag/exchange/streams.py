@@ -1,4 +1,4 @@
-"""From the rows of a CSV file to a trace: keep what is sound, say what is not."""
+"""CSV rows → traces, unsound rows left out and reported."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ LASER_MORE = ("device_t_s", "epoch")
 
 
 def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[TouchTrace, list[str]]:
-    """Touch events and what was mended: rows without a number left out, times put in order, repeated rows merged.
+    """Touch events, and corrections made: rows without numbers left out, times sorted, repeated rows merged.
 
-    more: the optional file with further columns of the same rows. as_recorded: draglag wrote the rows, so repeated
-    ones were recorded twice and stay.
+    more: file with further columns of the same rows. as_recorded: draglag wrote the rows, so repeated ones stay.
 
-    Different reports with one stamp are kept: a host that delivers its frames in batches writes such, and that is
-    something to be found, not mended. Estimates go by the last of them, as a program that reads them does.
+    Different reports of one stamp stay: a host that delivers frames in batches writes such, an effect to be found.
+    Estimates use the last.
     """
     if path is None:
         return empty_touch(), [message("there is no touch file")]
@@ -50,11 +49,10 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
 
 
 def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[LaserTrace, list[str]]:
-    """Edges and what was mended. A level that comes twice running means a missing edge and is counted as such.
+    """Edges, and corrections made; a repeated level is counted as a missing edge.
 
-    ``more`` and ``as_recorded`` as for ``read_touch``; with the latter, the count of missing edges is in session.json.
-
-    Raises DataError for a level other than 0 and 1.
+    ``more``, ``as_recorded``: as for ``read_touch``; with the latter the count is in session.json. Raises DataError for
+    a level other than 0 and 1.
     """
     if path is None:
         return empty_laser(), [message("there is no laser file")]
@@ -89,7 +87,7 @@ def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = 
 
 
 def read_taps(path: Path) -> tuple[Taps, list[str]]:
-    """Taps as they were timed. Raises DataError."""
+    """Taps, and corrections made. Raises DataError."""
     if not path.is_file():
         raise DataError(
             message("{path}: there is no such file", path=path), "Set taps to null in session.json if there are none"
@@ -113,7 +111,7 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
 
 
 def read_display(path: Path, missed: int) -> tuple[DisplayTrace, list[str]]:
-    """Where the target was drawn, and what was mended. Raises DataError."""
+    """Where the target was drawn, and corrections made. Raises DataError."""
     rows, notes = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
     rows, more = _in_order(path, rows)
     t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T)
@@ -136,10 +134,7 @@ def read_gaps(path: Path) -> Floats:
 def _with_more(
     path: Path, table: Floats, more: Path | None, allowed: tuple[str, ...]
 ) -> tuple[Floats, tuple[str, ...]]:
-    """The table with the further columns of the optional file appended, and their names.
-
-    Raises DataError where the two files are not about the same rows.
-    """
+    """The table with the optional file's columns, and their names. Raises DataError where rows differ."""
     if more is None:
         return table, ()
     names = tuple(name for name in allowed if name in column_names(more))
@@ -166,7 +161,7 @@ def _further(more: Path | None, names: tuple[str, ...], columns: Floats) -> dict
 
 
 def whole(path: Path, name: str, values: Floats) -> NDArray[np.int64]:
-    """A column of whole numbers. Raises DataError: fractions, NaN, beyond what a double holds exactly."""
+    """A column as integers. Raises DataError: fractions, NaN, beyond 2⁵³."""
     if not ((np.abs(values) <= 2**53) & (np.mod(values, 1) == 0)).all():
         raise DataError(
             message("{path}: expected whole numbers for {name}", path=path, name=name),

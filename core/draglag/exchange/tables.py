@@ -1,4 +1,4 @@
-"""CSV columns of numbers, plain or gzipped: fast when sound, exact about the line when not."""
+"""CSV columns of numbers, plain or gzipped: errors name the line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from draglag.store.stored import blocks
 
 
 def find_table(folder: Path, stem: str) -> Path | None:
-    """``<stem>.csv`` or ``<stem>.csv.gz``, whichever is there. Raises DataError where both are."""
+    """``<stem>.csv`` or ``<stem>.csv.gz``. Raises DataError where both exist."""
     found = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.csv.gz") if path.is_file()]
     if len(found) > 1:
         raise DataError(
@@ -30,10 +30,8 @@ def find_table(folder: Path, stem: str) -> Path | None:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns of a CSV file, (n, len(columns)); further columns are left aside, empty lines skipped.
-
-    Raises DataError naming file, line and expectation. A file without a header has no rows (an empty file).
-    """
+    """The named columns, (n, len(columns)), of a CSV file, without empty lines; n = 0 for an empty file. Raises
+    DataError naming file, line and expectation."""
     text = _text(path)
     if not text.strip():
         return np.empty((0, len(columns)))
@@ -65,17 +63,15 @@ def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
 
 
 def column_names(path: Path) -> tuple[str, ...]:
-    """The names in the first line. Raises DataError where the file cannot be read."""
+    """Column names in the first line. Raises DataError."""
     return tuple(name.strip().strip('"') for name in _text(path).partition("\n")[0].split(","))
 
 
 def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns of somebody else's CSV file, (n, len(columns)): further columns may hold anything, lines that
-    begin with # are notes, and a cell that is no number is NaN. Cells may be separated by semicolons, with decimal
-    commas, or by tabs.
+    """The named columns, (n, len(columns)), of another program's CSV. Other columns may hold anything, lines beginning
+    with # are notes, cells without a number NaN. Separators: commas, tabs, or semicolons with decimal commas.
 
-    Raises DataError: a missing column, or a line with more or fewer cells than the header, since its cells
-    cannot be distinguished.
+    Raises DataError: a missing column, or lines with more or fewer cells than the header.
     """
     lines = _text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
@@ -118,7 +114,7 @@ def _number(cell: str, comma: bool) -> float:
 
 
 def line_of_row(path: Path, row: int, notes: bool = False) -> int:
-    """The line in the file of a row of ``read_table``, counting from 1; with ``notes`` one of ``read_events``."""
+    """Line (from 1) of a row of ``read_table``; with ``notes``, of ``read_events``."""
     lines = enumerate(_text(path).split("\n"), 1)
     filled = [number for number, line in lines if line.strip() and not (notes and line.startswith("#"))]
     return filled[row + 1]
@@ -129,16 +125,16 @@ Cells = NDArray[Any] | list[str] | str
 
 
 def write_table(path: Path, columns: Mapping[str, Cells]) -> None:
-    """Columns as CSV, floats with as many digits as they need to come back the same. A name on .gz is gzipped."""
+    """Write a CSV file, gzipped if named .gz; floats can be restored exactly."""
     write_parts(path, tuple(columns), [columns])
 
 
 def write_parts(path: Path, names: Sequence[str], parts: Iterable[Mapping[str, Cells]], unknown: str = "nan") -> None:
-    """A CSV file of the parts' rows one after the other; only a block of them is in memory at a time.
+    """Write the parts' rows one after the other, a block at a time in memory.
 
     Args:
         parts: each with columns of one length; a column that a part lacks is empty there.
-        unknown: the text that means NaN.
+        unknown: the text for NaN.
     """
     with ExitStack() as stack:
         file: IO[bytes] | gzip.GzipFile = stack.enter_context(path.open("wb"))
@@ -171,7 +167,7 @@ def _text(path: Path) -> str:
 
 
 def _refuse(path: Path, body: str, names: Sequence[str]) -> NoReturn:
-    """DataError for the first line that is not what the header promises."""
+    """Raise DataError for the first malformed line."""
     for number, line in enumerate(body.split("\n"), 2):
         if not line.strip():
             continue

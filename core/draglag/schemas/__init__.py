@@ -1,4 +1,4 @@
-"""JSON Schemas of what draglag writes and reads, and the page on the session file, made from the code that does it."""
+"""JSON Schemas and the page on the session file, made from the code that writes and reads them."""
 
 from draglag.schemas.make import schemas, write
 

@@ -1,4 +1,4 @@
-"""``python -m draglag.schemas DOCS``: write all schemas and generated pages into a folder."""
+"""``python -m draglag.schemas DOCS``: write schemas and pages into a folder."""
 
 import sys
 from pathlib import Path

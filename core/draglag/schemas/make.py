@@ -1,4 +1,4 @@
-"""All schemas and generated pages, written into the documentation."""
+"""Schemas and generated pages, written into the documentation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def schemas() -> dict[str, dict[str, Any]]:
 
 
 def files() -> dict[str, str]:
-    """Path below the folder of the documentation → content."""
+    """Path below the documentation's folder → content."""
     texts = {
         f"schemas/{name}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
         for name, schema in schemas().items()
@@ -40,7 +40,7 @@ def files() -> dict[str, str]:
 
 
 def write(docs: Path) -> None:
-    """Write them all."""
+    """Write all files."""
     (docs / "schemas").mkdir(parents=True, exist_ok=True)
     for name, text in files().items():
         (docs / name).write_text(text, "utf-8")

@@ -1,7 +1,5 @@
-"""What ``--json`` prints, as models: a test holds real outputs to them, key by key.
-
-null stands where a number is not known (it was NaN, or there was too little data).
-"""
+"""Models of what ``--json`` prints; null stands for an unknown number. Their docstrings are descriptions in the
+published schemas."""
 
 from __future__ import annotations
 

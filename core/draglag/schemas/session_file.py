@@ -1,4 +1,4 @@
-"""Where every table of a session file stands: its JSON Schema and its page, from the tables that write and read it."""
+"""JSON Schema and page of a session file, from the tables that write and read it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from draglag.store.schema import Table
 
 @dataclass(frozen=True)
 class Place:
-    """One kind of group. ``attributes``: name → (type, meaning); {…} in the path stands for a name."""
+    """A kind of group. ``attributes``: name → (type, meaning); {…} in the path stands for a name."""
 
     path: str
     what: str
@@ -77,10 +77,7 @@ _JSON_TYPES = {_TEXT: ["string"], _NUMBER: ["number"], _WHOLE: ["integer", "stri
 
 
 def layout_schema() -> dict[str, Any]:
-    """JSON Schema of a session file as JSON: path of a group → its attributes, and its columns with their types.
-
-    ``layout_of`` gives an open file in this form.
-    """
+    """JSON Schema of ``layout_of``: path of a group → its attributes, and its columns with their types."""
     patterns = {_pattern(place.path): _place_schema(place) for place in PLACES}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

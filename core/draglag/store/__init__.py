@@ -1,4 +1,4 @@
-"""Session files (HDF5): record, write, read, verify, salvage, and keep results with the raw data."""
+"""Session files (HDF5): record, write, read, verify, salvage; with results."""
 
 from draglag.store.analysis import StoredAnalysis, add_analysis, read_analyses, to_json
 from draglag.store.build import write_session

@@ -1,4 +1,4 @@
-"""Results with the raw data: /analysis/<n>, each with software, options and the checksum of what it was made from."""
+"""Results next to the raw data: /analysis/<n>."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _MORE_UNITS = (("_percent", "percent"), ("_s", "s"))
 
 @dataclass(frozen=True)
 class StoredAnalysis:
-    """One stored result; ``up_to_date``: the raw data are still those it was made from."""
+    """A stored result; ``up_to_date``: made from the present raw data, by checksum."""
 
     number: int
     result: dict[str, Any]
@@ -54,14 +54,14 @@ class StoredAnalysis:
 
 
 def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[str, Any], created_utc: str = "") -> int:
-    """Store a result in a session file and return its number (1, 2 …); one that is there already keeps its number.
+    """The number (1, 2 …) of the stored result; one already stored keeps its number.
 
-    The file is copied, extended and put back in one step, so the raw data are never at risk.
+    The file is replaced in one step: the raw data are never at risk.
 
     Args:
-        result: JSON-able; its lists of flat records also become tables (``runs``, ``validation`` …).
+        result: JSON-able; lists of flat records also become tables (``runs``, ``validation`` …).
         options: JSON-able; what the analysis was asked to do.
-        created_utc: ISO 8601; the library reads no clock.
+        created_utc: ISO 8601.
 
     Raises DataError: not a session file, or not writable.
     """
@@ -98,7 +98,7 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
 
 
 def read_analyses(path: Path | str) -> list[StoredAnalysis]:
-    """Every stored result, oldest first; a recording that was not closed has none. Raises DataError."""
+    """Stored results, oldest first; none of a journal. Raises DataError."""
     if is_journal(Path(path)):
         return []
     with open_session(path) as file:
@@ -108,7 +108,6 @@ def read_analyses(path: Path | str) -> list[StoredAnalysis]:
 
 
 def _is_same(group: Any, result: Mapping[str, Any], options: Mapping[str, Any], checksum: str) -> bool:
-    """Whether a stored result is this one, of the same raw data and version."""
     if (text_attr(group, "input_sha256", ""), text_attr(group, "software", "")) != (checksum, _SOFTWARE):
         return False
     texts = (("options_json", options), ("result_json", result))
@@ -116,7 +115,7 @@ def _is_same(group: Any, result: Mapping[str, Any], options: Mapping[str, Any], 
 
 
 def result_nodes(stored: StoredAnalysis) -> Iterator[Node]:
-    """A stored result as the groups of a file: the whole as JSON, and a table for each of its lists of flat records."""
+    """Groups of a result: all as JSON, and a table per list of flat records."""
     path = f"analysis/{stored.number}"
     about: dict[str, Value] = {"software": stored.software, "created_utc": stored.created_utc}
     about["input_sha256"] = stored.input_sha256
@@ -129,7 +128,7 @@ def result_nodes(stored: StoredAnalysis) -> Iterator[Node]:
 
 
 def to_json(value: Any) -> str:
-    """JSON text; what is not a number (NaN, infinity) becomes null, numpy's types become plain ones."""
+    """JSON text; NaN and infinity become null, numpy's types plain ones."""
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False)
 
 
@@ -161,7 +160,7 @@ def _plain(value: Any) -> Any:
 
 
 def _table_node(path: str, name: str, records: Sequence[Mapping[str, Any]]) -> Node:
-    """Flat records as columns: numbers as float64 (absent = NaN), everything else as text; intervals as two columns."""
+    """Numbers as float64 (absent = NaN), else text; intervals as two columns."""
     flat = [flat_record(record) for record in records]
     columns: list[Column] = []
     rows: dict[str, Any] = {}
@@ -181,7 +180,7 @@ def _table_node(path: str, name: str, records: Sequence[Mapping[str, Any]]) -> N
 
 
 def _curve(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What is drawn of a result: runs that have speed and latency, by speed; the error is half the 95 % interval."""
+    """Runs with speed and latency, by speed; error: half the 95 % interval."""
     drawn = []
     for row in result.get("runs", ()):
         known = _plain(row)
@@ -193,7 +192,7 @@ def _curve(result: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def flat_record(record: Mapping[str, Any]) -> dict[str, Any]:
-    """A record of a result as cells: an interval is two of them, a list one text. Fields with fields are left out."""
+    """Name → cell; an interval becomes two, a list one text; nested fields are omitted."""
     flat: dict[str, Any] = {}
     for key, value in _plain(record).items():
         if isinstance(value, list) and "ci95" in key and len(value) == 2:

@@ -1,8 +1,7 @@
-"""The session file, made once and whole: nodes → temporary HDF5 → disk → its name. Closing a recording, salvaging one
-and writing a session are this one way.
+"""The session file, made whole: nodes → temporary HDF5 → disk → its name.
 
-HDF5 ends the process where the disk fills up while it writes (in versions up to 1.14 at least). So the room is taken
-before it begins, and it writes through a file object that keeps errors to itself; they are raised afterwards.
+HDF5 (up to 1.14 at least) ends the process when a write fills the disk. So room is taken first, and a file object keeps
+errors from it; they are raised afterwards.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ TEMPORARY = ".tmp"
 
 
 def write_session(session: Session, path: Path | str) -> Path:
-    """Write a whole session. Raises DataError; never overwrites."""
+    """The path, with the whole session written. Raises DataError; never overwrites."""
     ids = [run.id for run in session.runs]
     twice = next((run_id for k, run_id in enumerate(ids) if run_id in ids[:k]), None)
     if twice is not None:
@@ -58,11 +57,11 @@ def write_session(session: Session, path: Path | str) -> Path:
 
 
 def build(nodes: Iterable[Node], out: Path, size: int) -> Path:
-    """Write the nodes of a whole session to a new file and return its path; the file appears whole or not at all.
+    """The path of a new file, which appears whole or not at all.
 
     Args:
         nodes: the root first; every run's attributes before its tables.
-        size: bytes that the columns take, about; so much room is taken before anything is written.
+        size: approximate bytes of the columns, taken before writing.
 
     Raises DataError: the name is taken, there is no such folder, or no room.
     """
@@ -91,7 +90,7 @@ def build(nodes: Iterable[Node], out: Path, size: int) -> Path:
 
 
 def fill(file: Any, nodes: Iterable[Node]) -> None:
-    """Write the nodes of a whole session into an empty HDF5 file, and their checksum."""
+    """Write nodes and their checksum into an empty HDF5 file."""
     started = _Started()
     for batch in _batches(nodes):
         for node in merged(batch):
@@ -104,7 +103,7 @@ def fill(file: Any, nodes: Iterable[Node]) -> None:
 
 
 def zero_utc(started_utc: str, started_s: float | None) -> str:
-    """ISO 8601 of the host clock's zero, or empty where it is unknown."""
+    """ISO 8601 of the host clock's zero; empty where unknown."""
     try:
         return (datetime.fromisoformat(started_utc) - timedelta(seconds=started_s or 0.0)).isoformat()
     except (ValueError, OverflowError):
@@ -112,7 +111,7 @@ def zero_utc(started_utc: str, started_s: float | None) -> str:
 
 
 def reason(error: BaseException) -> Message:
-    """Why something could not be written, in the system's words."""
+    """Why something could not be written."""
     if isinstance(error, OSError) and error.errno:
         return phrase(os.strerror(error.errno))
     return phrase(" ".join(str(error).split())[:200])
@@ -120,14 +119,13 @@ def reason(error: BaseException) -> Message:
 
 @contextmanager
 def safe_hdf5(fd: int, mode: str, room: int, where: Path) -> Iterator[tuple[Any, Callable[[], bool]]]:
-    """An HDF5 file over a descriptor, which is on the disk when the block ends.
+    """Yields an HDF5 file, on disk when the block ends, and a function: has the disk failed?
 
     Args:
         mode: "w" (a new file) or "r+" (an existing one is changed).
-        room: bytes that it may need beyond its present size; they are taken first.
+        room: further bytes it may need, taken first.
 
-    Yields the file, and a function that says whether the disk has failed already. Raises OSError, and DataError for
-    what HDF5 itself does not take.
+    Raises OSError, and DataError for what HDF5 does not take.
     """
     size = os.fstat(fd).st_size
     _take_room(fd, size + room)
@@ -148,7 +146,6 @@ def safe_hdf5(fd: int, mode: str, room: int, where: Path) -> Iterator[tuple[Any,
 
 
 def _write(nodes: Iterable[Node], fd: int, room: int, out: Path) -> None:
-    """The nodes as HDF5 into an empty file, safe on disk. Raises OSError, DataError."""
     with safe_hdf5(fd, "w", room, out) as (file, failed):
         fill(file, _until(nodes, failed))
 
@@ -172,7 +169,7 @@ def _until(nodes: Iterable[Node], ended: Callable[[], bool]) -> Iterator[Node]:
 
 
 class _Target(io.RawIOBase):
-    """A file for HDF5 over a descriptor with room taken already. ``error``: the first that HDF5 was not given."""
+    """A file for HDF5 over a descriptor. ``error``: the first one, kept from HDF5."""
 
     def __init__(self, fd: int, size: int = 0) -> None:
         self._fd = fd
@@ -214,7 +211,7 @@ class _Target(io.RawIOBase):
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
-        """Remember the size: the room that was taken is kept until the file is whole."""
+        """Note the size only: the room taken is kept until the file is whole."""
         self.size = self._at if size is None else size
         return self.size
 
@@ -227,7 +224,7 @@ class _Target(io.RawIOBase):
 
 
 class _Started:
-    """Where the host's clock read zero, which is what ``time`` counts from, from the nodes so far."""
+    """The host clock's zero, from which ``time`` counts, by the nodes so far."""
 
     def __init__(self) -> None:
         self._utc = ""

@@ -1,4 +1,4 @@
-"""A checksum of what was measured, independent of how HDF5 lays it out."""
+"""A checksum of the raw data, independent of HDF5's layout."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ROWS = 1 << 16  # read at once
 
 
 def raw_checksum(file: Any) -> str:
-    """SHA-256 over names, attributes and values of the raw groups of an open file (hex)."""
+    """SHA-256 (hex) over names, attributes and values of the raw groups."""
     digest = hashlib.sha256()
     _add_attrs(digest, file)
     for name in (*RAW_GROUPS, "protocol_toml"):

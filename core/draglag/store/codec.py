@@ -1,6 +1,6 @@
-"""Records of a journal as bytes: a JSON head, then the raw columns of its tables, little-endian.
+"""Records of a journal as bytes: a JSON head, then the columns, little-endian.
 
-A checksum is no signature: whatever is decoded is checked against the schema before anything is made of it.
+A checksum is no signature: what is decoded is checked against the schema.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Record:
     """One commit of a recording.
 
     Attributes:
-        nodes: what came since the record before.
-        heads: what session and open runs are, in every record, as no other may be readable.
-        rows: path → rows of that table in all records before this one, of the session and of open runs.
-        runs: how many runs have begun, those in this record included.
+        nodes: new since the record before.
+        heads: session and open runs, in every record, as no other may be readable.
+        rows: path → rows in earlier records, of the session and of open runs.
+        runs: runs begun, including this record's.
     """
 
     nodes: tuple[Node, ...]
@@ -57,7 +57,6 @@ class Record:
 
 
 def encode(record: Record) -> bytes:
-    """A record as bytes."""
     body: list[bytes] = []
     head = {
         "nodes": [_head(node, body) for node in record.nodes],
@@ -70,7 +69,7 @@ def encode(record: Record) -> bytes:
 
 
 def decode(data: bytes) -> Record:
-    """The record; its columns are views of ``data``. Raises DataError for what no recording wrote."""
+    """The record; its columns are views of ``data``. Raises DataError for invalid bytes."""
     try:
         (length,) = _LENGTH.unpack_from(data)
         at = _LENGTH.size + length
@@ -94,7 +93,6 @@ def row_count(node: Node) -> int:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy's numbers as Python's."""
     return value.item()
 
 

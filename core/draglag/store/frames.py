@@ -1,10 +1,10 @@
-"""A file of checksummed frames that only grows: what a recording is kept in until it is finished.
+"""An append-only file of checksummed frames: a recording in progress.
 
-Every frame begins on a page of its own: a power cut leaves each page as it was before or after, so that what was
-synchronised earlier is never touched by what comes later, and a damaged page costs one frame.
+Every frame begins on a page of its own: a power cut leaves each page as before or after the write, so never damages
+what was synchronised; a damaged page costs one frame.
 
 Frame: magic 4, nonce 8, number u32, length u32, CRC-32 u32 (of nonce, number, length, payload), payload, zeros up to
-the next page. All little-endian. The nonce is the file's own: a frame of an older file that the disk kept is no frame.
+the next page; little-endian. The file's nonce excludes frames of older files left on the disk.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Frame:
 
 
 class FrameFile:
-    """A new file of frames, locked for this process. ``count``: how many frames it has. Raises OSError, Locked."""
+    """A new, locked file of ``count`` frames. Raises OSError, Locked."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -57,7 +57,7 @@ class FrameFile:
         return self._end
 
     def append(self, payload: bytes) -> None:
-        """The frame is on the disk when this returns. Raises OSError; the file is then unchanged."""
+        """Put a frame on the disk. Raises OSError; the file is then unchanged."""
         head = _HEAD.pack(MAGIC, self._nonce, self.count, len(payload), _crc(self._nonce, self.count, payload))
         data = head + payload + bytes(-(_HEAD.size + len(payload)) % PAGE)
         try:
@@ -71,14 +71,12 @@ class FrameFile:
         self.count += 1
 
     def in_place(self) -> bool:
-        """Whether the name still leads to this file: somebody may have deleted or renamed it."""
+        """Whether the name still leads to this file, not deleted or renamed."""
         return _named(self.path, self.fd)
 
     def move(self, path: Path) -> None:
-        """Go on in a new file that begins with all frames so far; the old one is deleted. Raises OSError, Locked.
-
-        Works as well where the old name is gone, as long as this process has the file open.
-        """
+        """Go on in a new file with all frames; the old one, whose name may be gone, is deleted. Raises OSError,
+        Locked."""
         fd = _create(path)
         try:
             at = 0
@@ -101,16 +99,16 @@ class FrameFile:
         self.path = path
 
     def close(self) -> None:
-        """Close; the frames stay. A child that was forked meanwhile does not keep the lock."""
+        """Unlock and close; explicitly, as a forked child would keep the lock."""
         with suppress(OSError):
             fcntl.flock(self.fd, fcntl.LOCK_UN)
         os.close(self.fd)
 
 
 def lock(fd: int) -> bool:
-    """Whether the file is locked for us now; False where the file system knows no locks. Raises Locked.
+    """True once locked; False where the file system has no locks. Raises Locked.
 
-    flock, as POSIX locks end when any descriptor of the file is closed. It is free again after SIGKILL.
+    flock: POSIX locks end when any descriptor of the file is closed. SIGKILL frees it.
     """
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -122,7 +120,7 @@ def lock(fd: int) -> bool:
 
 
 def sync_folder(folder: Path) -> None:
-    """Names made in the folder so far survive a power cut. Raises OSError."""
+    """Make names in the folder survive a power cut. Raises OSError."""
     fd = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(fd)
@@ -134,7 +132,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def frames(fd: int) -> Iterator[Frame]:
-    """Every whole frame in order of its number, each once, wherever in the file it is. Raises nothing."""
+    """Whole frames by number, each once, wherever in the file. Raises nothing."""
     places, nonce = _places(fd)
     size = os.fstat(fd).st_size
     for number in sorted(places):
@@ -144,7 +142,7 @@ def frames(fd: int) -> Iterator[Frame]:
 
 
 def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
-    """Number of each whole frame → where it begins, in bytes; and the file's nonce."""
+    """Number of each whole frame → its offset, bytes; and the file's nonce."""
     size = os.fstat(fd).st_size
     places: dict[int, int] = {}
     at, nonce = 0, None
@@ -160,7 +158,7 @@ def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
 
 
 def bytes_after(fd: int, end: int) -> int:
-    """How many bytes follow the frame whose payload ends there: of a frame that is not whole."""
+    """Bytes of an incomplete frame after the payload that ends there."""
     return max(0, os.fstat(fd).st_size - (end + -end % PAGE))
 
 
@@ -178,7 +176,6 @@ def _frame(fd: int, at: int, size: int, nonce: bytes | None) -> tuple[bytes, Fra
 
 
 def _named(path: Path, fd: int) -> bool:
-    """Whether a name leads to an open file."""
     try:
         named, opened = os.stat(path), os.fstat(fd)
     except OSError:
@@ -206,7 +203,7 @@ def _write(fd: int, data: bytes, at: int) -> None:
 
 
 def _read(fd: int, length: int, at: int) -> bytes:
-    """Up to ``length`` bytes; fewer at the end of the file and where the disk cannot read them."""
+    """Up to ``length`` bytes; fewer at the end or an unreadable place."""
     parts: list[bytes] = []
     while length > 0:
         try:

@@ -1,4 +1,4 @@
-"""Reading a journal: what its records hold, what is missing between them, and both as the nodes of a session."""
+"""Reading a journal: its records and missing rows as nodes of a session."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _STREAMS = {
 
 @dataclass
 class RunFound:
-    """What the records say of one run: its attributes, its one outcome, its rows that are missing."""
+    """A run by the records: attributes, outcome, missing rows."""
 
     head: list[Node] = field(default_factory=list)
     outcome: str = RECORDING
@@ -55,11 +55,11 @@ class Survey:
     """A journal scanned once.
 
     Attributes:
-        session: attributes of the session, the fullest that could be read.
-        runs: id → run, in order of their beginning.
-        holes: number of the record before which rows are missing → nodes that say so.
-        losses: what is missing, a sentence each; of runs, they name the run.
-        records: how many could be read. last: number of the last. begun: runs that have begun, by the records.
+        session: the fullest attributes that could be read.
+        runs: id → run, in order of beginning.
+        holes: number of a record → nodes reporting rows missing before it.
+        losses: what is missing, a sentence each.
+        records: how many could be read. last: number of the last. begun: runs begun, by the records.
         last_s: time of the last sample. unfinished_bytes: bytes after the last whole record.
     """
 
@@ -75,9 +75,9 @@ class Survey:
 
 
 def is_journal(path: Path) -> bool:
-    """Whether a file is a journal and not HDF5; False where it cannot be read.
+    """Whether a file is a journal; False where it cannot be read.
 
-    The first recordings had the same name and were HDF5. The first page of a journal may be damaged.
+    Early recordings of that name are HDF5. A journal's first page may be damaged.
     """
     if not path.is_file():  # opening a pipe would wait for its other end
         return False
@@ -91,7 +91,7 @@ def is_journal(path: Path) -> bool:
 
 @contextmanager
 def open_journal(path: Path) -> Iterator[int]:
-    """Its descriptor, read only. Raises DataError."""
+    """Yields its descriptor, read only. Raises DataError."""
     try:
         fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
@@ -105,7 +105,7 @@ def open_journal(path: Path) -> Iterator[int]:
 
 
 def lock_journal(fd: int, path: Path) -> bool:
-    """Whether no process records into it, by its lock; False where there are no locks. Raises DataError."""
+    """True once locked: nobody records into it; False without locks. Raises DataError."""
     try:
         return lock(fd)
     except Locked:
@@ -115,7 +115,7 @@ def lock_journal(fd: int, path: Path) -> bool:
 
 
 def survey(fd: int, where: str) -> Survey:
-    """Scan all records. Raises DataError where none describes the session."""
+    """The scan of all records. Raises DataError where none describes the session."""
     found = Survey()
     if os.fstat(fd).st_size == 0:
         raise DataError(message("{path}: is empty: the recording ended before it began", path=where), "Delete it")
@@ -154,10 +154,7 @@ def survey(fd: int, where: str) -> Survey:
 
 
 def in_memory(fd: int, where: str) -> Any:
-    """An open HDF5 file in memory with the session that the journal holds so far. Raises DataError.
-
-    A journal that is being recorded may be read: it only grows.
-    """
+    """HDF5 in memory of the session so far, also while recording. Raises DataError."""
     found = survey(fd, where)
     lost = joined("; ", (UNFINISHED, *remarks(found)))
     file = h5py.File(where, "w", driver="core", backing_store=False)
@@ -170,7 +167,7 @@ def in_memory(fd: int, where: str) -> Any:
 
 
 def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[Node]:
-    """The nodes of the session that the journal holds, in the order they were recorded; ``notes`` are added."""
+    """The nodes of the session in the order recorded, with ``notes`` added."""
     yield from found.session
     yield Node("runs")
     for run_id, run in found.runs.items():
@@ -197,26 +194,26 @@ def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[No
 
 
 def outcome(run: RunFound) -> str:
-    """The one outcome of a run: "aborted" where its end was never recorded, "failed" where rows of it are missing."""
+    """ "aborted" where the run's end was never recorded, "failed" where rows are missing."""
     if run.outcome == RECORDING:
         return "aborted"
     return "failed" if run.losses and run.outcome == "complete" else run.outcome
 
 
 def all_losses(found: Survey) -> tuple[str, ...]:
-    """Everything that was recorded and is missing, a sentence each, runs first."""
+    """All losses, a sentence each, runs first."""
     of_runs = [f"{run_id}: {loss}" for run_id, run in found.runs.items() for loss in run.losses]
     return (*of_runs, *found.losses)
 
 
 def remarks(found: Survey) -> tuple[str, ...]:
-    """What to know of a recording that was not closed: runs that were cut off, and all losses."""
+    """Runs that were cut off, and all losses, a sentence each."""
     cut = [message("{run} was cut off", run=run_id) for run_id, run in found.runs.items() if run.outcome == RECORDING]
     return (*cut, *all_losses(found))
 
 
 def records(fd: int) -> Iterator[tuple[int, Record, int]]:
-    """(number, record, where its frame ends in bytes) of every record that can be read."""
+    """(number, record, where its frame ends in bytes) of every readable record."""
     for frame in frames(fd):
         try:
             yield frame.number, decode(frame.payload), frame.end
@@ -256,7 +253,7 @@ def _count_rows(found: Survey, record: Record, received: dict[str, int], last_s:
 
 
 def _hole(found: Survey, number: int, path: str, missing: int, before_s: float | None, record: Record) -> None:
-    """Enter rows that are missing before a record: said of the run or the session, and marked in the stream."""
+    """Note rows missing before a record, and mark them in the stream."""
     run = found.runs.get(_run_of(path) or "")
     parts = path.split("/")
     stream = parts[-1] if parts[-1] == "gaps" else parts[2] if parts[0] == "runs" and len(parts) > 2 else parts[0]

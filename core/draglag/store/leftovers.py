@@ -1,4 +1,4 @@
-"""Files that a recording killed while closing leaves: deleted at the next start, and nothing else."""
+"""Files that a recording killed while closing leaves, deleted at the next start."""
 
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ _BUILDING = re.compile(rf"\..+\.[0-9a-f]{{8}}{re.escape(TEMPORARY)}\Z")
 
 
 def clear_leftovers(folder: Path | str) -> list[Path]:
-    """Delete session files that were never finished and journals whose session file is whole; returns their names.
+    """Paths deleted: unfinished session files, and journals whose session file is whole.
 
-    A journal goes only where its session file holds all of it, by the checksum of the raw data. Files that another
-    process has locked stay, and whatever cannot be read or deleted.
+    A journal goes only if its session file holds all of it, by checksum. Locked and undeletable files stay.
     """
     gone: list[Path] = []
     folder = Path(folder)
@@ -43,7 +42,6 @@ def clear_leftovers(folder: Path | str) -> list[Path]:
 
 
 def _is_in_session(journal: Path) -> bool:
-    """Whether the session file next to a journal was made from all of it."""
     session = final_name(journal)
     if not session.is_file():
         return False

@@ -1,4 +1,4 @@
-"""The few HDF5 moves that every writer shares: attributes, text, columns that grow, dimension scales."""
+"""HDF5 operations shared by all writers: attributes, text, growing columns, dimension scales."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UTF8 = {"_Encoding": "utf-8"}
 
 
 def put_attrs(target: Any, attrs: Mapping[str, Value]) -> None:
-    """Set attributes; text becomes fixed-length UTF-8 (HDF5's variable-length type is closed to some readers)."""
+    """Set attributes; text of fixed length, as some readers cannot load HDF5's variable one."""
     for key, value in attrs.items():
         if isinstance(value, str):
             data = as_text(value).encode()
@@ -37,7 +37,7 @@ def put_attrs(target: Any, attrs: Mapping[str, Value]) -> None:
 
 
 def add_counts(group: Any, counts: Mapping[str, int]) -> None:
-    """Add to counters in place: an attribute that keeps its size is overwritten, never removed and created again."""
+    """Add to counters in place: an attribute is never removed and created again."""
     for key, value in counts.items():
         if key in group.attrs:
             if value:
@@ -47,14 +47,14 @@ def add_counts(group: Any, counts: Mapping[str, int]) -> None:
 
 
 def _put_text(group: Any, name: str, text: str, meaning: str) -> None:
-    """One long text as a scalar dataset (attributes end at 64 KiB)."""
+    """A long text as a scalar dataset: attributes end at 64 KiB."""
     data = as_text(text).encode()
     dataset = group.create_dataset(name, data=np.array(data, f"S{max(len(data), 1)}"))
     put_attrs(dataset, {"units": "1", "long_name": meaning, **_UTF8})
 
 
 def make_column(group: Any, column: Column, chunk: int, length: int = 0) -> Any:
-    """An empty column that can grow; ``length`` rows of it are filled in already."""
+    """A column that can grow; its first ``length`` rows hold the fill value."""
     dataset = group.create_dataset(
         column.name, shape=(length,), maxshape=(None,), chunks=(chunk,), dtype=column.dtype, fillvalue=column.fill
     )
@@ -64,9 +64,9 @@ def make_column(group: Any, column: Column, chunk: int, length: int = 0) -> Any:
 
 
 def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str) -> None:
-    """Every column that is not optional, and the optional ones that have rows, attached to their scale.
+    """Make columns that are required or have rows, attached to their scale.
 
-    ``start``: what ``time`` counts from (ISO 8601, as in NeXus), where it is known.
+    ``start``: ISO 8601 of the zero of ``time`` (as in NeXus), where known.
     """
     scale = make_column(group, table.scale, table.chunk)
     scale.make_scale(table.scale.name)
@@ -78,10 +78,10 @@ def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str)
 
 
 def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> None:
-    """Add rows at the end of every column: the scale last, so that rows it counts are always complete.
+    """Append rows to every column: the scale last, so that rows it counts are complete.
 
-    Through h5py's low-level interface: five times a second, while the participant's target is drawn, the other one
-    takes as long to look at its arguments as to write.
+    Low-level h5py: the usual interface takes as long for its arguments as for writing, five times a second while the
+    target is drawn.
     """
     total = max((len(values) for values in rows.values()), default=0)
     if not total:
@@ -106,7 +106,6 @@ def _column(group: Any, name: str) -> Any:
 
 
 def _extend(column: Any, before: int, values: NDArray[Any]) -> None:
-    """Rows after the first ``before``, of a column opened at the low level."""
     count = len(values)
     column.set_extent((before + count,))
     stored = np.ascontiguousarray(values, column.dtype)

@@ -1,4 +1,4 @@
-"""An old session file rewritten in the present schema. Readers exist per version, so a migration is read and write."""
+"""An old session file in the present schema."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from draglag.store.read import read_session
 
 
 def migrate(path: Path | str, out: Path | str) -> Path:
-    """Write ``path`` to ``out`` in the present schema; stored results go along, marked with their software.
+    """The path ``out`` in the present schema, with stored results, each marked by its software.
 
     Raises DataError: ``path`` is no session file, or ``out`` exists.
     """

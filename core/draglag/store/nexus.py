@@ -1,7 +1,7 @@
-"""Attributes of NeXus (https://www.nexusformat.org) by which viewers know what to draw: silx view, h5web, DAWN.
+"""Attributes of NeXus (https://www.nexusformat.org) that show viewers (silx view, h5web, DAWN) what to draw.
 
-The default plot is latency against speed where a result is stored, else the touch position down the screen of the
-first run against time. These attributes say nothing of the measurement, so the raw checksum leaves them out.
+Default plot: latency against speed of a stored result, else y of the first run's touches. The raw checksum excludes
+these attributes.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from draglag.store.lowlevel import put_attrs
 
 ATTRIBUTES = ("NX_class", "default", "signal", "axes", "auxiliary_signals")
 CURVE = "latency_against_speed"
-"""The table of a stored result that is drawn: one row a run that has a latency, in order of speed."""
+"""The table of a stored result that is drawn: a row per run with a latency, by speed."""
 # Stream of a run → column drawn against time, and those drawn with it.
 _SIGNALS = {"touch": ("y_mm", ("x_mm",)), "laser": ("light", ()), "display": ("y_mm", ("x_mm",))}
 
 
 def mark(file: Any) -> None:
-    """Set the attributes of every group that has a meaning in NeXus, and the way to the default plot."""
+    """Set the attributes of every group, and the path to the default plot."""
     runs, analyses = file.get("runs", {}), file.get("analysis", {})
     for run in runs.values():
         _mark_run(run)

@@ -1,4 +1,4 @@
-"""Lists of nodes made smaller: many small batches as few large ones, streams of equal names kept separate."""
+"""Nodes merged, cut into pieces, and streams of equal group names kept separate."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from draglag.store.schema import Node, Table, Value
 
 
 def separate(node: Node, owners: dict[str, Value]) -> Node:
-    """The node in a group of its own stream: two streams whose names read the same as group names get a group each.
+    """The node, in its own group where two streams' names give one group name.
 
-    ``owners``: path → stream, of all nodes so far; the node is entered.
+    ``owners``: path → stream of all nodes so far; the node is entered.
     """
     stream, path, number = node.attrs.get("stream"), node.path, 2
     if stream is None:
@@ -25,7 +25,7 @@ def separate(node: Node, owners: dict[str, Value]) -> Node:
 
 
 def merged(nodes: Iterable[Node]) -> list[Node]:
-    """One node a group: attributes of the last, counters added, rows end to end. Order is that of the first nodes."""
+    """One node per group, in order: the last attributes, summed counters, concatenated rows."""
     by_path: dict[str, list[Node]] = {}
     for node in nodes:
         by_path.setdefault(node.path, []).append(node)
@@ -33,7 +33,7 @@ def merged(nodes: Iterable[Node]) -> list[Node]:
 
 
 def pieces(node: Node, limit: int) -> Iterator[Node]:
-    """The node in pieces of at most ``limit`` rows; attributes and counters go with the first."""
+    """Pieces of at most ``limit`` rows; attributes and counters go with the first."""
     count = max((len(values) for values in node.rows.values()), default=0)
     yield replace(node, rows={name: values[:limit] for name, values in node.rows.items()})
     for start in range(limit, count, limit):

@@ -1,8 +1,5 @@
-"""Unfinished or damaged HDF5: everything that can be read, run by run and column by column.
-
-The first recordings were made into an HDF5 file that was changed in place; such ``.partial`` files, and finished
-session files that were damaged, are saved here.
-"""
+"""What can be read of damaged HDF5, run by run and column by column: session files, and ``.partial`` files of the first
+recordings."""
 
 from __future__ import annotations
 
@@ -42,14 +39,14 @@ _STREAMS = ("touch", "laser")
 
 @dataclass(frozen=True)
 class _Rows:
-    """A column as far as it can be read: ``values`` with the fill where ``readable`` is False."""
+    """A column; ``values`` hold the fill where not ``readable``."""
 
     values: NDArray[Any]
     readable: NDArray[np.bool_]
 
 
 def recover(path: Path) -> tuple[Session, list[str]]:
-    """Everything readable of a damaged file, and what was lost. Raises DataError when that is nothing."""
+    """Everything readable of a damaged file, and its losses. Raises DataError if nothing."""
     losses: list[str] = []
     with open_hdf5(path) as file, h5py.File("salvage", "w", driver="core", backing_store=False) as copy:
         check_schema(file, path)
@@ -75,7 +72,7 @@ def recover(path: Path) -> tuple[Session, list[str]]:
 
 
 def _with_header(copy: Any, runs: tuple[Run, ...], losses: list[str], path: Path) -> Session:
-    """The session; of its parts other than runs, those that cannot be read are left out one by one."""
+    """The session, without those parts other than runs that cannot be read."""
     for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "details", "protocol_toml"):
         if optional and optional in copy:
             losses.append(message("/{optional} is lost", optional=optional))
@@ -115,7 +112,6 @@ def _compare_checksum(file: Any, losses: list[str]) -> None:
 
 
 def _add_run(runs: list[Run], parent: Any, name: str, losses: list[str]) -> None:
-    """A run, whatever is left of it."""
     group = parent[name]
     for stream in _STREAMS:
         if not isinstance(group.get(stream), h5py.Group):
@@ -146,7 +142,7 @@ def _make_empty(group: Any, stream: str) -> None:
 
 
 def _guess_attrs(group: Any, name: str, losses: list[str]) -> None:
-    """Where a run's attributes are lost: its span from its samples, an open protocol."""
+    """Where lost: the span from the samples, the protocol "free"."""
     times = np.concatenate([group[stream]["time"][()] for stream in _STREAMS if "time" in group[stream]])
     times = times[np.isfinite(times)]
     start_s, end_s = (float(times.min()), float(times.max())) if len(times) else (0.0, 0.0)
@@ -157,7 +153,6 @@ def _guess_attrs(group: Any, name: str, losses: list[str]) -> None:
 
 
 def _in_order(run: Run, losses: list[str]) -> Run:
-    """The run without samples whose times cannot be right."""
     for stream in _STREAMS:
         trace: Any = getattr(run, stream)
         if not first_problem(stream, trace.t_s, run):
@@ -203,7 +198,6 @@ def _copy_attrs(source: Any, target: Any, losses: list[str] | None = None) -> No
 
 
 def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: frozenset[str], depth: int = 0) -> None:
-    """Copy one item and what is below it, leaving out what cannot be read and what no session file has."""
     where = f"{parent.name}/{name}".strip("/")
     if where in left_out or depth > 6 or not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         return
@@ -223,8 +217,7 @@ def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: froz
 
 
 def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str], left_out: frozenset[str]) -> set[str]:
-    """Copy what can be read of every column. Rows that the scale does not count, or whose time is lost, are left out;
-    other columns have their fill where they are lost."""
+    """Copy readable rows, with the fill where lost, without rows beyond the scale or without a time."""
     present = [c for c in table.every() if f"{source.name}/{c.name}".strip("/") not in left_out]
     columns = {c.name: _readable_rows(source, c) for c in present if c.name in source}
     scale = columns.get(table.scale.name)
@@ -258,14 +251,13 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
 
 
 def _rows_with_times(scale: _Rows | None, table: schema.Table, length: int) -> np.ndarray:
-    """Which rows (length,) have a readable scale; a time that is not finite is room that was never filled."""
+    """Rows (length,) with a readable scale; a non-finite time is room never filled."""
     if scale is None or table.scale.kind == "i":
         return np.ones(length, bool)
     return scale.readable & np.isfinite(scale.values) if table.scale.kind == "f" else scale.readable.copy()
 
 
 def _readable_rows(source: Any, column: schema.Column) -> _Rows:
-    """The rows of a column, chunk by chunk where it cannot be read at once."""
     nothing = _Rows(np.empty(0, column.dtype), np.empty(0, bool))
     try:
         dataset = source[column.name]

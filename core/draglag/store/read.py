@@ -1,4 +1,4 @@
-"""Reading session files: one reader per schema version, all giving the same ``Session``."""
+"""Reading session files: a reader per schema version, all giving a ``Session``."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from draglag.store.sense import check_times
 from draglag.store.stored import stored_columns
 
 Columns = Callable[[Any, schema.Table], dict[str, Any]]
-"""How the columns of a stream are read: ``read_columns`` at once, ``stored_columns`` when they are asked for."""
+"""Reads the columns of a stream: ``read_columns`` at once, ``stored_columns`` on demand."""
 
 CHANGED = message(
     "The raw data were changed after recording: the checksum of the file does not match. Use an untouched copy."
@@ -54,11 +54,10 @@ CHANGED = message(
 
 
 def read_session(path: Path | str) -> Session:
-    """The raw data of a session file, or what the journal of an unfinished recording holds.
+    """The raw data of a session file, or of an unfinished recording's journal.
 
-    Raw data that were changed after recording (by their checksum) carry a warning in the notes.
-    Raises DataError: no such file, not a session, damaged, links out of the file, a version from the future, times that
-    go back or cannot be.
+    A warning in the notes marks raw data changed after recording, by checksum. Raises DataError: no such file, not a
+    session, damaged, links out of the file, a future version, times that go back or cannot be.
     """
     path = Path(path)
     with open_recorded(path) as file:
@@ -67,11 +66,8 @@ def read_session(path: Path | str) -> Session:
 
 @contextmanager
 def open_columns(path: Path | str) -> Iterator[Session]:
-    """The session as ``read_session`` gives it, but touch, laser and display columns stay in the file: each is a
-    ``StoredColumn``, with a length and slices, for the time of the block. For exports, whatever the session's size.
-
-    Raises DataError as ``read_session``.
-    """
+    """Yields the session as ``read_session``, but touch, laser and display columns as ``StoredColumn`` within the
+    block: for exports of any size. Raises DataError."""
     path = Path(path)
     with open_recorded(path) as file:
         yield _checked(file, path, stored_columns)
@@ -86,7 +82,7 @@ def _checked(file: Any, path: Path, columns: Columns) -> Session:
 
 
 def read_unchecked(path: Path | str) -> Session:
-    """The raw data as ``read_session`` gives them, whatever their times are and their checksum says."""
+    """As ``read_session``, whatever times and checksum are."""
     path = Path(path)
     with open_recorded(path) as file:
         return READERS[check_schema(file, path)](file)
@@ -94,7 +90,7 @@ def read_unchecked(path: Path | str) -> Session:
 
 @contextmanager
 def open_recorded(path: Path) -> Iterator[Any]:
-    """The open session file, or in memory what the journal of an unfinished recording holds. Raises DataError."""
+    """Yields the open session file, or a journal's session in memory. Raises DataError."""
     if not is_journal(path):
         with open_session(path) as file:
             yield file
@@ -104,12 +100,12 @@ def open_recorded(path: Path) -> Iterator[Any]:
 
 
 def read_layout(file: Any, columns: Columns = read_columns) -> Session:
-    """A session of schema version 1 or 2 from an open, checked file: they differ in what else stands there."""
+    """The session of an open, checked file of schema 1 or 2."""
     return session_of(file, tuple(run_of(group, columns) for group in _children(file, "runs")))
 
 
 def session_of(file: Any, runs: tuple[Run, ...]) -> Session:
-    """Everything but the runs, which are handed in, put in order of their start."""
+    """The session with ``runs``, sorted by start."""
     screen, stylus = _group(file, "screen"), _group(file, "stylus")
     beam = file.get("beam")
     return Session(
@@ -140,12 +136,11 @@ def session_of(file: Any, runs: tuple[Run, ...]) -> Session:
 
 
 def _texts(file: Any, name: str) -> dict[str, str]:
-    """The attributes of an optional group of texts."""
     return {key: text_attr(_group(file, name), key) for key in file[name].attrs} if name in file else {}
 
 
 def run_of(group: Any, columns: Columns = read_columns) -> Run:
-    """One run from its group. A run that was cut off while recording reads as "aborted"."""
+    """A run from its group; one cut off while recording reads as "aborted"."""
     outcome = text_attr(group, "outcome", "aborted")
     target = group.get("target")
     return Run(

@@ -1,4 +1,4 @@
-"""Opening a session file that may be damaged or hostile: check before reading, follow nothing, run nothing."""
+"""Opening session files that may be damaged or hostile: check before reading, follow no link."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ BROKEN = (
 
 @contextmanager
 def open_session(path: Path | str) -> Iterator[Any]:
-    """The open file, read only, after every link and every dataset was looked at.
+    """Yields the file, read only, with every link and dataset checked.
 
     Raises DataError: no such file, not HDF5, truncated, another format, a newer version, links that lead elsewhere,
-    types or sizes that no session file has; also for anything HDF5 stumbles over later in the block.
+    types or sizes that no session file has; also for later HDF5 errors in the block.
     """
     path = Path(path)
     with named_errors(path), open_hdf5(path) as file:
@@ -65,7 +65,7 @@ def open_session(path: Path | str) -> Iterator[Any]:
 
 @contextmanager
 def named_errors(path: Path) -> Iterator[None]:
-    """Whatever goes wrong with the file in the block is one DataError that names it and what to do."""
+    """Errors of the block become DataErrors with file name and remedy."""
     try:
         yield
     except DraglagError as error:
@@ -78,7 +78,6 @@ def named_errors(path: Path) -> Iterator[None]:
 
 
 def _named(error: DraglagError, path: Path) -> DraglagError:
-    """The error with the name of the file and a remedy, where it has none yet."""
     if error.problem.startswith(str(path)) and error.remedy:
         return error
     named = error.problem.startswith(str(path))
@@ -90,7 +89,7 @@ def _named(error: DraglagError, path: Path) -> DraglagError:
 
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[Any]:
-    """An HDF5 file, read only. Raises DataError."""
+    """Yields an HDF5 file, read only. Raises DataError."""
     if not path.exists():
         raise DataError(message("{path}: there is no such file", path=path), "Check the name")
     if is_unfinished(path):
@@ -109,7 +108,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a file begins as a journal. A pipe is not asked: opening it would wait for its other end."""
+    """Whether a file begins as a journal; opening a pipe would block."""
     if not path.is_file():
         return False
     try:
@@ -137,7 +136,7 @@ def _cannot_open(path: Path, error: BaseException) -> DataError:
 
 
 def check_schema(file: Any, path: Path) -> int:
-    """The schema version. Raises DataError for another format or a version from the future."""
+    """The schema version. Raises DataError for another format or a future version."""
     try:
         name = text_attr(file, "schema")
         version = int_attr(file, "schema_version")
@@ -201,9 +200,9 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
 
 
 def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
-    """The group to look into or the column to count, None for neither; and what is wrong with it.
+    """The group to look into or the column to count, None for neither; and its problems.
 
-    seen: addresses of the groups so far; the item's is entered.
+    seen: addresses of groups so far; the item's is entered.
     """
     if not isinstance(group.get(key, getlink=True), h5py.HardLink):
         return None, [message("is a link to another place")]
@@ -222,7 +221,7 @@ def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
 
 
 def _attribute_problems(item: Any) -> Iterator[str]:
-    """What is wrong with the attributes of a group or column, without reading them."""
+    """Problems of a group's or column's attributes, without reading them."""
     if not hasattr(item, "attrs"):
         return
     if len(item.attrs) > _MAX_ATTRIBUTES:
@@ -243,7 +242,7 @@ def _bytes(dataset: Any) -> int:
 
 
 def dataset_problem(dataset: Any) -> str:
-    """What is wrong with a dataset, judged without reading it; empty if nothing is."""
+    """The problem of a dataset, without reading it; empty if none."""
     kind = dataset.dtype
     plist = dataset.id.get_create_plist()
     if kind.kind not in "iufS" or kind.hasobject or kind.fields or kind.subdtype or h5py.check_enum_dtype(kind):
@@ -308,9 +307,9 @@ def int_attr(item: Any, key: str, default: int | None = None) -> int:
 
 
 def read_columns(group: Any, table: Table) -> dict[str, NDArray[Any]]:
-    """Every column of a table as float64, int64 or bytes; an optional one that is absent comes back empty.
+    """Columns as float64, int64 or bytes; an absent optional one is empty.
 
-    Raises DataError on a missing column, another type, or columns of different lengths.
+    Raises DataError on a missing column, another type, or different lengths.
     """
     datasets = readable_columns(group, table)
     return {
@@ -320,7 +319,7 @@ def read_columns(group: Any, table: Table) -> dict[str, NDArray[Any]]:
 
 
 def readable_columns(group: Any, table: Table) -> dict[str, Any]:
-    """The datasets of a table's columns, without what is optional and absent. Raises DataError as ``read_columns``."""
+    """Datasets of the columns present. Raises DataError as ``read_columns``."""
     if not isinstance(group, h5py.Group):
         raise DataError(message("{group} is not a group", group=group.name))
     found = {}
@@ -376,5 +375,5 @@ def short(error: BaseException) -> Message:
 
 
 def short_text(text: str) -> str:
-    """Text on one line, of which a sentence can hold so much."""
+    """Text on one line, at most 160 characters."""
     return " ".join(text.split())[:160]

@@ -1,4 +1,4 @@
-"""Salvage of what a killed recording left: its journal, or a damaged session file."""
+"""Salvage of a killed recording's journal or a damaged session file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from draglag.store.read import read_unchecked
 
 @dataclass(frozen=True)
 class Salvaged:
-    """What could be saved: the session, the file it is in now, and what was lost."""
+    """The session, its new file, and what was lost."""
 
     session: Session
     path: Path
@@ -25,7 +25,7 @@ class Salvaged:
 
 
 def partial_files(folder: Path | str) -> list[Path]:
-    """Recordings that ended without being closed and were not saved since: what the next start offers to salvage."""
+    """Unfinished recordings in the folder that have not been salvaged."""
     found = sorted(Path(folder).glob(f"*{PARTIAL}"))
     return [path for path in found if not final_name(path).exists() and not _salvaged_name(path).exists()]
 
@@ -37,11 +37,11 @@ def final_name(unfinished: Path | str) -> Path:
 
 
 def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
-    """Copy everything readable of an unfinished or damaged file into a whole one; the old file stays as it is.
+    """Everything readable of an unfinished or damaged file, in a whole one; the old file stays.
 
-    Runs whose end was not recorded become "aborted", complete ones of which rows are missing "failed". Where the file
-    system has no locks, the recording may still be going on: the session then gets a name of its own (``-salvaged``).
-    Raises DataError when nothing can be saved, or ``out`` exists.
+    Runs without an end become "aborted", complete ones with missing rows "failed". Without file locks the recording may
+    still go on: the session then gets another name (``-salvaged``). Raises DataError when nothing can be saved, or
+    ``out`` exists.
     """
     unfinished = Path(unfinished)
     target = Path(out) if out is not None else final_name(unfinished)

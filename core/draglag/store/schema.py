@@ -1,23 +1,8 @@
-"""What is where in a session file: names, units and order of every column, once for all writers and readers.
+"""The schema of a session file: names, units and order of every column. Layout: docs/session-file.md.
 
-A session becomes a list of nodes. A node is one HDF5 group: attributes, counters, and at most one table, whose
-columns share one dimension scale. The file writer, the netCDF and the MATLAB export all walk the same nodes.
-
-Layout, version 2 (version 1 had its texts as HDF5's UTF-8 type, which Octave cannot load, and no NeXus attributes)::
-
-    /                   schema, schema_version, name, started_utc, clock, software, seed; protocol_toml
-    /screen /stylus /beam /devices                      attributes
-    /details            attributes: participant session operator, and free fields
-    /calibration        target: x_raw y_raw x_mm y_mm; attributes xx xy x0_mm yx yy y0_mm (where there was one)
-    /clocks/<stream>    observation: device_s host_min_s host_max_s epoch
-    /taps               tap: physical_s registered_s down;  /taps/rejected: reason → count
-    /notes              entry: time_s level source part text
-    /runs/<id>          attributes of the run
-    /runs/<id>/touch    time: x_mm y_mm contact_id x_raw y_raw device_s;  …/gaps …/axes
-    /runs/<id>/laser    time: light device_s epoch;  …/gaps
-    /runs/<id>/display  time: x_mm y_mm
-    /runs/<id>/target   attributes;  /runs/<id>/sync/<stream>;  /runs/<id>/log
-    /analysis/<n>       derived: result_json, options_json, a table for each list of records, latency_against_speed
+A session becomes nodes. A node is one HDF5 group: attributes, counters, at most one table, whose columns share a
+dimension scale. HDF5, netCDF and MATLAB writers walk the same nodes. Version 1 had texts of HDF5's UTF-8 type, which
+Octave cannot load, and no NeXus attributes.
 """
 
 from __future__ import annotations
@@ -43,7 +28,7 @@ TEXTS = {
     "options_json": "what the analysis was asked to do",
     "result_json": "the result as `draglag analyze --json` prints it",
 }
-"""Long texts of a group, which are scalar datasets, and what they hold."""
+"""Long texts, stored as scalar datasets → meaning."""
 
 Value = float | int | str
 _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
@@ -51,8 +36,8 @@ _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
 
 @dataclass(frozen=True)
 class Column:
-    """One dataset: ``kind`` is "f" (float64), "i" (int64) or "S<n>" (the n bytes of UTF-8). ``fill`` stands where a
-    column came late or a row was lost; a column that never came is absent and reads as an empty array."""
+    """One dataset. ``kind``: "f" (float64), "i" (int64), "S<n>" (n bytes of UTF-8). ``fill``: where a column came late
+    or a row was lost; an absent column reads as empty."""
 
     name: str
     kind: str
@@ -73,7 +58,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Columns over one dimension scale. A scale of kind "i" counts rows from 0; ``chunk`` is in rows."""
+    """Columns over one dimension scale; of kind "i" it counts rows from 0. ``chunk``: rows."""
 
     scale: Column
     columns: tuple[Column, ...]
@@ -85,7 +70,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Node:
-    """One group to write: attributes to set, counters to add up, long texts, rows to append."""
+    """One group to write: attributes to set, counters to add, long texts, rows to append."""
 
     path: str
     attrs: Mapping[str, Value] = field(default_factory=dict)
@@ -187,7 +172,7 @@ LOG = Table(
 
 
 def check_run_id(run_id: str, where: str) -> str:
-    """The id itself if it can name a group and a file. Raises DataError."""
+    """The id, if it can name a group and a file. Raises DataError."""
     if not _RUN_ID.match(run_id) or run_id != run_id.strip() or ".." in run_id:
         raise DataError(
             message("{path}: “{run}” cannot be the id of a run", path=where, run=run_id[:100]),
@@ -202,12 +187,12 @@ def slug(name: str) -> str:
 
 
 def as_text(value: str) -> str:
-    """Text that fits a null-padded string: no NUL, nothing that is not Unicode text."""
+    """Text for a null-padded string: no NUL, valid Unicode."""
     return value.replace("\0", " ").encode("utf-8", "replace").decode("utf-8")
 
 
 def cut_text(text: str, limit: int) -> list[str]:
-    """The text in pieces of at most ``limit`` bytes of UTF-8, never within a character; at least one piece."""
+    """Pieces of at most ``limit`` bytes of UTF-8, not cut within characters; at least one."""
     parts: list[str] = []
     rest = as_text(text).encode()
     while len(rest) > limit:
@@ -220,6 +205,6 @@ def cut_text(text: str, limit: int) -> list[str]:
 
 
 def encode(column: Column, values: Iterable[str]) -> NDArray[Any]:
-    """Text as fixed-length UTF-8, cut at a character where it is too long."""
+    """Fixed-length UTF-8, cut at a character where too long."""
     limit = int(column.kind[1:])
     return np.array([cut_text(value, limit)[0].encode() for value in values], dtype=column.kind)

@@ -1,4 +1,4 @@
-"""A session as nodes of the schema: what each stream, run and header becomes in a file."""
+"""A session as nodes of the schema."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def touch_nodes(path: str, trace: TouchTrace) -> Iterator[Node]:
 
 
 def axes_nodes(path: str, trace: TouchTrace) -> Iterator[Node]:
-    """The axes are written once, not with every batch."""
+    """The axes, written once, not with every batch."""
     if trace.axes:
         number = {
             key: np.array([getattr(axis, key) for axis in trace.axes], np.int64)
@@ -130,7 +130,7 @@ def calibration_node(known: TouchCalibration) -> Node:
 
 
 def header_nodes(session: Session) -> Iterator[Node]:
-    """Everything about a session that is known before its first run."""
+    """All of a session that is known before its first run."""
     root: dict[str, Value] = {
         "schema": SCHEMA,
         "schema_version": VERSION,
@@ -171,7 +171,7 @@ def header_nodes(session: Session) -> Iterator[Node]:
 
 
 def run_nodes(run: Run, outcome: str) -> Iterator[Node]:
-    """One run with all that it already holds; ``outcome`` is "recording" while it goes on."""
+    """One run and its data; ``outcome`` is "recording" while it goes on."""
     path = f"runs/{check_run_id(run.id, 'session')}"
     attrs: dict[str, Value] = {
         "protocol": run.protocol,
@@ -202,7 +202,7 @@ def session_nodes(session: Session) -> Iterator[Node]:
 
 
 def distinct(nodes: Iterable[Node]) -> Iterator[Node]:
-    """The nodes of a whole session; two streams whose names read the same as group names get a group each."""
+    """The nodes, with separate groups for streams whose names give one group name."""
     taken: set[str] = set()
     for node in nodes:
         path, number = node.path, 2
@@ -221,5 +221,5 @@ def _float(value: float | None) -> float | None:
 
 
 def _seed(seed: int | None) -> int | str | None:
-    """Seeds may be longer than 64 bits: those become text."""
+    """Seeds beyond 64 bits become text."""
     return seed if seed is None or -(2**63) <= seed < 2**63 else str(seed)

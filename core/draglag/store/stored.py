@@ -1,4 +1,4 @@
-"""Columns that stay in their file until they are asked for, so that an export needs no room for a whole session."""
+"""Columns read on demand, so that an export needs no memory for a session."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from draglag.store.safely import read_columns, readable_columns
 from draglag.store.schema import Table
 
 BLOCK_ROWS = 1 << 16
-"""Rows that are read, or turned into text, at once: 0.5 MB of numbers, some 10 MB as Python's."""
+"""Rows read, or turned into text, at once: 0.5 MB of numbers, some 10 MB as Python's."""
 
 
 class StoredColumn:
-    """A column of numbers of an open session file: what is sliced off it is read from the file, and not kept.
+    """A numeric column of an open file; slices are read from disk and not kept.
 
-    It stands where an array would in a ``TouchTrace``, for those that only ask its length and slice it.
+    Replaces an array in a ``TouchTrace`` for length and slices only.
     """
 
     ndim = 1
@@ -54,6 +54,6 @@ def stored_columns(group: Any, table: Table) -> dict[str, Any]:
 
 
 def blocks(length: int) -> Iterator[slice]:
-    """Slices that cover ``length`` rows, ``BLOCK_ROWS`` at a time."""
+    """Slices covering ``length`` rows, ``BLOCK_ROWS`` at a time."""
     for start in range(0, length, BLOCK_ROWS):
         yield slice(start, min(start + BLOCK_ROWS, length))

@@ -1,4 +1,4 @@
-"""A session file against its schema, and its contents against sense."""
+"""A session file checked against its schema, and its contents for plausibility."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from draglag.store.safely import BROKEN, check_schema, open_hdf5, short, tree_pr
 
 @dataclass(frozen=True)
 class Finding:
-    """``level``: "error" (the file is not what it should be) | "loss" (something measured is missing) | "warning"
-    (readable, look before use)."""
+    """``level``: "error" (the file is wrong) | "loss" (measured data are missing) | "warning" (look before use)."""
 
     level: str
     where: str
@@ -31,13 +30,13 @@ class Finding:
 
 
 def grade(findings: list[Finding]) -> str:
-    """ "damaged" | "incomplete" (measured data are missing) | "sound": of a file with these findings."""
+    """ "damaged" | "incomplete" (measured data are missing) | "sound"."""
     levels = {finding.level for finding in findings}
     return "damaged" if "error" in levels else "incomplete" if "loss" in levels else "sound"
 
 
 def verify(path: Path | str) -> list[Finding]:
-    """Everything that is wrong with a session file; empty when nothing is. Never raises for what is in the file."""
+    """Faults of a session file, whatever is in it; empty if none. Does not raise."""
     path = Path(path)
     if is_journal(path):
         return _journal(path)
@@ -58,7 +57,6 @@ def verify(path: Path | str) -> list[Finding]:
 
 
 def _journal(path: Path) -> list[Finding]:
-    """Findings of a recording that was not closed."""
     try:
         with open_journal(path) as fd:
             found = survey(fd, str(path))

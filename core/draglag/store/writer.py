@@ -1,7 +1,6 @@
-"""Recording a session: into a journal while it lasts, into the session file at its end.
+"""Recording a session: into a journal, at its end into the session file.
 
-The journal is called ``<name>.partial``. Whatever was appended waits in memory until ``flush`` has it on the disk; what
-a crash or a power cut costs is what was appended since.
+The journal is ``<name>.partial``. A crash or power cut costs data since the last ``flush``.
 """
 
 from __future__ import annotations
@@ -42,18 +41,18 @@ _RECORD_ROWS = 1 << 14
 
 
 class SessionWriter:
-    """One recording. Not for several threads at once. Nothing appended is forgotten before it is on the disk: after a
-    DataError of ``flush``, ``end_run`` or ``close`` the same may be tried again, also after ``move``.
+    """One recording, for one thread at a time. Data stay in memory until on disk: after a DataError of ``flush``,
+    ``end_run`` or ``close`` the call may be repeated, also after ``move``.
 
     Args:
         path: final name of the session file.
-        header: the session; runs it already holds are written too.
+        header: the session; its runs are written too.
 
     Attributes:
-        restored: how often the journal was deleted by somebody else, and was written again from the open file.
+        restored: how often the journal was deleted by others and rewritten from the open file.
 
-    Raises DataError where the file (or its ``.partial``) exists or cannot be made. Leaving a ``with`` block by an
-    exception keeps the ``.partial`` for ``salvage``.
+    Raises DataError where the file (or its ``.partial``) exists or cannot be made. An exception in a ``with`` block
+    keeps the ``.partial`` for ``salvage``.
     """
 
     def __init__(self, path: Path | str, header: Session) -> None:
@@ -90,7 +89,7 @@ class SessionWriter:
 
     @property
     def partial(self) -> Path:
-        """The journal's name."""
+        """The journal's path."""
         return self.path.with_name(self.path.name + PARTIAL)
 
     def __enter__(self) -> SessionWriter:
@@ -105,12 +104,12 @@ class SessionWriter:
             self.abandon()
 
     def begin_run(self, run: Run) -> None:
-        """Begin a run with what ``run`` already holds (target, axes, first samples); on disk when this returns."""
+        """Begin a run with the data it holds; on disk when this returns."""
         self._begin(run)
         self.flush()
 
     def append_touch(self, run_id: str, trace: TouchTrace) -> None:
-        """Touch events in order of time; the axes belong to ``begin_run``."""
+        """Append touch events in order of time; the axes belong to ``begin_run``."""
         self._wait(session_nodes.touch_nodes(f"runs/{self._recording(run_id)}/touch", trace))
 
     def append_laser(self, run_id: str, trace: LaserTrace) -> None:
@@ -120,12 +119,12 @@ class SessionWriter:
         self._wait(session_nodes.display_nodes(f"runs/{self._recording(run_id)}/display", trace))
 
     def append_clock(self, bounds: ClockBounds, run_id: str | None = None) -> None:
-        """Clock observations of one stream, of the whole session or of one run."""
+        """Append clock observations of one stream, of the session or of one run."""
         place = "clocks" if run_id is None else f"runs/{self._recording(run_id)}/sync"
         self._wait(session_nodes.clock_nodes(place, bounds))
 
     def append_log(self, entry: LogEntry, run_id: str | None = None) -> None:
-        """A line of the run's log, or of the session's notes."""
+        """Append a line to the run's log, or the session's notes."""
         place = "notes" if run_id is None else f"runs/{self._recording(run_id)}/log"
         self._wait(session_nodes.log_nodes(place, [entry]))
 
@@ -133,10 +132,8 @@ class SessionWriter:
         self._wait(session_nodes.taps_nodes(taps))
 
     def end_run(self, run_id: str, outcome: str, duration_s: float | None = None, flush: bool = True) -> None:
-        """Give a run its one outcome; it is on the disk when this returns, or after the next flush.
-
-        Raises ValueError, DataError.
-        """
+        """Set the run's only outcome; on disk when this returns, or after the next flush. Raises ValueError,
+        DataError."""
         if outcome not in OUTCOMES:
             raise ValueError(f"{outcome!r} is not one of {OUTCOMES}")
         self._end(self._recording(run_id), outcome, duration_s)
@@ -144,7 +141,7 @@ class SessionWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Everything appended so far is on the disk when this returns. Call at least every 0.5 s. Raises DataError."""
+        """Return once all is on disk. Call at least every 0.5 s. Raises DataError."""
         self._waiting = [piece for node in merged(self._waiting) for piece in pieces(node, _RECORD_ROWS)]
         if not self._waiting:
             return
@@ -159,7 +156,7 @@ class SessionWriter:
             raise self._unwritable(error) from error
 
     def move(self, path: Path | str) -> None:
-        """Go on under another name or in another folder, with all that was recorded. Raises DataError: stays as is."""
+        """Go on under another path with all data. Raises DataError: stays as is."""
         path = Path(path)
         refuse(path)
         partial = path.with_name(path.name + PARTIAL)
@@ -171,9 +168,9 @@ class SessionWriter:
         self.path = path
 
     def close(self) -> Path:
-        """Make the session file, delete the journal. Runs still open become "aborted". Never overwrites.
+        """The session file; the journal is deleted. Open runs become "aborted". Never overwrites.
 
-        Raises DataError where the session file cannot be made: the journal stays, and this may be tried again.
+        Raises DataError: the journal stays, and this may be called again.
         """
         if self._closed:
             return self.path
@@ -235,7 +232,7 @@ class SessionWriter:
         self._waiting.extend(separate(node, self._owners) for node in more)
 
     def _append(self, record: list[Node]) -> None:
-        """One record to the journal. Raises OSError."""
+        """Append one record to the journal. Raises OSError."""
         heads = [*self._head, *(node for run in self._open.values() for node in run)]
         if not self._full:
             heads = [replace(node, texts={}) for node in heads if node.table is None]
@@ -270,7 +267,7 @@ class SessionWriter:
 
 
 def _packed(waiting: list[Node]) -> list[list[Node]]:
-    """The nodes as records: one, or one for each where they are too long for that."""
+    """One record, or one for each node where too long together."""
     if sum(row_count(node) for node in waiting) <= _RECORD_ROWS:
         return [waiting]
     return [[node] for node in waiting]

@@ -1,7 +1,7 @@
 """The laser sensor on an EtherCAT terminal: ``ethercat:IFACE?channel=1``, EK1101 (or EK1100) + EL1252 through pysoem.
 
-A small process of its own (``master``) runs the bus at 1 kHz and holds the only privileges; ``source`` starts it
-and reads it. Nothing is imported here, so that the process stays small.
+A small privileged process (``master``) runs the bus at 1 kHz; ``source`` starts and reads it. No imports here: they
+would be in that process.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def open_source(address: Address, role: str) -> Source:
-    """The laser at an address; claimed by its own ``open()``. Raises DeviceError on options that make no sense."""
+    """The laser at an address, not yet open. Raises DeviceError on invalid options."""
     if sys.platform != "linux":
         from draglag_devices.source import DeviceError
 
@@ -28,10 +28,7 @@ def open_source(address: Address, role: str) -> Source:
 
 
 def discover(asked: Collection[str] = ()) -> list[Found]:
-    """Ethernet interfaces, and on which of them EtherCAT devices answer.
-
-    Those that others use are not asked unless ``asked`` names them.
-    """
+    """Ethernet interfaces, and on which EtherCAT devices answer. Those in use are asked only if in ``asked``."""
     if sys.platform != "linux":
         return []
     from draglag_devices.ethercat_laser.finding import find_buses

@@ -1,4 +1,4 @@
-"""The bus itself, through pysoem: bring-up with both mapping fixes, one cycle, supervision, release."""
+"""The bus through pysoem: bring-up with both mapping fixes, cycles, supervision, release."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _STATES = {1: "INIT", 2: "PRE-OP", 3: "BOOT", 4: "SAFE-OP", 8: "OP"}
 
 @dataclass(frozen=True)
 class Cycle:
-    """One exchange: working counter (−1: no answer), when, and the terminal's process image."""
+    """One exchange: working counter (−1: no answer), times, and the terminal's process image."""
 
     wkc: int
     pair: Pair
@@ -44,19 +44,17 @@ class Cycle:
 
 
 class Bus:
-    """An open bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise.
-
-    ``position`` is the EL1252's place on the line, counted from 1, the coupler.
-    """
+    """A bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise. ``position``: the EL1252's on the line,
+    coupler 1."""
 
     def __init__(self, interface: str, position: int = 0, progress: Callable[[], None] = lambda: None) -> None:
         """Bring the bus up.
 
         Args:
             position: of the EL1252; 0: there is only one.
-            progress: called after each step, the longest of which SOEM does not let anybody interrupt.
+            progress: called after each step; SOEM does not let the longest be interrupted.
 
-        Raises Refusal, and what ``progress`` raises; nothing is left open then.
+        Raises Refusal, and what ``progress`` raises, with nothing left open.
         """
         self.interface, self.position = interface, position
         self._progress = progress
@@ -128,7 +126,6 @@ class Bus:
             )
 
     def _identify(self) -> Any:
-        """The EL1252 that is the laser's. Raises Refusal."""
         slaves = self._master.slaves
         found = [(slave.man, slave.id) for slave in slaves]
         places = [place for place, kind in enumerate(found, 1) if kind == (BECKHOFF, EL1252)]
@@ -155,7 +152,6 @@ class Bus:
         return slaves[self.position - 1]
 
     def _choose(self, places: list[int]) -> int:
-        """The position of the laser's EL1252 among those that are there. Raises Refusal."""
         line = joined(
             ", ",
             (
@@ -194,10 +190,8 @@ class Bus:
         return self.position or places[0]
 
     def _split_mapping(self) -> bytes:
-        """Two FMMUs instead of SOEM's one, which maps RAM behind the inputs in place of the stamps (SOEM #873).
-
-        Returns FMMU 0 and 1 as they must read back.
-        """
+        """FMMU 0 and 1 as they must read back, written instead of SOEM's single FMMU, which maps RAM behind the inputs
+        in place of the stamps (SOEM #873)."""
         logical = _FMMU.unpack(self._read(_FMMU0, 16))[0]
         rest = IMAGE.size - 1
         inputs = _FMMU.pack(logical, 1, 0, 7, _INPUTS, 0, 1, 1)
@@ -207,13 +201,13 @@ class Bus:
         return inputs + latches
 
     def _clocks_agree(self) -> bool:
-        """Whether the terminal's clock follows the bus's: config_dc does not notice a lost frame of its own."""
+        """Whether the terminal's clock follows the bus's: config_dc ignores a lost frame of its own."""
         first, own, second = self.cycle(), self._read(_SYSTEM_TIME, 8), self.cycle()
         own_ns = int.from_bytes(own, "little")
         return first.pair.dc_ns - _AGREE_NS <= own_ns <= second.pair.dc_ns + _AGREE_NS
 
     def _enter(self, state: int) -> None:
-        """Bring all devices into a state; some take a while, and some want process data before they run."""
+        """Bring all devices into a state; some need time, or process data first."""
         master = self._master
         until = time.monotonic() + _STATE_TIMEOUT_S
         while True:
@@ -248,7 +242,7 @@ class Bus:
         self._retried(lambda: self.terminal._fpwr(address, data))
 
     def _retried(self, exchange: Any) -> Any:
-        """A single frame may get lost. Raises pysoem.WkcError after several."""
+        """The exchange, repeated as single frames get lost. Raises pysoem.WkcError after several."""
         for attempt in range(_TRIES):
             try:
                 return exchange()
@@ -260,7 +254,7 @@ class Bus:
     # --- running ----------------------------------------------------------------------------------------------
 
     def cycle(self) -> Cycle:
-        """Send, receive, and say between which host times (CLOCK_MONOTONIC) the DC time was read."""
+        """One exchange; its pair holds host times (CLOCK_MONOTONIC) around the DC time."""
         before = time.monotonic_ns()
         self._master.send_processdata()
         wkc = self._master.receive_processdata(_ANSWER_US)
@@ -268,19 +262,19 @@ class Bus:
         return Cycle(int(wkc), Pair(int(self._master.dc_time), before, after), self.terminal.input)
 
     def terminal_clock(self) -> Pair:
-        """The EL1252's own time, which stamps the edges and shall follow the bus's. Raises pysoem.WkcError."""
+        """The EL1252's clock, which stamps edges. Raises pysoem.WkcError."""
         before = time.monotonic_ns()
         own = self._read(_SYSTEM_TIME, 8)
         return Pair(int.from_bytes(own, "little"), before, time.monotonic_ns())
 
     def in_operation(self) -> bool:
-        """Ask every device for its state: a device in SAFE-OP with an error keeps the working counter right."""
+        """Whether every device reports OP: with an error in SAFE-OP the working counter stays right."""
         return self._master.read_state() & _STATE_AND_ERROR == pysoem.OP_STATE and all(
             slave.state & _STATE_AND_ERROR == pysoem.OP_STATE for slave in self._master.slaves
         )
 
     def state_trouble(self, wanted: int = pysoem.OP_STATE) -> Message:
-        """Which device is in which state, and why, by the last reading."""
+        """Devices in another state, and why."""
         self._master.read_state()
         parts = []
         for slave in self._master.slaves:
@@ -292,7 +286,7 @@ class Bus:
         return joined(", ", parts) if parts else message("not all devices answer")
 
     def as_set_up(self) -> bool:
-        """Whether mapping and latch unit read back as they were written. Raises pysoem.WkcError."""
+        """Whether mapping and latch unit read back as written. Raises pysoem.WkcError."""
         found = self._read(_FMMU0, 32)  # the last three bytes of an FMMU mean nothing
         return found[:13] == self._wanted[:13] and found[16:29] == self._wanted[16:29] and self.latching()
 
@@ -305,7 +299,7 @@ class Bus:
         return [{"name": s.name, "product": int(s.id), "revision": int(s.rev)} for s in self._master.slaves]
 
     def close(self) -> None:
-        """Leave the devices in INIT if they can be reached, and release the interface. Twice does no harm."""
+        """Put reachable devices in INIT and release the interface. Twice does no harm."""
         if not self._open:
             return
         self._open = False

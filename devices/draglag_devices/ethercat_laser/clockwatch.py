@@ -1,4 +1,4 @@
-"""The bus's clock against the host's, cycle by cycle: pairs for the mapping, and old frames found out."""
+"""The bus's clock against the host's: pairs for the mapping, detection of old frames."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class Pair:
 
 
 class ClockWatch:
-    """Knows between which bounds the difference of the clocks lies, and which pair was the narrowest lately."""
+    """Bounds of the clocks' difference, and the narrowest recent pair."""
 
     def __init__(self) -> None:
         self._reference: Pair | None = None
         self._best: Pair | None = None
 
     def fits(self, pair: Pair) -> bool:
-        """False when the DC time was not read between the pair's moments: an old frame, or a clock that jumped."""
+        """Whether the DC time fits the pair's moments: not of an old frame or a jumped clock."""
         known = self._reference
         if known is None:
             return True
@@ -39,7 +39,7 @@ class ClockWatch:
         return pair.dc_ns - pair.high_ns <= highest and pair.dc_ns - pair.low_ns >= lowest
 
     def offset_ns(self, pair: Pair) -> float:
-        """By how much, at least, the clock read in ``pair`` (another device's) differs from the bus's."""
+        """The least difference, ns, of a device's clock read in ``pair`` from the bus's."""
         known = self._reference
         if known is None:
             return 0.0
@@ -48,7 +48,7 @@ class ClockWatch:
         return max(0.0, pair.dc_ns - pair.high_ns - highest, lowest - (pair.dc_ns - pair.low_ns))
 
     def host_ns(self, dc_ns: int) -> tuple[int, int]:
-        """Between which moments of the host's clock the bus's showed ``dc_ns``. Only after a first ``add``."""
+        """Host times, ns, between which the bus's clock showed ``dc_ns``; after a first ``add``."""
         known = self._reference
         assert known is not None
         slack = int(_DRIFT * abs(dc_ns - known.dc_ns))
@@ -56,7 +56,7 @@ class ClockWatch:
         return known.low_ns + ahead - slack, known.high_ns + ahead + slack
 
     def add(self, pair: Pair) -> None:
-        """Take a pair that fits."""
+        """Use a pair that fits."""
         if self._best is None or pair.width_ns < self._best.width_ns:
             self._best = pair
         known = self._reference

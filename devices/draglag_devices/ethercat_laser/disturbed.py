@@ -1,4 +1,4 @@
-"""Disturbed cycles of the bus in words: all are counted, and only those that matter are a warning."""
+"""Notices of disturbed bus cycles: all are counted, a warning only if many."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _A_SECOND = 1000
 
 
 class Disturbances:
-    """Gathers what the bus process counts each second. ``total``: all refused cycles by reason."""
+    """Accumulates the bus process's counts. ``total``: refused cycles by reason."""
 
     def __init__(self) -> None:
         self.total: Counter[str] = Counter()
@@ -28,7 +28,7 @@ class Disturbances:
         self._warned_s = -WARN_EVERY_S
 
     def take(self, from_s: float, t_s: float, cycles: int, counts: Mapping[str, int]) -> Notice | None:
-        """What to say about the cycles between two host times, with what was not yet said; None for nothing."""
+        """A notice on these and earlier unreported cycles, or None."""
         if self._since_s is None:
             self._since_s = from_s
         self.total += Counter(counts)
@@ -41,7 +41,7 @@ class Disturbances:
         return self.rest(t_s) if t_s - self._since_s >= COUNT_EVERY_S else None
 
     def rest(self, t_s: float) -> Notice | None:
-        """What has not been said yet, or None."""
+        """A notice on what is unreported, or None."""
         counts, self._counts = self._counts, Counter()
         cycles, self._cycles = self._cycles, 0
         since_s, self._since_s = self._since_s, None
@@ -63,7 +63,6 @@ class Disturbances:
 
 
 def _counted(reason: str, n: int) -> Message:
-    """How many cycles were refused for one reason."""
     return {
         "lost": message("{n} without an answer", n=n),
         "counter": message("{n} without the EL1252", n=n),

@@ -1,4 +1,4 @@
-"""Discovery: interfaces on which EtherCAT devices answer, and why the others do not serve."""
+"""Interfaces on which EtherCAT devices answer, and why others do not serve."""
 
 from __future__ import annotations
 
@@ -20,16 +20,14 @@ _TIMEOUT_S = 10.0
 
 
 def find_buses(asked: Collection[str] = ()) -> list[Found]:
-    """One entry an Ethernet interface, with the reason and the remedy where it is not usable.
-
-    Interfaces that others use (with an address, wireless, …) are asked only where ``asked`` names them.
-    """
+    """One entry per Ethernet interface, with a remedy where unusable. Interfaces in other use (with an address,
+    wireless, …) are asked only if in ``asked``."""
     why, interfaces = _probe(asked)
     return [_entry(interface, why) for interface in interfaces]
 
 
 def _probe(asked: Collection[str]) -> tuple[str, list[dict[str, Any]]]:
-    """Why the helper failed, or an empty string, and what it saw; without it, what needs no rights to see."""
+    """Why the helper failed (else empty), and what it found; without it, what needs no rights."""
     reason = ""
     try:
         done = subprocess.run(

@@ -1,8 +1,8 @@
-"""Keeps the bus alive: one child process after the other runs it, and one that does not get on is ended.
+"""Keeps the bus alive: child processes run it in turn; one without progress is ended.
 
-SOEM cannot be interrupted, and an answer that comes a little late while it looks for the devices can make it ask
-address 0 for half a minute: it takes the missing station address for a 0 and reads that one's EEPROM byte by byte.
-So each life of the bus is a fork of this process, which keeps the rights, the claim on the interface and the pipe.
+SOEM cannot be interrupted. A late answer while it looks for devices can make it read address 0's EEPROM byte by byte
+for half a minute, as it takes the missing station address for 0. So each life of the bus is a fork of this process,
+which keeps rights, claim and pipe.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ Life = Callable[[int, Wire], None]
 
 
 class Crashed(Exception):
-    """The child ended without a word."""
+    """The child ended without a report."""
 
 
 @dataclass(frozen=True)
 class End:
-    """How a life of the bus ended. ``ran``: it came up; then ``reason`` says why it was lost, else ``refusal``."""
+    """How a life of the bus ended. ``ran``: it came up, and was lost for ``reason``; else ``refusal``."""
 
     ran: bool
     reason: str = ""
@@ -60,11 +60,11 @@ class End:
 
 
 class Keeper:
-    """Life after life until the reader goes.
+    """Lives of the bus until the reader goes.
 
     Args:
-        life: runs the bus in the child: (number of the epoch, wire) → when it returns, the life is over.
-        first_epoch: above 0 where an earlier process has been running the bus: then it is brought back, not refused.
+        life: runs the bus in the child, given epoch number and wire; returns at the end of its life.
+        first_epoch: above 0 where an earlier process ran the bus: then it is brought back, not refused.
     """
 
     def __init__(self, interface: str, wire: Wire, life: Life, first_epoch: int = 0) -> None:
@@ -77,7 +77,7 @@ class Keeper:
         self._lost_at: int | None = None
 
     def run(self) -> NoReturn:
-        """Raises Refusal when the bus does not come up at the first time of all, ReaderGone, Crashed."""
+        """Raises ReaderGone, Crashed, and Refusal when the bus never came up."""
         attempt = hung = 0
         while True:
             if not self._first:
@@ -100,7 +100,7 @@ class Keeper:
             attempt += 1
 
     def _await_answers(self) -> None:
-        """Until the line answers at once, asked with growing pauses. Raises ReaderGone."""
+        """Wait until the line answers, asked with growing pauses. Raises ReaderGone."""
         asked = 0
         while True:
             self._still_dead()
@@ -149,7 +149,7 @@ class Keeper:
             child.end()
 
     def _take(self, content: dict[str, Any], line: bytes) -> End | None:
-        """Forward the child's messages and update the state from them; its end where it reports one."""
+        """Forward a child's message and update the state; the end where it reports one."""
         kind = content["m"]
         if kind == "over":
             if content["dead_from"] is not None:
@@ -207,7 +207,7 @@ class Keeper:
 
 
 class _Child:
-    """A fork of this process that runs the bus. It ends when this process closes its input, or ends."""
+    """A fork that runs the bus. It ends when this process closes its input, or ends."""
 
     def __init__(self, run: Callable[[Wire], None]) -> None:
         ours_in, its_out = os.pipe()
@@ -223,7 +223,7 @@ class _Child:
         self.out, self._in, self._rest, self._alive = ours_in, ours_out, b"", True
 
     def lines(self) -> list[bytes] | None:
-        """Whole lines that have come; None at the end of the pipe."""
+        """Whole lines received; None at the end of the pipe."""
         received = os.read(self.out, 1 << 16)
         if not received:
             return None
@@ -235,7 +235,7 @@ class _Child:
             os.kill(self._pid, signal.SIGKILL)
 
     def end(self) -> None:
-        """Ask it to end, wait a little, make it end. Twice does no harm."""
+        """Ask it to end, wait a little, kill it. Twice does no harm."""
         if not self._alive:
             return
         self._alive = False
@@ -251,7 +251,6 @@ class _Child:
 
 
 def _run(run: Callable[[Wire], None], inlet: int, out: int, parent: int) -> NoReturn:
-    """The child's whole life."""
     code = 1
     try:
         # However the parent ends: a child that SOEM holds must not keep the interface.

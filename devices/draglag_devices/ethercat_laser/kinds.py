@@ -1,4 +1,4 @@
-"""Which EtherCAT devices are ours. Free of imports: listing devices needs no pysoem."""
+"""Known EtherCAT devices. Free of imports: listing devices needs no pysoem."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The process that runs the bus: ``python -m draglag_devices.ethercat_laser.master IFACE --channel 1``.
 
-It alone needs CAP_NET_RAW and CAP_NET_ADMIN. It claims the interface and forks a child that does nothing but exchange
-frames at 1 kHz (``keeper``, ``runner``); what that one saw goes to standard output (``wire``). It ends when its
-standard input closes. Times are ns of CLOCK_MONOTONIC; DC times ns since 2000-01-01.
+Only it needs CAP_NET_RAW and CAP_NET_ADMIN. It claims the interface and forks a child that exchanges frames at 1 kHz
+(``keeper``, ``runner``) and writes to standard output (``wire``); it ends when standard input closes. Times: ns of
+CLOCK_MONOTONIC; DC times: ns since 2000-01-01.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _INHERIT_S = 3.0
 
 
 def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, position: int = 0) -> int:
-    """Check, claim, bring up, run. Sends a refusal on the wire and returns 1, or 0 when the reader went."""
+    """Run the bus: 0 when the reader went, 1 after sending a refusal."""
     lock = None
     try:
         if first_epoch == 0:
@@ -55,7 +55,7 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
 
 
 def check(wire: Wire) -> int:
-    """Report what an installation lacks, as ``serve`` would, without touching an interface: 0 if nothing."""
+    """Report what an installation lacks, without touching an interface: 0 if nothing."""
     try:
         preflight.check_rights("")
         import draglag_devices.ethercat_laser.runner  # noqa: F401  (with pysoem)

@@ -1,4 +1,4 @@
-"""Checks before the bus is opened: SOEM itself gives one and the same error for most of these."""
+"""Checks before opening the bus: SOEM gives one error for most causes."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def check_interface(interface: str) -> None:
 
 
 def link_state(interface: str) -> tuple[int, bool]:
-    """Flags and carrier. Asked through a socket: /sys may show another network namespace. Raises OSError."""
+    """Flags and carrier, through a socket: /sys may show another network namespace. Raises OSError."""
     request = interface.encode().ljust(16, b"\0")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
         flags = struct.unpack_from("<H", fcntl.ioctl(control, _SIOCGIFFLAGS, request + bytes(24)), 16)[0]
@@ -66,7 +66,7 @@ def link_state(interface: str) -> tuple[int, bool]:
 
 
 def link_trouble(interface: str) -> str:
-    """Why nothing can be reached through an interface that worked; empty where it is on and sees the other end."""
+    """Why an interface reaches nothing; empty if it is on with a carrier."""
     try:
         flags, carrier = link_state(interface)
     except OSError:
@@ -80,7 +80,7 @@ def link_trouble(interface: str) -> str:
 
 
 def has_rights() -> bool:
-    """Whether this process may send raw frames and switch the interface to promiscuous mode."""
+    """Whether this process may send raw frames and switch interfaces to promiscuous mode."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("CapEff:"):
             capabilities = int(line.split()[1], 16)
@@ -99,7 +99,7 @@ def check_rights(interface: str) -> None:
 
 
 def other_master(interface: str) -> bool:
-    """Whether any program of this machine listens for EtherCAT frames on the interface."""
+    """Whether any program here listens for EtherCAT frames on the interface."""
     with contextlib.suppress(OSError):
         index = socket.if_nametoindex(interface)
         for line in Path("/proc/self/net/packet").read_text().splitlines()[1:]:
@@ -110,10 +110,10 @@ def other_master(interface: str) -> bool:
 
 
 def claim(interface: str, patience_s: float = 0.0) -> socket.socket:
-    """Hold the interface against a second master, which would read our frames as we would read its.
+    """A lock against a second master: each would read the other's frames.
 
     An abstract socket address belongs to the network namespace, as the interface does, and ends with the process.
-    Raises Refusal when it is in use, and still is after ``patience_s``.
+    Raises Refusal if still in use after ``patience_s``.
     """
     until = time.monotonic() + patience_s
     while True:

@@ -1,4 +1,4 @@
-"""Which interfaces have EtherCAT devices, and which: broadcast reads, and what each device's EEPROM says it is."""
+"""EtherCAT devices on interfaces, by broadcast reads and each device's EEPROM."""
 
 from __future__ import annotations
 
@@ -40,10 +40,9 @@ def scan_bus(
     Args:
         asked: interfaces to ask even though others use them.
         send: whether any frame may go out.
-        only: interfaces that may be asked at all; any if None.
+        only: interfaces that may be asked; any if None.
 
-    ``kinds`` are (vendor, product) in order of the line, (0, 0) where a device did not say; ``left_alone`` is why
-    the interface was not asked.
+    ``kinds``: (vendor, product) along the line, (0, 0) where unknown; ``left_alone``: why it was not asked.
     """
     rights = has_rights()
     try:
@@ -83,17 +82,15 @@ def _ethernet(interface: str) -> bool:
 
 
 def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_INDEX) -> int:
-    """Working counter of one broadcast read of the two type bytes, 0 without an answer in time.
-
-    ``index`` separates the answer from a late one to an earlier question.
-    """
+    """Working counter of a broadcast read of the two type bytes; 0 without an answer in time. ``index`` excludes late
+    answers to earlier questions."""
     with contextlib.suppress(OSError), _Line(interface, within_s, index) as line:
         return line.exchange(_BRD, 0, _TYPE, bytes(2))[0]
     return 0
 
 
 def kinds(interface: str, count: int) -> list[tuple[int, int]]:
-    """(vendor, product) of each device; (0, 0) where one does not say or is at work for somebody."""
+    """(vendor, product) of each device; (0, 0) where unknown or in another program's use."""
     with contextlib.suppress(OSError), _Line(interface) as line:
         return [
             (line.eeprom(place, _VENDOR), line.eeprom(place, _PRODUCT)) for place in range(min(count, _MAX_REQUESTS))
@@ -136,7 +133,7 @@ class _Line:
         return 0, bytes(len(data))
 
     def eeprom(self, place: int, word: int) -> int:
-        """Two words of a device's EEPROM, 0 where it is not to be had. Its owner and state stay as they are."""
+        """Two words of a device's EEPROM, 0 where unavailable. Owner and state are left unchanged."""
         back = -place & 0xFFFF
         owner, state = self._read(back, _EEPROM_OWNER, 1), self._read(back, _STATE, 1)
         if owner is None or state is None:

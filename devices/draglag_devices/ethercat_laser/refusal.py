@@ -1,4 +1,4 @@
-"""Why the bus cannot be used, in words for people. Hardly any imports: the privileged process stays small."""
+"""Why the bus cannot be used. Few imports: the privileged process stays small."""
 
 from __future__ import annotations
 

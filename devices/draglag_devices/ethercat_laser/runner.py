@@ -1,7 +1,5 @@
-"""One life of the bus: brought up, then cycles at 1 kHz until it is lost; what is seen goes out on the wire.
-
-It runs in a process of its own (``keeper`` starts and ends it), because SOEM cannot be interrupted.
-"""
+"""One life of the bus: brought up, then cycles at 1 kHz until lost, reported on the wire; in its own process, as SOEM
+cannot be interrupted."""
 
 from __future__ import annotations
 
@@ -34,8 +32,8 @@ class Restart(Exception):
 
 
 def live(interface: str, channel: int, position: int, number: int, wire: Wire) -> None:
-    """Bring the bus up and run it until it is lost. Sends "up" meanwhile, then the messages of ``Runner``,
-    and "over" or "failed" in the end. Raises ReaderGone."""
+    """Bring the bus up and run it until lost. Sends "up" meanwhile, ``Runner``'s messages, and finally "over" or
+    "failed". Raises ReaderGone."""
     try:
         bus = Bus(interface, position, lambda: wire.send("up"))
     except Refusal as refusal:
@@ -54,8 +52,8 @@ class Runner:
     """The epoch of one bring-up.
 
     Attributes:
-        dead_from: host time up to which all was well, ns; None before the first cycle that counts.
-        level: of the channel, when it was last known.
+        dead_from: host time up to which all was well, ns, or None.
+        level: the channel's last known.
     """
 
     def __init__(self, channel: int, number: int, wire: Wire) -> None:
@@ -109,7 +107,7 @@ class Runner:
             next_ns = _wait_for_cycle(next_ns + CYCLE_NS)
 
     def _send_found(self, found: Found, epoch: Epoch) -> None:
-        """Send what a good cycle found: stretches without certainty, edges, lost edges."""
+        """Send a good cycle's results: unverified stretches, edges, lost edges."""
         if found.unverified_ns is not None:
             start, end = found.unverified_ns
             self.wire.send("gap", start=start, end=end, missed=0)
@@ -138,7 +136,7 @@ class Runner:
         return not trouble
 
     def _begin(self, bus: Bus, epoch: Epoch) -> None:
-        """The baseline: clock pairs first, then the first values of the latches. Raises Restart."""
+        """The baseline: clock pairs, then first values of the latches. Raises Restart."""
         self._sound_ns = time.monotonic_ns()  # mapping and latch unit were read back just now
         good = 0
         for _ in range(_BASELINE_TRIES):
@@ -162,7 +160,7 @@ class Runner:
         self._report_clock(epoch)
 
     def _check_terminal_clock(self, bus: Bus, epoch: Epoch) -> None:
-        """Stamps are the terminal's, comparisons the bus's: reported once when the two clocks diverge."""
+        """Report once when terminal's clock (of stamps) and bus's (of comparisons) diverge."""
         if self._divergence_reported:
             return
         try:
@@ -181,7 +179,7 @@ class Runner:
             )
 
     def _trouble(self, bus: Bus) -> str:
-        """Why the devices are not in operation, or an empty string; costs one or two frames."""
+        """Why devices are not in operation, else empty; costs one or two frames."""
         try:
             if not bus.in_operation():
                 return bus.state_trouble()
@@ -200,7 +198,7 @@ class Runner:
             self.wire.send("clock", epoch=epoch.number, dc=best.dc_ns, low=best.low_ns, high=best.high_ns)
 
     def _summarise(self, epoch: Epoch) -> None:
-        """Cycles of the last second, the refused by reason, and its pauses: every one is accounted for."""
+        """Send last second's cycles, refusals by reason, and pauses."""
         pauses_ns, epoch.pauses_ns = epoch.pauses_ns, []
         counts, self._reported = epoch.counts - self._reported, Counter(epoch.counts)
         since, self._summed_ns = self._summed_ns, time.monotonic_ns()
@@ -218,7 +216,7 @@ class Runner:
 
 
 def _wait_for_cycle(next_ns: int) -> int:
-    """Sleep until the next cycle and return its time; far behind, cycles are skipped."""
+    """The next cycle's time, after sleeping; far behind, cycles are skipped."""
     wait_ns = next_ns - time.monotonic_ns()
     if wait_ns > 0:
         time.sleep(wait_ns / 1e9)

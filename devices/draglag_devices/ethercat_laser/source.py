@@ -1,4 +1,4 @@
-"""The laser on an EtherCAT bus as a source: reads the bus process's messages and maps their stamps to the host."""
+"""The laser on an EtherCAT bus as a source, from the bus process's messages."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _NS = 1e-9
 
 
 def ethercat_source(address: Address, role: str) -> EthercatLaser:
-    """``ethercat:IFACE?channel=1|2&light=high|low&position=P``.
+    """The source at ``ethercat:IFACE?channel=1|2&light=high|low&position=P``.
 
-    ``light=low``: the sensor's output is low while it sees light. ``position``: which device on the line the EL1252
-    is, counted from the coupler, 1; needed only where there are several.
+    ``light=low``: the sensor's output is low in light. ``position``: the EL1252's on the line, coupler 1; needed where
+    there are several.
     """
     address.only("channel", "light", "position")
     channel = int(address.choice("channel", ("1", "2"), "1"))
@@ -56,11 +56,8 @@ class _Gathered:
 
 
 class EthercatLaser:
-    """See ``draglag_devices.source.Source``.
-
-    Device stamps are seconds since ``details["device_zero_ns"]`` (ns since 2000-01-01 of the bus's clock), so that
-    they keep every nanosecond. Each bring-up of the bus is an epoch.
-    """
+    """See ``draglag_devices.source.Source``; each bring-up is an epoch. Device stamps are seconds since
+    ``details["device_zero_ns"]`` (ns of the bus's clock since 2000-01-01), to keep nanoseconds."""
 
     realtime = True
 
@@ -89,17 +86,16 @@ class EthercatLaser:
 
     @property
     def disturbed(self) -> dict[str, int]:
-        """Refused cycles since it was first opened, by reason."""
+        """Refused cycles since first opened, by reason."""
         return dict(self._disturbances.total)
 
     def final_notices(self) -> tuple[Notice, ...]:
-        """See ``draglag_devices.source.Concludes``: disturbed cycles that were counted and not yet reported."""
+        """See ``draglag_devices.source.Concludes``: disturbed cycles not yet reported."""
         rest = self._disturbances.rest(time.monotonic())
         return () if rest is None else (rest,)
 
     def synchronise(self) -> threading.Event:
-        """See ``draglag_devices.source.Synchronises``. The bus compares in every cycle and sends the best of each
-        quarter of a second: it is the next one that counts."""
+        """See ``draglag_devices.source.Synchronises``; the bus's next best pair, four a second, counts."""
         done = threading.Event()
         self._asked.append((time.monotonic(), done))
         return done
@@ -186,7 +182,7 @@ class EthercatLaser:
             ) from None
 
     def _messages(self, timeout_s: float) -> list[dict[str, Any]]:
-        """Whole lines that arrive within the time, at once when some do. Raises _Ended at the end of the pipe."""
+        """Whole lines that arrive within the time. Raises _Ended at the end of the pipe."""
         if self._process is None or self._process.stdout is None:
             raise _Ended
         pipe = self._process.stdout.fileno()
@@ -199,7 +195,7 @@ class EthercatLaser:
         return [json.loads(line, object_hook=unpacked) for line in lines]
 
     def _respawn(self, gathered: _Gathered) -> None:
-        """The process ended unexpectedly: start another. Raises DeviceError when that has happened too often."""
+        """Start another process. Raises DeviceError when too many ended."""
         error = self._ended_error()
         self.close()
         if self._died_s is None:
@@ -227,7 +223,7 @@ class EthercatLaser:
     # --- messages ---------------------------------------------------------------------------------------------
 
     def _take(self, content: dict[str, Any], gathered: _Gathered) -> None:
-        """One message of the bus process. Raises DeviceError on a refusal."""
+        """Process one message. Raises DeviceError on a refusal."""
         kind = content["m"]
         if kind == "tick":
             # The process knows nothing of the time before a respawn; what was reported stays reported.

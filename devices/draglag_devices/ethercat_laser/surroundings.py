@@ -1,4 +1,4 @@
-"""Which interfaces may be asked for EtherCAT devices: a broadcast has no place on a network that others use."""
+"""Interfaces that may be asked for EtherCAT devices: broadcasts disturb networks in use."""
 
 from __future__ import annotations
 
@@ -19,10 +19,8 @@ _GLOBAL = 0
 
 
 def why_not_ask(interface: str, addresses: list[str]) -> str:
-    """Why an interface is left alone unless it is asked for by name; empty for one that may be a field bus.
-
-    ``addresses``: those it has, IPv4 and global IPv6.
-    """
+    """Why an interface is not asked unless named; empty for a possible field bus. ``addresses``: IPv4 and global
+    IPv6."""
     folder = _NET / interface
     if addresses:
         return message("has the address {ip}", ip=addresses[0])

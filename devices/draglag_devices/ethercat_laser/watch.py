@@ -1,4 +1,4 @@
-"""One epoch of the bus: which cycles count, which edges they carry, and when it is time to start over."""
+"""One epoch of the bus: valid cycles, their edges, when to start over."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Found:
-    """What an accepted cycle brought.
+    """Result of an accepted cycle.
 
     Attributes:
-        edges: (stamp ns, level) in order of time.
-        missed: how many more are known to be lost.
-        unverified_ns: from–to in host time in which edges may be lost without any sign, or None.
+        edges: (stamp ns, level) by time.
+        missed: further edges known to be lost.
+        unverified_ns: host times from–to in which edges may be lost without a sign, or None.
     """
 
     edges: list[tuple[int, int]]
@@ -43,14 +43,14 @@ class Found:
 
 @dataclass
 class Epoch:
-    """Supervision of the cycles since the last bring-up.
+    """Supervision of the cycles since a bring-up.
 
     Attributes:
         number: counts bring-ups.
-        bad: consecutive cycles that were refused, ``counts`` all of them by reason.
-        last: clocks of the last accepted cycle, or None before the first.
-        pauses_ns: of the bus's clock between accepted cycles, where longer than STALL_NS; the reader empties it.
-        cycles: of all kinds; the reader sets it back.
+        bad: consecutive refused cycles; ``counts``: all by reason.
+        last: clocks of the last accepted cycle, or None.
+        pauses_ns: between accepted cycles by the bus's clock, above STALL_NS; the reader empties it.
+        cycles: of all kinds; the reader resets it.
     """
 
     number: int
@@ -67,22 +67,22 @@ class Epoch:
 
     @property
     def why(self) -> str:
-        """Why cycles are refused now. A busy computer loses answers now and then: any other reason comes first."""
+        """Why cycles are refused now; "lost" comes last, as a busy computer loses some answers."""
         others = Counter({reason: n for reason, n in self._lately.items() if reason != "lost"})
         return max(others or self._lately, key=self._lately.__getitem__, default="")
 
     @property
     def good_ns(self) -> int | None:
-        """Host time up to which all edges have been read."""
+        """Host time up to which all edges have been read, ns."""
         return None if self.last is None else self.last.low_ns
 
     @property
     def good_dc_ns(self) -> int:
-        """Time of the bus's clock at the last accepted cycle."""
+        """The bus's clock at the last accepted cycle, ns."""
         return 0 if self.last is None else self.last.dc_ns
 
     def take(self, cycle: Cycle) -> Found | None:
-        """Edges of an accepted cycle; None if it is refused."""
+        """Edges of an accepted cycle; None if refused."""
         reason = self._fault(cycle)
         self.cycles += 1
         if reason:
@@ -107,13 +107,13 @@ class Epoch:
         return found
 
     def _unverified(self, last: Pair, now: Pair, edges: list[tuple[int, int]]) -> tuple[int, int] | None:
-        """The stretch between two cycles, by the bus's own clock, in which edges may have been overwritten.
+        """The stretch between two cycles, by the bus's clock, in which edges may have been overwritten.
 
-        A latch keeps the last edge of its direction. Where at most one of the two has a new stamp, that edge was the
-        only one: another would have needed one of the other direction between them. Where both have, nothing can be
-        missing after the earlier stamp, but any number of pairs between the last cycle and that stamp, and pairs
-        leave the level as it was. However soon after the last cycle that stamp is: of a rise, a fall and a rise, the
-        cycle that was not made would have shown that one is lost; a fall before the next cycle hides it.
+        A latch keeps the last edge of its direction. If at most one has a new stamp, that edge was the only one:
+        another would need one of the other direction between them. If both have, any number of pairs, which leave the
+        level unchanged, may be missing before the earlier stamp, none after it. Even if that stamp is soon after the
+        last cycle: of a rise, a fall and a rise, the skipped cycle would have shown that one is lost; a fall before the
+        next cycle hides it.
         """
         start_ns = max(last.low_ns, self.clock.host_ns(last.dc_ns)[0])
         if now.dc_ns - last.dc_ns > UNWATCHED_NS:

@@ -1,7 +1,5 @@
-"""Messages of the bus process to its reader: one JSON object a line, written without ever waiting.
-
-Words for people in them keep their template and arguments (``draglag.messages``).
-"""
+"""Messages of the bus process: JSON, one object a line, written without blocking; sentences keep template and
+arguments."""
 
 from __future__ import annotations
 
@@ -16,11 +14,11 @@ _MOST_BYTES = 4 << 20
 
 
 class ReaderGone(Exception):
-    """Nobody reads any more, or the reader closed our input: time to end."""
+    """The reader closed its end: time to stop."""
 
 
 class Wire:
-    """Lines to ``out`` (made non-blocking); the end of ``inlet`` asks us to stop."""
+    """Lines to ``out`` (made non-blocking), until the end of ``inlet``."""
 
     def __init__(self, inlet: int, out: int) -> None:
         self._inlet, self._out = inlet, out
@@ -32,12 +30,12 @@ class Wire:
         self.pass_on(json.dumps({"m": kind, **packed(content)}).encode())
 
     def pass_on(self, line: bytes) -> None:
-        """Queue and send a message that is a line already. Raises ReaderGone."""
+        """Queue and send an encoded line. Raises ReaderGone."""
         self._waiting += line + b"\n"
         self.flush()
 
     def flush(self) -> None:
-        """Raises ReaderGone when the pipe is closed or was not read for far too long."""
+        """Send what the pipe takes. Raises ReaderGone: closed, or not read for far too long."""
         try:
             while self._waiting:
                 del self._waiting[: os.write(self._out, self._waiting)]
@@ -48,16 +46,16 @@ class Wire:
             raise ReaderGone from None
 
     def drain(self) -> None:
-        """Send what is still queued, however long the reader takes. Raises ReaderGone."""
+        """Send all that is queued, blocking. Raises ReaderGone."""
         os.set_blocking(self._out, True)
         self.flush()
 
     def check(self, wait_s: float = 0.0) -> None:
-        """Raises ReaderGone once the reader has closed its end; waits for that at most ``wait_s``."""
+        """Raise ReaderGone if the reader closes its end within ``wait_s``."""
         self.wait(None, wait_s)
 
     def wait(self, source: int | None, wait_s: float) -> bool:
-        """Whether there is something to read from ``source``, within the time. Raises ReaderGone as ``check`` does."""
+        """Whether ``source`` is readable within the time. Raises ReaderGone as ``check``."""
         sources = [self._inlet] if source is None else [self._inlet, source]
         ready, _, _ = select.select(sources, [], [], wait_s)
         if self._inlet in ready and not os.read(self._inlet, 4096):

@@ -16,18 +16,15 @@ OPTIONS = ("width_mm", "height_mm", "calibration", "exclusive")
 
 
 def open_source(address: Address | str, role: str = "touch") -> EvdevTouch:
-    """The touchscreen at ``evdev:PATH``, not yet open.
-
-    Options: ``width_mm``, ``height_mm`` (of the panel, else its resolution counts), ``calibration=FILE``,
-    ``exclusive=1`` (nobody else gets its events while it is open). Raises DeviceError.
-    """
+    """The touchscreen at ``evdev:PATH``, not yet open. Options: ``width_mm``, ``height_mm`` (of the panel; default: by
+    its resolution), ``calibration=FILE``, ``exclusive=1`` (no other program gets its events). Raises DeviceError."""
     parsed = parse_address(address) if isinstance(address, str) else address
     parsed.only(*OPTIONS)
     return EvdevTouch(parsed)
 
 
 def discover() -> list[Found]:
-    """Touchscreens, with rights. They are found without the library that reads them, which may be missing."""
+    """Touchscreens, usable or not, even without the library that reads them."""
     found = []
     for seen in event_devices():
         if seen.touchscreen:

@@ -1,4 +1,4 @@
-"""When contacts began and ended, frame by frame."""
+"""Beginnings and ends of contacts, frame by frame."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from draglag_devices.source import ContactChanges
 
 
 class ContactLog:
-    """Knows which contacts are down. ``down``: those that were so before the first frame."""
+    """Tracks contacts; ``down``: those present before the first frame."""
 
     def __init__(self, down: Iterable[int] = ()) -> None:
         self._down = set(down)
 
     def take(self, frames: Sequence[Frame], id_offset: int = 0) -> ContactChanges | None:
-        """Beginnings and ends in the frames, or None. ``id_offset`` is added to the kernel's tracking ids."""
+        """Beginnings and ends, or None. ``id_offset`` is added to the kernel's tracking ids."""
         rows: list[tuple[float, int, int]] = []
         for frame in frames:
             for contact in frame.lifted:

@@ -1,4 +1,4 @@
-"""Finding touchscreens through sysfs: that needs no rights to the devices themselves."""
+"""Touchscreens listed by sysfs, which needs no rights to the devices."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _text(path: Path) -> str:
 
 
 def _bits(path: Path) -> set[int]:
-    """Numbers of the bits set in a sysfs bitmap: words of a long each in hex, the highest first."""
+    """Numbers of the bits set in a sysfs bitmap: hex words of a long each, highest first."""
     bits: set[int] = set()
     try:
         words = [int(word, 16) for word in _text(path).split()]

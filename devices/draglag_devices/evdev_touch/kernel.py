@@ -1,4 +1,4 @@
-"""What the driver asks of the kernel: open an event device, its axes, clock, slots, and events."""
+"""An event device of the kernel: axes, clock, slots, events."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Gone(Exception):
 
 @dataclass(frozen=True)
 class Description:
-    """The kernel's description of a touchscreen. ``slots``: number of contacts it distinguishes."""
+    """A touchscreen by the kernel; ``slots``: number of contacts it distinguishes."""
 
     name: str
     phys: str
@@ -60,7 +60,7 @@ class Description:
 
 
 class TouchDevice(Protocol):
-    """An open device; the driver needs no more than this."""
+    """An open device, as the driver needs it."""
 
     description: Description
 
@@ -69,14 +69,14 @@ class TouchDevice(Protocol):
         ...
 
     def slots(self) -> tuple[dict[int, tuple[int, int, int]], int]:
-        """Slot → (tracking id or −1, x, y), and the slot events refer to. Raises Gone.
+        """Slot → (tracking id or −1, x, y), and the slot that events refer to. Raises Gone.
 
-        A panel without slots has one, 0, and the tracking id 0 while it is touched.
+        A panel without slots has one, 0, with tracking id 0 while touched.
         """
         ...
 
     def events(self, timeout_s: float) -> list[InputEvent]:
-        """All that is there after waiting at most ``timeout_s``. Raises Gone."""
+        """Events available after waiting at most ``timeout_s``. Raises Gone."""
         ...
 
     def grab(self, exclusively: bool) -> None:

@@ -1,4 +1,4 @@
-"""Events that never make a touch: from an input device that is no touchscreen."""
+"""Events of an input device that is no touchscreen."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _TOOLS = range(0x140, 0x148)
 
 
 class UselessEvents:
-    """Notices, once, that axes and keys have been coming for a while and no contact ever."""
+    """Detects, once, a while of axes and keys without any contact."""
 
     def __init__(self) -> None:
         self._seen: set[tuple[int, int]] = set()
@@ -21,7 +21,7 @@ class UselessEvents:
         self._settled = False
 
     def take(self, events: Sequence[InputEvent], touched: bool) -> str:
-        """Names of all axes and keys seen, when it is time to say that none of them is a touch; else empty."""
+        """Axes and keys seen, when none has been a touch for a while; else empty."""
         self._settled |= touched or any(event.type == EV_KEY and event.code in _TOOLS for event in events)
         seen = [event for event in events if event.type in (EV_ABS, EV_KEY)]
         if self._settled or not seen:

@@ -1,1 +1,1 @@
-"""The simulated rig: one world of hand, stylus, digitiser, beam, sensor and clocks, and the sources that see it."""
+"""The simulated rig: hand, stylus, digitiser, beam, sensor, clocks; and its sources."""

@@ -1,4 +1,4 @@
-"""Clocks of the simulated devices, and how a host would compare them with its own."""
+"""Clocks of simulated devices, and comparisons with the host's."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ _ROUND_TRIP_S = (1e-4, 4e-4)
 
 @dataclass(frozen=True)
 class DeviceClock:
-    """A clock of its own: device = offset + (1 + drift) · host. ``resolution_s`` 0 leaves stamps unrounded."""
+    """device = offset + (1 + drift) · host; ``resolution_s`` 0 leaves stamps unrounded."""
 
     offset_s: float
     drift: float
     resolution_s: float = 0.0
 
     def stamp(self, host_s: FloatArray) -> FloatArray:
-        """What the device's clock says at host times, (n,) → (n,)."""
+        """Device times at host times, (n,) → (n,)."""
         device = self.offset_s + (1 + self.drift) * host_s
         if self.resolution_s > 0:
             device = np.round(device / self.resolution_s) * self.resolution_s
         return device
 
     def bounds(self, stream: str, host_s: FloatArray, rng: np.random.Generator) -> ClockBounds:
-        """One exchange at each host time: the device stamped somewhere within the round trip."""
+        """One exchange at each host time, the device's stamp within the round trip."""
         trip = rng.uniform(*_ROUND_TRIP_S, host_s.shape)
         before = host_s - trip * rng.uniform(0.2, 0.8, host_s.shape)
         epoch = np.zeros(len(host_s), np.int64)
@@ -38,5 +38,5 @@ class DeviceClock:
 
 
 def random_clock(rng: np.random.Generator, resolution_s: float = 0.0) -> DeviceClock:
-    """Somewhere between just switched on and a few hours, quartz within ±15 ppm (0.9 ms in 60 s)."""
+    """A clock up to some hours after power-on, quartz within ±15 ppm (0.9 ms in 60 s)."""
     return DeviceClock(float(rng.uniform(10, 1e4)), float(rng.uniform(-15e-6, 15e-6)), resolution_s)

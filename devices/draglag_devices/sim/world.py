@@ -1,4 +1,4 @@
-"""The simulated rig as one world: what a hand, a panel, a laser and a WALT do, computed ahead run by run."""
+"""The simulated rig: hand, panel, laser and WALT, computed ahead run by run."""
 
 from __future__ import annotations
 
@@ -31,17 +31,16 @@ _SYNC_EVERY_S = 1.0
 
 
 class World:
-    """Hand, stylus, digitiser, beam, sensor and WALT, each device with a clock of its own offset and drift.
+    """Hand, stylus, digitiser, beam, sensor and WALT; each device's clock has an offset and drift. Thread-safe.
 
-    ``begin_run`` computes a whole run with the world's seeded generator and puts its samples on the timelines of
-    the sources, which give them out when their time comes. The same seed and order of calls give the same hand and
-    the same instruments, whatever the time at which a run begins. Thread-safe.
+    ``begin_run`` computes a run with the seeded generator and puts samples on the sources' timelines. Seed and order of
+    calls determine hand and instruments, whenever runs begin.
 
     Attributes:
-        rig: screen, stylus, beam, law: what the simulation is made of.
+        rig: screen, stylus, beam, law.
         timelines: "touch", "laser", "walt".
-        truth: the runs as they were computed, host times exact, in order.
-        true_taps: taps as they happened, host times exact.
+        truth: the runs as computed, exact host times, in order.
+        true_taps: taps as they happened, exact host times.
     """
 
     def __init__(
@@ -102,11 +101,11 @@ class World:
             self.timelines["laser"].add(laser=laser)
 
     def use_calibration(self, mapping: Mapping2D) -> None:
-        """Positions come through this mapping of the digitiser's units from now on, as a driver would map them."""
+        """Map positions from the digitiser's units by this from now on."""
         self._calibration = mapping
 
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
-        """The hand touches that place with care and lifts again."""
+        """The hand touches that place accurately and lifts again."""
         with self._lock:
             t_s = np.arange(start_s, start_s + _HOLD_S, self._scan_s)
             x, y = (
@@ -118,7 +117,7 @@ class World:
             self.timelines["touch"].add(touch=touch, contacts=contact_changes(touch, self._scan_s))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
-        """The WALT pen taps ``tap.count`` times from ``start_s`` on; latencies are the rig's."""
+        """The WALT pen taps ``tap.count`` times from ``start_s`` on, with the rig's latencies."""
         with self._lock:
             taps = simulate_taps(
                 self.rig,
@@ -162,7 +161,7 @@ class World:
         return TouchTrace(t_s, x, y, np.full(len(t_s), self._contacts, np.int64))
 
     def _digitised(self, touch: TouchTrace) -> TouchTrace:
-        """With the digitiser's raw columns, and mapped by the calibration where there is one."""
+        """With raw columns, and mapped by the calibration if any."""
         (xx, xy, x0), (yx, yy, y0) = DIGITISER
         x_raw = np.round(xx * touch.x_mm + xy * touch.y_mm + x0)
         y_raw = np.round(yx * touch.x_mm + yy * touch.y_mm + y0)
@@ -173,7 +172,7 @@ class World:
         return touch
 
     def _numbered(self, touch: TouchTrace) -> TouchTrace:
-        """Tracking ids that go on counting from run to run, as the kernel's do."""
+        """With tracking ids that count on from run to run."""
         n = len(touch.t_s)
         ids = touch.contact_id if len(touch.contact_id) == n else np.zeros(n, np.int64)
         if n == 0:

@@ -1,4 +1,4 @@
-"""The WALT latency timer on a USB serial port: taps, its own laser, and what its sensors see."""
+"""The WALT latency timer on a USB serial port: taps, its laser, and its sensors."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ ROLES = ("walt", "laser")
 
 
 def open_source(address: Address | str, role: str) -> WaltSource:
-    """The WALT at ``serial:PORT[?role=laser|walt][&firmware=any]``, not yet open.
-
-    Raises DeviceError: an option is unknown, or the address asks for another role.
-    """
+    """The WALT at ``serial:PORT[?role=laser|walt][&firmware=any]``, not yet open. Raises DeviceError: unknown option,
+    or another role."""
     parsed = parse_address(address) if isinstance(address, str) else address
     parsed.only("role", "firmware")
     wanted = parsed.choice("role", ROLES, role)
@@ -35,7 +33,7 @@ def open_source(address: Address | str, role: str) -> WaltSource:
 
 
 def discover() -> list[Found]:
-    """Serial ports whose USB vendor is the WALT's, with rights. Nothing is sent to them."""
+    """Serial ports of the WALT's USB vendor; nothing is sent to them."""
     found = []
     for port in sorted(list_ports.comports(), key=lambda port: port.device):
         if port.vid != USB_VENDOR:

@@ -1,4 +1,4 @@
-"""Making sure that what answers at a port is a WALT this program knows, and setting it to a known state."""
+"""Check that a known WALT answers, and set it to a known state."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ _ATTEMPTS = 3
 
 
 def greet(link: Link, address: str, any_firmware: bool = False) -> str:
-    """The firmware's version; autosending is switched off and triggers are reset.
-
-    Raises DeviceError: nothing answers, something else answers, or the firmware is another than version 6.
-    """
+    """The firmware's version, with autosending off and triggers reset. Raises DeviceError: nothing or something else
+    answers, or not version 6."""
     version = _version(link, address)
     if version != KNOWN_VERSION and not any_firmware:
         raise DeviceError(
@@ -46,7 +44,7 @@ def greet(link: Link, address: str, any_firmware: bool = False) -> str:
 
 
 def _acknowledged(link: Link, command: str) -> None:
-    """A command that may be sent again. Raises NoAnswer, PortGone."""
+    """Send a command that may be repeated. Raises NoAnswer, PortGone."""
     for attempt in range(_ATTEMPTS):
         try:
             link.acknowledged(command)

@@ -1,4 +1,4 @@
-"""One uninterrupted connection to a WALT: its conversation, its clock, and what it has counted."""
+"""One uninterrupted connection to a WALT."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from draglag_devices.walt.sync import Bound, as_bounds
 
 @dataclass
 class Connection:
-    """What belongs to it and is lost with it."""
+    """State that is lost with the connection."""
 
     link: Link
     version: str
@@ -30,7 +30,7 @@ class Connection:
     unread: int = 0
 
     def learn(self, rows: list[Bound]) -> None:
-        """Take comparisons in."""
+        """Use comparisons of clocks."""
         if not rows:
             return
         self.rows.extend(rows)

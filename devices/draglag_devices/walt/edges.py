@@ -1,4 +1,4 @@
-"""From the WALT's laser lines to edges, with what was lost counted and marked."""
+"""Edges from the WALT's laser lines, losses counted and marked."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from draglag_devices.walt.protocol import LASER_LAST
 
 @dataclass
 class EdgeCounter:
-    """Remembers the last edge of one connection.
+    """The edges of one connection.
 
-    A line with ``count`` n stands for n edges of which the last is stamped. Two lines of the same value mean that
-    a line between them was lost; both are counted and the time between the lines is marked.
+    A line with ``count`` n stands for n edges, the last one stamped. Two lines of one value mean a lost line between:
+    both are counted, and the time is marked.
 
     Attributes:
-        before: edges that the device had counted, unreported, when the first line could come; the first line
-            includes them, and none of them is lost.
+        before: unreported edges counted before the first line could come; that line includes them, none is lost.
     """
 
     last_value: int | None = None
@@ -39,7 +38,7 @@ class EdgeCounter:
 
         Args:
             host_s: device seconds → host seconds.
-            plausible_s: host times between which an edge can lie; a line outside was damaged on the wire.
+            plausible_s: host times an edge can have; other lines were damaged on the wire.
         """
         edges: list[tuple[float, int, float]] = []
         gaps: list[tuple[float, float]] = []
@@ -71,7 +70,7 @@ class EdgeCounter:
 
 
 def counted_so_far(link: Link) -> EdgeCounter:
-    """Edges since the reset, when autosending has begun: the first line counts them too."""
+    """A counter of edges since the reset, which the first line after autosending began includes."""
     link.send(LASER_LAST)
     link.settle()
     lines = [trigger for trigger in link.take_triggers() if trigger.tag == "L"]

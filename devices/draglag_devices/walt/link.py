@@ -1,4 +1,4 @@
-"""Talking to a WALT: commands out, answers and unasked lines in, each stamped on the host's clock."""
+"""Communication with a WALT: commands out, lines in, stamped on the host's clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class NoAnswer(Exception):
 
 @dataclass(frozen=True)
 class Answer(Generic[_T]):
-    """An answer with the host's clock just before the question left and just after the answer came, s."""
+    """An answer, with host times just before the question left and just after it came, s."""
 
     value: _T
     sent_s: float
@@ -33,9 +33,9 @@ class Answer(Generic[_T]):
 
 
 class Link:
-    """One conversation. Trigger lines may come at any time; they are set aside in ``take_triggers``.
+    """One conversation. Trigger lines may come at any time and wait for ``take_triggers``.
 
-    ``unread`` counts lines that were not understood (noise on the wire); ``now`` and ``pause`` are the clock.
+    ``unread`` counts lines not understood (noise on the wire); ``now`` and ``pause`` are the clock.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Link:
         self._triggers: list[Trigger] = []
 
     def send(self, command: str) -> float:
-        """Send one command byte; returns the host's clock just before. Raises PortGone."""
+        """Host time just before the command byte was sent. Raises PortGone."""
         sent_s = self.now()
         self._port.write(command.encode("ascii"))
         return sent_s
@@ -58,10 +58,10 @@ class Link:
     def ask(
         self, command: str, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S, late: bool = False
     ) -> Answer[_T]:
-        """Send a command and wait for a line that ``accept`` takes. Raises PortGone, and NoAnswer.
+        """The line that ``accept`` takes, after sending a command. Raises PortGone, NoAnswer.
 
-        After a missing answer the conversation is brought back in step, so that a late one is not taken for the
-        answer to the next question. ``late`` takes one that comes meanwhile: the device sends it only once.
+        A missing answer resynchronises the conversation, so that a late one does not answer the next question. ``late``
+        accepts one that comes meanwhile: the device sends it only once.
         """
         sent_s = self.send(command)
         try:
@@ -74,7 +74,7 @@ class Link:
         return Answer(value, sent_s, arrived_s)
 
     def acknowledged(self, command: str, timeout_s: float = ANSWER_S) -> Answer[str]:
-        """Send a command whose answer is its letter with the case flipped; a late one will do."""
+        """The answer to a command acknowledged by its letter in the other case, even late."""
         wanted = acknowledgement(command)
         return self.ask(command, lambda text: text if text == wanted else None, timeout_s, late=True)
 
@@ -94,10 +94,8 @@ class Link:
             self._receive(left_s)
 
     def settle(self, accept: Callable[[str], _T | None] = lambda text: None) -> tuple[_T, float] | None:
-        """Wait until everything asked before has been answered: the device answers in order. Raises NoAnswer.
-
-        Returns the first answer on the way that ``accept`` takes, and when it came.
-        """
+        """The first answer that ``accept`` takes before a ping's, and when it came. The device answers in order:
+        earlier questions are answered then. Raises NoAnswer."""
         wanted = acknowledgement(PING)
         self.send(PING)
         found: tuple[_T, float] | None = None
@@ -118,12 +116,12 @@ class Link:
         self._lines.clear()
 
     def take_triggers(self) -> list[Trigger]:
-        """Trigger lines that have come since the last call, in order."""
+        """Trigger lines since the last call, in order."""
         taken, self._triggers = self._triggers, []
         return taken
 
     def forget(self) -> None:
-        """Drop all that has come so far: what a fresh port still holds belongs to an earlier conversation."""
+        """Drop all received: a fresh port still holds an earlier conversation."""
         for _ in range(_STALE_READS):
             if not self._port.read(0.0):
                 break

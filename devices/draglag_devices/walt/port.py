@@ -1,4 +1,4 @@
-"""A serial port that is opened with plain reasons when it cannot be, and read without blocking."""
+"""A serial port: plain reasons when it cannot be opened, reads without blocking."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class PortGone(Exception):
 
 
 class Port(Protocol):
-    """What the link needs of a port."""
+    """A port as the link needs it."""
 
     def write(self, data: bytes) -> None: ...
 
     def read(self, timeout_s: float) -> bytes:
-        """Bytes that have come, or b"" after ``timeout_s``. Raises PortGone."""
+        """Bytes received, or b"" after ``timeout_s``. Raises PortGone."""
         ...
 
     def close(self) -> None: ...
@@ -86,7 +86,7 @@ class SerialPort:
 
 
 def usb_identity(path: str) -> tuple[int, int, str] | None:
-    """Vendor, product and serial number of the device behind a port, or None where it is not known."""
+    """Vendor, product and serial number of the device behind a port; None if unknown."""
     for port in list_ports.comports():
         if port.device == os.path.realpath(path) and port.vid is not None and port.serial_number:
             return port.vid, port.pid, port.serial_number
@@ -94,7 +94,7 @@ def usb_identity(path: str) -> tuple[int, int, str] | None:
 
 
 def port_of(identity: tuple[int, int, str] | None, path: str) -> str:
-    """Where a device is now: replugged, it may have got another number. ``path`` where it is not found elsewhere."""
+    """A device's port, which may change on replugging; ``path`` if not found."""
     if identity is None or os.path.exists(path):
         return path
     for port in list_ports.comports():

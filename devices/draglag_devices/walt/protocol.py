@@ -1,7 +1,4 @@
-"""The WALT's words (firmware 6): one command byte out, text lines back. Pure functions.
-
-Source: the fact sheet on the WALT, its protocol table.
-"""
+"""The WALT's protocol (firmware 6; source: the fact sheet, protocol table). Pure functions."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ _VERSION = re.compile(r"v (\S+)")
 
 @dataclass(frozen=True)
 class Trigger:
-    """One change the WALT saw: laser ("L", value 1 = light) or screen ("S"). ``count`` changes since the last line."""
+    """A change of laser ("L", value 1 = light) or screen ("S"); ``count`` since the last line."""
 
     tag: str
     us: int
@@ -39,7 +36,7 @@ class Trigger:
 
 
 def acknowledgement(command: str) -> str:
-    """What the WALT answers to a command that has no answer of its own: the letter with its case flipped."""
+    """The answer to a command without one of its own: its letter in the other case."""
     return command.swapcase()
 
 
@@ -56,13 +53,13 @@ def parse_time(text: str) -> int | None:
 
 
 def parse_sync(text: str) -> tuple[int, int] | None:
-    """``<n>:<us>`` of the readout of digits; n = 10 says that there are no more. None for anything else."""
+    """``<n>:<us>`` of a digit's readout, n = 10 for no more; else None."""
     words = _SYNC.fullmatch(text)
     return (int(words[1]), int(words[2])) if words else None
 
 
 def parse_shock(text: str) -> int | None:
-    """The bare microseconds of the last shock, 0 = none; None for anything else."""
+    """Microseconds of the last shock, 0 = none; None for other text."""
     return int(text) if _SHOCK.fullmatch(text) else None
 
 
@@ -73,9 +70,9 @@ def parse_version(text: str) -> str | None:
 
 
 class Unwrapped:
-    """The signed 32-bit microsecond count made endless: each stamp is the one nearest to the latest seen.
+    """The signed 32-bit microsecond count, unwrapped: each stamp is the nearest to the latest.
 
-    Right as long as stamps come at least every 35 minutes; one that is a little older than the latest is no wrap.
+    Valid if stamps come at least every 35 minutes; a slightly older stamp is no wrap.
     """
 
     def __init__(self) -> None:
@@ -88,5 +85,5 @@ class Unwrapped:
         return whole * 1e-6
 
     def advance(self, device_s: float) -> None:
-        """Take note of a stamp that is known to be good."""
+        """Use a stamp known to be good."""
         self._latest_us = max(self._latest_us, round(device_s * 1e6))

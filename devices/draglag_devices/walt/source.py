@@ -1,4 +1,4 @@
-"""A WALT as a source: shocks of taps, or edges of its laser, on the host's clock."""
+"""A WALT as a source: shocks of taps, or edges of its laser."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ GAP_EVERY_S = 1.0
 class WaltSource:
     """Role "walt": shocks, polled; role "laser": edges of the WALT's own laser, sent by it.
 
-    An unplugged or hanging WALT is reported and searched for until it is back; its clock then begins a new epoch.
+    An unplugged or hanging WALT is reported and searched for; on return its clock begins a new epoch.
     """
 
     realtime = True
@@ -133,7 +133,7 @@ class WaltSource:
 
     @property
     def link(self) -> Link:
-        """The open conversation, for curves and levels while setting up. Raises DeviceError when it is not open."""
+        """The open conversation, for curves and levels during setup. Raises DeviceError."""
         if self._device is None:
             raise DeviceError(self.address, "the WALT is not connected", "plug it in")
         return self._device.link
@@ -240,7 +240,7 @@ class WaltSource:
             device.learn(compare(device.link, device.unwrapped, bound, between=lambda: self._collect_shocks(device)))
 
     def _time(self, device: Connection) -> Bound | None:
-        """A comparison that does not contradict the clock as it is known; None where the answer was spoiled."""
+        """A comparison consistent with the known clock; None where the answer was damaged."""
         try:
             bound = request_time(device.link, device.unwrapped)
         except NoAnswer:
@@ -303,19 +303,18 @@ class WaltSource:
         return self._ask_shock(device)
 
     def _collect_shocks(self, device: Connection) -> None:
-        """The WALT keeps one shock until it is asked, and a quick tap has two within a full comparison."""
+        """Keep the present shock: the WALT holds one until asked, and a quick tap has two within a full comparison."""
         if self.role == "walt":
             taps, _ = self._ask_shock(device)
             if taps is not None:
                 self._pending_shocks.append(taps)
 
     def _felt(self, polled: Taps | None) -> Taps | None:
-        """All shocks not handed on yet, with those of a poll."""
         felt, self._pending_shocks = [*self._pending_shocks, *([] if polled is None else [polled])], []
         return concatenate(felt) if felt else None
 
     def _ask_shock(self, device: Connection) -> tuple[Taps | None, float]:
-        """The shock since the last question, and until when there was none or it was this one."""
+        """The shock since the last question, if any, and the host time up to which all shocks are known."""
         asked_s = self._now()
         self._next_poll_s = asked_s + POLL_EVERY_S
         try:

@@ -1,7 +1,7 @@
 """Comparing the WALT's clock with the host's: bounds, never estimates (fact sheet, steps 1 to 3).
 
-E = host − device. What the host sent before the device stamped it bounds E from below, what the device stamped
-before the host received it from above; so delays of the operating system widen the bounds and cannot bend them.
+E = host − device. What the host sent before the device's stamp bounds E from below, what it received after from above:
+delays of the operating system widen the bounds and cannot bias them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _TOLERANCE_S = 1e-3
 
 @dataclass(frozen=True)
 class Bound:
-    """One comparison: the device time happened between two host times, s."""
+    """The device time happened between two host times, s."""
 
     device_s: float
     host_min_s: float
@@ -58,7 +58,7 @@ def zero(link: Link) -> Bound:
 
 
 def request_time(link: Link, unwrapped: Unwrapped) -> Bound:
-    """One quick comparison by the time of the device. Raises PortGone, NoAnswer."""
+    """One quick comparison by the device's time. Raises PortGone, NoAnswer."""
     answer = link.ask(TIME, parse_time)
     device_s = unwrapped(answer.value)
     return Bound(device_s, answer.sent_s - _TICK_S, answer.arrived_s)
@@ -71,13 +71,13 @@ def compare(
     repeats: int = REPEATS,
     between: Callable[[], None] = lambda: None,
 ) -> list[Bound]:
-    """The full comparison, about 0.15 s: digits to the device and digits from it, ``repeats`` times.
+    """One bound per repeat, without damaged ones; digits to the device and back, about 0.15 s.
 
     Args:
-        known: a bound of the present (from ``zero`` or ``request_time``) that the others must not contradict.
-        between: called before each half of a repeat, for what cannot wait until all are done.
+        known: a present bound (from ``zero`` or ``request_time``) that others must not contradict.
+        between: called before each half of a repeat, for what cannot wait.
 
-    Returns one bound a repeat, fewer where noise on the wire spoiled some. Raises PortGone, and what ``between`` does.
+    Raises PortGone, and what ``between`` does.
     """
     low, high = known.host_min_s - known.device_s, known.host_max_s - known.device_s
     rows: list[Bound] = []
@@ -103,7 +103,7 @@ def compare(
 
 
 def _digits_out(link: Link, unwrapped: Unwrapped, width_s: float) -> list[tuple[float, float]]:
-    """Send the digits; (device time, lower bound of E) of each."""
+    """(device time, lower bound of E) of each digit sent."""
     pause_s = min(max(width_s / 10, _PAUSE_S[0]), _PAUSE_S[1])
     sent: dict[int, float] = {}
     for digit in DIGITS:
@@ -114,7 +114,7 @@ def _digits_out(link: Link, unwrapped: Unwrapped, width_s: float) -> list[tuple[
 
 
 def _digits_in(link: Link, unwrapped: Unwrapped) -> list[tuple[float, float]]:
-    """Have the digits sent; (device time, upper bound of E) of each."""
+    """(device time, upper bound of E) of each digit received."""
     link.send(SEND_DIGITS)
     arrived: dict[int, float] = {}
     try:
@@ -128,7 +128,7 @@ def _digits_in(link: Link, unwrapped: Unwrapped) -> list[tuple[float, float]]:
 
 
 def _readout(link: Link, unwrapped: Unwrapped) -> dict[int, float]:
-    """The nine stored times by digit; those whose line was spoiled are missing."""
+    """The nine stored times by digit, without damaged lines."""
     stored: dict[int, float] = {}
     for _ in DIGITS:
         try:

@@ -28,10 +28,8 @@ def idle(window: OperatorWindow) -> Callable[[], bool]:
 
 
 def drop(window: OperatorWindow, *paths: Path, on: QWidget | None = None) -> bool:
-    """Drag files onto the window, or something in it, and let them go; whether they were taken.
-
-    As file managers do, which give the path as text too.
-    """
+    """Whether files dragged onto the window, or a part of it, were accepted; as file managers do, with the path as text
+    too."""
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
     data.setText(str(paths[0]))

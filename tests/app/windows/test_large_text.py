@@ -77,7 +77,7 @@ def test_at_200_percent_buttons_and_labels_are_whole_or_the_page_scrolls(
 
 
 def needed(seen: QPushButton | QLabel) -> int:
-    """The least width at which all of it can be read: words wrap; what is elided has its whole text in the tooltip."""
+    """The least width at which all can be read: words wrap, elided text is whole in the tooltip."""
     if isinstance(seen, ElidedLabel):
         return 0 if seen.toolTip() else seen.fontMetrics().horizontalAdvance(seen.text())
     if isinstance(seen, QLabel) and seen.wordWrap():

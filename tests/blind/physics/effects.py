@@ -1,4 +1,4 @@
-"""What can be hidden in a session: sizes, units and signs. How each acts is in the module of the device it acts in."""
+"""Effects that can be hidden in a session: sizes, units and signs; their action is in the module of each device."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ import numpy as np
 class Hidden:
     """One hidden effect.
 
-    `nominal` is a size that a careful look at the residuals of an ordinary session of 12 or more speeds shows clearly
-    (several standard errors; `detectable.py` computes how many). `signed` effects occur with both signs. `inverse`
-    effects grow as their number falls (a slower host loop holds samples longer). `whole` numbers only for counts.
+    `nominal`: a size clearly visible in the residuals of an ordinary session of 12 or more speeds (several standard
+    errors; `detectable.py` computes how many). `signed`: occurs with both signs. `inverse`: grows as its number falls
+    (a slower host loop holds samples longer). `whole`: numbers for counts.
     """
 
     nominal: float

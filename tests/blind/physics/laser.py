@@ -29,7 +29,7 @@ def edges(rig: Rig, panel: Panel, run: RunPlan, motion: Motion, seed: int) -> tu
 
 
 def _off_axis(rig: Rig, panel: Panel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Distance (n,) of the stylus from the beam's axis, signed, and how far (n,) the stylus reaches to either side."""
+    """Signed distance (n,) of the stylus from the beam's axis, and its half width (n,) across it."""
     e, v = panel.effects, panel.variants
     across = motion.x_mm / rig.screen[1] - 0.5
     height = rig.beam_intercept_mm + rig.beam_slope * motion.x_mm

@@ -24,17 +24,17 @@ SCREENS = (
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """A generator of its own for each cause, so that adding an effect leaves every other draw as it was."""
+    """A generator per cause, so that adding an effect changes no other draw."""
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
 
 @dataclass(frozen=True)
 class Profile:
-    """What the draw is narrowed to.
+    """Limits of the draw.
 
-    `noise`, `hand` scale the digitiser's noise and the hand's faults. `protocol` "speeds" is 12–16 shuffled circle
-    speeds, "repeats" fewer speeds several times, "random" draws one. `between_runs` None lets the draw decide whether
-    runs have a latency and offset of their own; `taps` is "end", "both", "none" or "random".
+    `noise`, `hand` scale the digitiser's noise and the hand's faults. `protocol`: "speeds" is 12–16 shuffled circle
+    speeds, "repeats" fewer speeds several times, "random" either. `between_runs` None: drawn whether runs have their
+    own latency and offset; `taps`: "end", "both", "none" or "random".
     """
 
     noise: float = 1.0

@@ -75,10 +75,9 @@ def make_session(
     effects: Mapping[str, float] | None = None,
     profile: Profile | None = None,
 ) -> Truth:
-    """Write one session to `out_dir` (None: nowhere) and return its truth.
+    """The truth of a session written to `out_dir` (None: not written).
 
-    The same seed gives the same rig, hand and noise whatever the effects, so a session and its twin without
-    the effect differ by the effect alone.
+    A seed fixes rig, hand and noise whatever the effects: a session and its twin differ by the effect alone.
     """
     effects, profile = dict(effects or {}), profile or Profile()
     rig = (draw_real_rig if profile.world == "realistic" else draw_rig)(seed, profile)

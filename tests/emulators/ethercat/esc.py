@@ -1,7 +1,7 @@
-"""One EtherCAT slave controller: its registers, state machine, EEPROM, sync managers, FMMUs and clock.
+"""One EtherCAT slave controller: registers, state machine, EEPROM, sync managers, FMMUs and clock, by the ESC's
+register map.
 
-Written to the register map of the ESC, so that any master may speak to it. Times are ns of the host's
-CLOCK_MONOTONIC (``t_ns``, what really is) or ns of the slave's own clock.
+Times are ns of the host's CLOCK_MONOTONIC (``t_ns``, the true time) or ns of the slave's own clock.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _READ_ONLY = ((0x0000, 0x0010), (0x0110, 0x0112), (0x0130, 0x0136), (0x0900, 0x0
 
 @dataclass
 class Esc:
-    """A slave. ``sii`` is its EEPROM; ``drift`` and ``start_ns`` describe its quartz: what it says when switched on.
+    """A slave. ``sii``: its EEPROM; ``drift``, ``start_ns``: its quartz, and its time at power-on.
 
     ``before_read`` is called with (address, length, t_ns) before memory is read: process data and latches.
     """

@@ -36,11 +36,11 @@ def with_index(frame: bytes, index: int) -> bytes:
 
 
 def answer(frame: bytes, chain: Sequence[Esc], t_ns: int, cheat_wkc: int = 0) -> bytes | None:
-    """What comes back of an Ethernet frame, or None if it is no EtherCAT frame.
+    """The answer to an Ethernet frame, or None if it is no EtherCAT frame.
 
     Args:
         chain: the slaves that the frame reaches, in order.
-        t_ns: when it arrived.
+        t_ns: its arrival.
         cheat_wkc: added to the working counter of process data (a fault to inject).
     """
     if len(frame) < 28 or frame[12:14] != b"\x88\xa4":

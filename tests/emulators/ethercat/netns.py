@@ -43,8 +43,8 @@ class Segment:
     """A running segment.
 
     Attributes:
-        iface: the master's end of the cable, on this side.
-        control: path of the datagram socket that takes orders (see ``segment.Line``: one ``_do_…`` each).
+        iface: the master's end of the cable.
+        control: path of the datagram socket for orders (see ``segment.Line``: one ``_do_…`` each).
     """
 
     iface: str
@@ -68,7 +68,7 @@ class Segment:
         return reply
 
     def edges(self, edges: list[tuple[int, int, int]], relative: bool = False, terminal: int = 0) -> int:
-        """Edges to come: (ns of CLOCK_MONOTONIC, channel, level), or ns from now. Returns the ns they count from.
+        """The host time, ns, that coming edges count from: (ns of CLOCK_MONOTONIC, channel, level), or ns from now.
 
         ``terminal``: of which EL1252, where there are several (0: the usual one).
         """
@@ -99,10 +99,9 @@ class Segment:
 
 
 def start_segment(name: str) -> Segment:
-    """Make namespace ``dl-<name>`` and cable ``dl-<name>``, and start the slaves. ``name``: up to 8 characters.
+    """Slaves running in a new namespace ``dl-<name>`` at a cable ``dl-<name>``. ``name``: up to 8 characters.
 
-    Where those names are taken (another run, or what a killed one left behind), they get a number: dl-<name>2 and so
-    on. Raises RuntimeError where it cannot be done.
+    Names in use (another run, a killed one) get a number: dl-<name>2 … Raises RuntimeError where it cannot be done.
     """
     if not name or len(name) > 8:
         raise RuntimeError(f"{name!r}: a segment's name has 1 to 8 characters")

@@ -35,13 +35,13 @@ class Line:
         slow_ns: int = 0,
         before: tuple[int, ...] = (),
     ) -> None:
-        """New slaves, with these product codes; faults are forgotten.
+        """Make new slaves of these product codes; faults are forgotten.
 
         Args:
             behind, before: terminals behind the EL1252, and between it and the coupler.
             clock: whether the coupler (an EK1100) has a distributed clock.
             in_bytes: another EEPROM of the EL1252.
-            slow_ns: how long it takes to enter a state, and that it wants process data before it runs.
+            slow_ns: time to enter a state; it then needs process data before it runs.
         """
         self.coupler = ek1100(self._drifts[0], clock) if coupler == EK1100 else ek1101(self._drifts[0], coupler)
         self.terminal, self.inputs = el1252(self._drifts[1], terminal, in_bytes)
@@ -244,9 +244,9 @@ class Line:
         return {"t_ns": base}
 
     def _do_log(self, order: Order, t_ns: int) -> Order:
-        """What happened so far: edges with the stamps given, counts, how many edges are still to come, and how
-        many pauses there were between frames with process data since the host time ``since``, and their sum.
-        ``first`` and ``count``: of which edges, for an answer has to fit into a datagram."""
+        """Edges with their stamps, counts, number of edges still to come; pauses between frames with process data
+        since the host time ``since``, number and sum. ``first``, ``count``: of edges, as an answer must fit into a
+        datagram."""
         self._advance(t_ns)
         inputs = self.all_inputs[int(order.get("terminal", 0))]
         first = int(order.get("first", 0))

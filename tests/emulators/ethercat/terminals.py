@@ -140,9 +140,9 @@ class Inputs:
 
 
 def el1252(drift: float = 0.0, product: int = EL1252, in_bytes: bool = False) -> tuple[Esc, Inputs]:
-    """The terminal with its inputs. The second sync manager lies below the first, as on the real one.
+    """The terminal with its inputs; the second sync manager lies below the first, as on the real one.
 
-    ``in_bytes``: an EEPROM that describes the same image in other entries, and another revision.
+    ``in_bytes``: an EEPROM with the same image in other entries, and another revision.
     """
     latches: tuple[int, ...] = (8,) * 34 if in_bytes else (8, 8, 64, 64, 64, 64)
     inputs_pdos = ((0, (1, 1, 6)),) if in_bytes else ((0, (1,)), (0, (1,)))

@@ -1,5 +1,5 @@
-"""A touch panel's kernel side: its description, slots (or none: a single touch), and answers to ioctls. Written from
-the kernel's input protocol (linux/input.h, protocol B); standard library only, for it runs with the system's Python."""
+"""A touch panel's kernel side: description, slots (or none), answers to ioctls, by the kernel's input protocol
+(linux/input.h, protocol B). Standard library only: it runs with the system's Python."""
 
 import struct
 

@@ -1,5 +1,5 @@
-"""Reads a touch source and prints each batch as one JSON line, until its stdin closes. For processes that see an
-emulated touchscreen which the test itself does not."""
+"""Prints each batch of a touch source as one JSON line until stdin closes, in a process that sees the emulated
+touchscreen, unlike the test."""
 
 import json
 import select

@@ -75,9 +75,9 @@ class Bed:
         self.fd = fd if again else self.bed.get_dev_fd(self.node)
 
     def make_node(self, name, numbers):
-        """The node of a panel that was here before; returns the end to write to.
+        """The end to write to, of the node of a panel that was here before.
 
-        The test bed remembers every node it ever made, and aborts the process when asked for one again.
+        The test bed remembers every node, and aborts the process if asked for one again.
         """
         root = self.bed.get_root_dir()
         master, slave = os.openpty()

@@ -1,7 +1,7 @@
-"""A WALT written from its protocol table: bytes in, bytes out with the time at which they leave. No wire, no waiting.
+"""A WALT by its protocol table: bytes in, bytes out with their times. No wire, no waiting.
 
-The caller owns the host's clock (any one: real or stepped). The firmware runs one command after the other; while
-one blocks (``I``, ``U``, ``O``, ``D``) the next waits, and edges that come meanwhile add up in one line's count.
+The caller owns the host's clock (real or stepped). Commands run one after the other; while one blocks (``I``, ``U``,
+``O``, ``D``) the next waits, and edges meanwhile add up in one line's count.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ PRINT_S = 15e-6  # from the stamp of a digit that is sent to its byte on the wir
 
 @dataclass
 class Faults:
-    """What goes wrong on the wire, on demand.
+    """Faults on the wire, on demand.
 
     Attributes:
         delay_s: each way, constant.
-        jitter_s: scale of an exponential delay added to every line.
-        corrupt: share of lines of which one byte is changed.
-        garbage: share of lines before which noise is sent.
+        jitter_s: scale of an exponential delay of every line.
+        corrupt: share of lines with one byte changed.
+        garbage: share of lines preceded by noise.
         mute: nothing is answered.
     """
 

@@ -71,9 +71,9 @@ class SteppedWire:
 
 
 class WaltOnPty:
-    """A WALT on a pseudo terminal, reached by a link that keeps its name when it is unplugged and comes back.
+    """A WALT on a pseudo terminal, whose link keeps its name when unplugged and replugged.
 
-    ``firmware`` may be changed under ``lock``. Use as a context manager; ``path`` is the port.
+    ``firmware`` may be changed under ``lock``. A context manager; ``path`` is the port.
     """
 
     def __init__(self, folder: Path, *, drift: float = 0.0, version: str = "6", seed: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""Bench: which instruments are used, whether they work, and what to do if not."""
+"""Bench: instruments in use, whether they work, and what to do if not."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DISPLAY_PX = 380
 
 @dataclass(frozen=True)
 class Checked:
-    """What a look at one device found: a light's state and a sentence."""
+    """Result of checking one device: a light's state and a sentence."""
 
     role: str
     state: str
@@ -39,7 +39,7 @@ class Checked:
 
 
 def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Progress) -> list[Checked]:
-    """Open each device, read for a moment, close it. Never raises for a device: the sentence says what is wrong."""
+    """Results of opening and briefly reading each device; faults are sentences, not exceptions."""
     out = []
     for k, (role, address) in enumerate(addresses.items()):
         progress(k / len(addresses), address)
@@ -70,7 +70,7 @@ def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Pro
 
 
 class BenchPage(QWidget):
-    """One row a role; below, what else is on this computer."""
+    """One row per role; below, other devices of this computer."""
 
     checked = Signal(object)
     asks = Signal(str)
@@ -224,7 +224,7 @@ class BenchPage(QWidget):
     # --- looking --------------------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """List what is on this computer."""
+        """List the devices of this computer."""
         self._space.tasks.start(
             self.tr("Looking for devices"), lambda progress: discover(), self._discovered, self._say
         )
@@ -245,7 +245,7 @@ class BenchPage(QWidget):
         self.list.setHtml("<br>".join(rows))
 
     def check(self) -> None:
-        """Open every chosen device and read for a moment."""
+        """Open every chosen device and read briefly."""
         rig, panel = self._space.settings.rig, self._space.settings.panel
         addresses = rig.addresses()
         if not addresses:

@@ -1,4 +1,4 @@
-"""Compare: sessions and screens next to each other, and how their curves differ."""
+"""Compare: sessions and screens, and how their curves differ."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FOR_LEGEND = 0.35
 
 
 class ComparePage(QWidget):
-    """The first session in the list is the one the others are compared with."""
+    """Sessions are compared with the first in the list."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -108,7 +108,7 @@ class ComparePage(QWidget):
             self._add([(self._space.analysis, path.name if path is not None else "")])
 
     def _add(self, named: list[tuple[Analysis, str]]) -> None:
-        """Show more of them; sessions may have one name, so each comes with that of its file."""
+        """Add sessions, each with its file's name, as sessions may share one."""
         self._shown += [new for new in named if all(new[0] is not old for old, _ in self._shown)]
         self._draw()
 

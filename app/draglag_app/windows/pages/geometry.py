@@ -1,4 +1,4 @@
-"""Geometry: the screen under test in millimetres, the stylus, the beam, and a ruler to check them with."""
+"""Geometry: the screen in millimetres, stylus, beam, and a ruler to check them."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ class GeometryPage(QWidget):
         self._change(panel.model_copy(update={"calibration": calibration}))
 
     def _correct(self) -> None:
-        """The bar was drawn for the stated size: a longer one means a bigger screen."""
+        """Scale the stated size by the measured bar: a longer one means a bigger screen."""
         panel = self._space.settings.panel
         screen, factor = panel.screen(), self.measured.value() / BAR_MM
         sizes = {"width_mm": round(screen.width_mm * factor, 1), "height_mm": round(screen.height_mm * factor, 1)}

@@ -1,4 +1,4 @@
-"""Help: the operator's manual and the list of keys, made from the table of actions."""
+"""Help: the manual and the list of keys."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ABOVE_PX = 8  # room above the section that was asked for
 
 
 class HelpPage(QWidget):
-    """Contents and search on the left, the manual, the keys on the right."""
+    """Contents and search, the manual, the keys."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -79,7 +79,7 @@ class HelpPage(QWidget):
         self.restyle_plots()
 
     def focusInEvent(self, event: QFocusEvent) -> None:
-        """The manual has the keyboard first. (With a focus proxy, Tab would skip what stands before the manual.)"""
+        """Focus the manual; with a focus proxy, Tab would skip what precedes it."""
         self.manual.setFocus(event.reason())
 
     def restyle_plots(self) -> None:
@@ -97,7 +97,7 @@ class HelpPage(QWidget):
             self.show_section(item.text())
 
     def show_keys(self) -> None:
-        """List the keys as they are."""
+        """List the present keys."""
         rows = "".join(
             f"<tr><td style='padding:5px 14px 5px 0'><b>{keys}</b></td><td style='padding:5px 0'>{what}</td></tr>"
             for keys, what in (*key_list(self._space.settings.keys), *other_keys())
@@ -106,7 +106,7 @@ class HelpPage(QWidget):
         self.keys.setHtml(f"<h3>{title}</h3><table cellspacing='0'>{rows}</table>")
 
     def show_section(self, title: str) -> None:
-        """Bring the section of that title to the top; a title that is none changes nothing."""
+        """Scroll to the section of that title, if any."""
         for known, position in sections(self.manual.document()):
             if known == title:
                 cursor = QTextCursor(self.manual.document())
@@ -119,7 +119,7 @@ class HelpPage(QWidget):
                 bar.setValue(bar.value() + top - _ABOVE_PX)
 
     def look_for(self, text: str, again: bool) -> bool:
-        """Go to the next place of that text, from the top where there is none below; whether there is one at all."""
+        """Whether the text occurs; go to its next place, from the top after the last."""
         cursor = self.manual.textCursor()
         if not again:
             cursor.setPosition(cursor.selectionStart())
@@ -145,7 +145,7 @@ def sections(document: QTextDocument) -> list[tuple[str, int]]:
 
 
 def _give_air(document: QTextDocument) -> None:
-    """Room between paragraphs: Markdown comes without."""
+    """Space paragraphs: Markdown comes without."""
     cursor, block = QTextCursor(document), document.begin()
     while block.isValid():
         shape = block.blockFormat()

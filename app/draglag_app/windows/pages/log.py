@@ -1,4 +1,4 @@
-"""Log: every notice, newest last, and what the session's file keeps of it."""
+"""Log: all notices, newest last."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_ROWS = 5000
 
 
 class LogPage(QWidget):
-    """A table that grows; the choice above hides the unimportant."""
+    """A growing table; the choice above hides unimportant rows."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -77,7 +77,7 @@ class LogPage(QWidget):
         workspace.session_changed.connect(self._session_changed)
 
     def add(self, level: str, source: str, text: str) -> None:
-        """One line, with the present time."""
+        """Add a line with the present time."""
         if self.table.rowCount() >= _MOST_ROWS:
             self.table.removeRow(0)
         row = self.table.rowCount()

@@ -1,4 +1,4 @@
-"""Preferences: looks, language, folder, and how a session goes on between runs."""
+"""Preferences: looks, language, folder, behaviour between runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Protocol: the runs as a list, what they ask for, how long they take, and what they promise."""
+"""Protocol: the runs, their duration and expected precision."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS = ("circle", "chirp", "multisine", "step")
 
 
 class ProtocolPage(QWidget):
-    """Every edit makes a new protocol, checked by the library's own model, and can be undone."""
+    """Every edit makes a new protocol, checked by the library's model; undoable."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -157,7 +157,7 @@ class ProtocolPage(QWidget):
 
     @property
     def row(self) -> int:
-        """The chosen table of the protocol, or −1."""
+        """The selected row, or −1."""
         rows = self.table.selectionModel().selectedRows()
         return rows[0].row() if rows else -1
 

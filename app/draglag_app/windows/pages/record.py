@@ -1,4 +1,4 @@
-"""Record: the run as it happens, in figures that can be read from two metres away."""
+"""Record: the run as it happens, readable from two metres."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ MEND = {"bench": lambda: tr("Choose instruments"), "geometry": lambda: tr("Check
 
 
 class RecordPage(QWidget):
-    """``asks(action id)`` is emitted by its buttons."""
+    """Buttons emit ``asks(action id)``."""
 
     asks = Signal(str)
     noted = Signal()
@@ -92,7 +92,6 @@ class RecordPage(QWidget):
         self.set_recording(False)
 
     def _about(self) -> QWidget:
-        """What the next session is about, and the button that changes it."""
         self.about_row, row = plain_row()
         self.about = ElidedLabel("hint")
         details = button(self.tr("Session details…  Ctrl+D"))
@@ -102,7 +101,7 @@ class RecordPage(QWidget):
         return self.about_row
 
     def _ask(self, action: str) -> None:
-        """The button of an obstacle goes to the page where it is mended."""
+        """Emit an action; the button of an obstacle goes to its page."""
         self.asks.emit(f"go_{self._mends_on()}" if action == "mend" else action)
 
     def _mends_on(self) -> str:
@@ -125,7 +124,7 @@ class RecordPage(QWidget):
     # --- state ----------------------------------------------------------------------------------------------
 
     def set_recording(self, recording: bool) -> None:
-        """Show the buttons that make sense; called when a session begins and ends."""
+        """Show the buttons of the state; called when a session begins and ends."""
         self.about_row.setVisible(not recording)
         self.band.set_recording(recording)
         self.now.set_recording(recording)
@@ -145,17 +144,17 @@ class RecordPage(QWidget):
             self._show_idle()
 
     def show_outcome(self, path: Path | None, problem: str) -> None:
-        """How a session ended that did not record all that was planned; until the next or another rig."""
+        """Show how a session ended that did not record all, until the next or another rig."""
         if problem:
             title = self.tr("Nothing was recorded") if path is None else self.tr("Ended early")
             self._outcome = (title, in_words(problem))
 
     def forget_outcome(self) -> None:
-        """Another rig or protocol was chosen: the outcome of the one before is not its own."""
+        """Forget the outcome: another rig or protocol was chosen."""
         self._outcome = None
 
     def show_readiness(self, missing: list[Obstacle], faults: list[str]) -> None:
-        """What stands in the way of a measurement, and what is wrong with instruments, a sentence each."""
+        """Show obstacles to measuring, and faults of instruments."""
         self._missing, self._faults = missing, faults
         if not self._space.recording.active:
             self._show_idle()
@@ -181,7 +180,6 @@ class RecordPage(QWidget):
         return " ".join([*(obstacle.sentence for obstacle in self._missing), *self._faults])
 
     def _what_starts(self) -> str:
-        """The protocol that F5 starts, and when its first target moves."""
         protocol = self._space.protocol
         start = self.tr("F5 starts: {name}").format(name=protocol.name)
         after_s = first_target_after_s(protocol, COUNTDOWN_S)
@@ -214,7 +212,6 @@ class RecordPage(QWidget):
         self.band.enable(resting, running, self.table.rowCount() > 0)
 
     def _prompted(self, event: Prompted) -> None:
-        """Between runs the operator reads what the participant reads."""
         if self._phase not in (None, Phase.FINISHED):
             return
         if event.kind == "tap":
@@ -232,7 +229,7 @@ class RecordPage(QWidget):
         self._show_rest()
 
     def _show_rest(self) -> None:
-        """The verdict on the last run in the largest letters, the rest counted down below it."""
+        """The verdict on the last run in the largest letters, the rest counted down below."""
         control, first = self._space.recording.control, not self.table.rowCount()
         again = control is not None and control.repeating and not first
         left_s = self._rest_until_s - time.monotonic()
@@ -241,7 +238,7 @@ class RecordPage(QWidget):
         self.band.say(verdict or self.tr("Rest"), rest_words(left_s, session_s, first, again, more), level)
 
     def _verdict(self) -> tuple[str, str, str]:
-        """(level, words, more) on the run that ended last; empty where there is no estimate yet."""
+        """(level, words, more) on the last run; empty without an estimate."""
         live = self._space.live
         if self._ended is None:
             return "", "", ""
@@ -254,7 +251,7 @@ class RecordPage(QWidget):
         return ("", "", "") if found is None else verdict_words(found, found.id in live.preliminary, queued)
 
     def _run_queued(self, event: events.RunQueued) -> None:
-        """A run that went wrong comes again at the end; Ctrl+Z takes it from there."""
+        """Make the repeat of a run undoable: Ctrl+Z takes it from the queue."""
         control = self._space.recording.control
         if control is not None:
             what = self.tr("record {run} again at the end").format(run=event.run_id)
@@ -286,7 +283,6 @@ class RecordPage(QWidget):
         self._signal_end()
 
     def _signal_end(self) -> None:
-        """A sound and a flash at the end of a run, where they are wanted."""
         settings = self._space.settings
         if settings.sound:
             QApplication.beep()
@@ -329,7 +325,7 @@ class RecordPage(QWidget):
         return control is not None
 
     def say_repeat(self) -> None:
-        """The operator asked for a run once more."""
+        """Show that a repeat was requested."""
         if self._phase in (None, Phase.FINISHED):
             if self._resting:
                 self._show_rest()

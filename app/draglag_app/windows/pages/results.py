@@ -1,4 +1,4 @@
-"""Results: latency against speed, and behind each point its run."""
+"""Results: latency against speed, and the run behind each point."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _RATES = (None, 60.0, 100.0, 120.0, 200.0)
 
 
 class ResultsPage(QWidget):
-    """The curve and the table of runs on the left, the chosen run on the right."""
+    """Curve and table of runs on the left, the selected run on the right."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -85,7 +85,6 @@ class ResultsPage(QWidget):
         self._session_changed()
 
     def _runs_row(self) -> Flow:
-        """What is done with the runs of the table below."""
         row = Flow()
         self.filter = QLineEdit()
         self.filter.setAccessibleName(self.tr("Filter runs"))
@@ -101,7 +100,7 @@ class ResultsPage(QWidget):
         return row
 
     def _ask_comment(self) -> None:
-        """Words on the chosen run; none takes them away. Can be undone."""
+        """Ask for a comment on the selected run; empty removes it; undoable."""
         run = self._chosen
         if not run:
             return
@@ -115,7 +114,7 @@ class ResultsPage(QWidget):
         dialog.open()
 
     def _parts(self) -> QSplitter:
-        """Curve above table, the chosen run next to both; with large text the table has the whole width."""
+        """Curve above table, the run next to both; with large text the table has the whole width."""
         large = wide(100) > LARGE_TEXT
         within, across = Qt.Orientation.Vertical, Qt.Orientation.Horizontal
         inner = QSplitter(across if large else within)
@@ -316,13 +315,12 @@ class ResultsPage(QWidget):
     # --- the chosen run -------------------------------------------------------------------------------------
 
     def choose(self, run_id: str) -> None:
-        """Show what is behind a run."""
+        """Show a run."""
         self._chosen = run_id
         self._name_button()
         self._show_run()
 
     def _is_out(self) -> bool:
-        """Whether the chosen run is kept out of the curve, by hand or for how it went."""
         analysis = self._space.analysis
         return analysis is not None and self._chosen in analysis.excluded
 

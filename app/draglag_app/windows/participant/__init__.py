@@ -1,1 +1,1 @@
-"""The screen under test: what the participant sees, where it opens, what was drawn when."""
+"""The screen under test: what is shown where, and what was drawn when."""

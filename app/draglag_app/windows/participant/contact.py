@@ -1,4 +1,4 @@
-"""Whether the stylus is on the screen, from what a touch source reports."""
+"""Whether the stylus is on the screen."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ LOST_AFTER_S = 0.35
 
 
 class Contact:
-    """Follows the contacts that the kernel reports; sources that report none are judged by how old their touches are.
+    """Follows the kernel's contacts; without them, the age of touches decides.
 
-    A stylus that stands still gives no touches and has not left the screen.
+    A stylus at rest gives no touches but is on the screen.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Contact:
         self._reported = False
 
     def take(self, event: SamplesArrived) -> bool:
-        """Whether it is on the screen after what has arrived from the touch source."""
+        """Whether the stylus is on the screen, after these samples."""
         changes = None if event.batch is None else event.batch.contacts
         if changes is not None:
             self._reported = self._reported or len(changes.down) > 0

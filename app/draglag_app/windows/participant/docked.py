@@ -1,4 +1,4 @@
-"""The participant's picture within the operator's window, where there is no room next to it."""
+"""The participant's picture within the operator's window."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ def tr(text: str) -> str:
 
 
 class DockedPicture(QWidget):
-    """A heading, and below it the picture as large as it fits, in the shape of the screen under test.
-
-    ``ratio``: height over width.
-    """
+    """A heading, and the picture as large as fits; ``ratio``: height over width."""
 
     def __init__(self, picture: QWidget, ratio: float) -> None:
         super().__init__()

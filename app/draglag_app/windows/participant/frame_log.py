@@ -10,7 +10,7 @@ from draglag.recording import DisplayTrace
 
 
 class FrameLog:
-    """When which position was drawn; written by the window, read by the session's thread."""
+    """Times and positions drawn; written by the window, read by the session's thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""The participant's window over the whole of a screen, also on a desktop that forgets it."""
+"""The participant's window on a whole screen."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _MOST_TRIES = 5
 class FullScreen(QObject):
     """Fills a screen with a window.
 
-    A window that was hidden and is shown again may come back as an ordinary one, with a title bar: X desktops drop the
-    state of a window that is withdrawn, even where the program has set it again. Then it is asked for once more.
+    X desktops drop the state of a hidden window, even if set again: shown, it may have a title bar. Then full screen is
+    requested again.
     """
 
     def __init__(self, window: QWidget) -> None:

@@ -1,4 +1,4 @@
-"""Whether the screen under test, as the numbers have it, is the screen the participant looks at, as it stands now."""
+"""Whether the stated screen under test matches the participant's screen as it stands now."""
 
 from __future__ import annotations
 
@@ -27,10 +27,8 @@ def turned(screen: Screen) -> Screen:
 
 
 def turned_panel(panel: PanelSettings) -> PanelSettings:
-    """The panel on its side. The beam is another one then, and targets of a calibration stood elsewhere.
-
-    Raises DataError where the preset is gone.
-    """
+    """The panel on its side, without beam and calibration, which no longer hold. Raises DataError where the preset is
+    gone."""
     screen = turned(panel.screen())
     sizes = {key: getattr(screen, key) for key in ("width_mm", "height_mm", "width_px", "height_px")}
     gone = {"beam_slope": 0.0, "beam_intercept_mm": None, "calibration": None}
@@ -38,7 +36,7 @@ def turned_panel(panel: PanelSettings) -> PanelSettings:
 
 
 def shape_problem(panel: Screen, shown_on: QScreen) -> str:
-    """Why millimetres on the panel would not be millimetres on that screen; empty where they are."""
+    """Why lengths on that screen would be wrong; empty if they are right."""
     size = shown_on.size()
     factor = (panel.width_mm / panel.height_mm) / (size.width() / size.height())
     if abs(factor - 1.0) <= _SHAPE:
@@ -53,9 +51,9 @@ def shape_problem(panel: Screen, shown_on: QScreen) -> str:
 
 
 def axes_problem(calibrated: bool, shown_on: QScreen) -> str:
-    """Why touch positions would not be where the picture is; empty where they are.
+    """Why touches would not match the picture; empty if they do.
 
-    A desktop turns the picture, not the axes that the kernel reports: a calibration maps them.
+    A desktop turns the picture, not the kernel's axes: a calibration maps them.
     """
     upright = shown_on.nativeOrientation()
     if upright == Qt.ScreenOrientation.PrimaryOrientation:

@@ -1,4 +1,4 @@
-"""On a single monitor: what the operator needs in a rest, along the lower edge of the participant's screen."""
+"""On a single monitor, the operator's controls in a rest, on the participant's screen."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def tr(text: str) -> str:
 
 
 class RestBar(QFrame):
-    """State, note, and buttons; hidden while a target is shown, for nothing may cover that.
+    """State, note and buttons; hidden while a target is shown, which nothing may cover.
 
     ``noted(text)``: a note was written. ``pressed(action id)``: "proceed" or "go_record".
     """
@@ -58,11 +58,11 @@ class RestBar(QFrame):
         self.hide()
 
     def say(self, big: str, small: str) -> None:
-        """The state, as the Record page has it."""
+        """Show the Record page's state."""
         self.state.setText(" · ".join(part for part in (big, small) if part))
 
     def offer(self) -> None:
-        """Show it: a rest has begun."""
+        """Show the bar: a rest has begun."""
         self._stand_below()
         self.show()
 

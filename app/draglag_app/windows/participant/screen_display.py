@@ -1,4 +1,4 @@
-"""The session's display protocol on a participant window: calls from the session's thread, drawn in the windows'."""
+"""The session's display on a participant window: called from the session's thread, drawn in the windows'."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from draglag_app.windows.participant.window import ParticipantWindow
 
 
 class ScreenDisplay(QObject):
-    """Thread-safe: every call is queued to the window; frames come back through its log."""
+    """Thread-safe: calls are queued to the window; frames come back through its log."""
 
     _show = Signal(object, float)
     _prompt = Signal(object)
@@ -52,7 +52,7 @@ class ScreenDisplay(QObject):
 
 
 class WatchedDisplay:
-    """Passes everything on to a display, and reports what the participant reads."""
+    """Forwards to a display, and reports what the participant reads."""
 
     def __init__(self, display: Display, report: Callable[[Prompted], None]) -> None:
         self._display = display
@@ -76,7 +76,7 @@ class WatchedDisplay:
 
 
 def numbered_screen(number: int) -> QScreen:
-    """The screen of that number, from 1. Raises DataError that lists those there are."""
+    """The screen of that number, from 1. Raises DataError that lists those present."""
     screens = QGuiApplication.screens()
     if not 1 <= number <= len(screens):
         known = ", ".join(f"{k} ({s.name()} {s.size().width()}×{s.size().height()})" for k, s in enumerate(screens, 1))
@@ -89,11 +89,10 @@ def numbered_screen(number: int) -> QScreen:
 def record_on_screen(
     number: int, measure: Callable[[Display], Path], panel: Screen | None = None, control: Control | None = None
 ) -> Path:
-    """Measure with the participant's window on that screen, from the command line. Returns what ``measure`` does.
+    """The result of ``measure`` with the participant's window on that screen, from the command line.
 
-    ``panel`` is the screen under test; None takes its size from what the desktop says. Raises what ``measure``
-    raises, and DataError for a screen that is not there. Esc on the participant's screen aborts the present run of
-    the session that ``control`` steers; the session goes on. Ctrl-C ends it, in order.
+    ``panel``: the screen under test; None takes the desktop's size. Raises what ``measure`` raises, and DataError for a
+    missing screen. Esc there aborts the present run of ``control``'s session; Ctrl-C ends the session properly.
     """
     from draglag_app.windows.application import make_application
 

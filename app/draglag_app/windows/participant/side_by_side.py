@@ -1,4 +1,4 @@
-"""Where the participant's display opens in a window of its own: next to the operator's, which steps aside for it."""
+"""Places the participant's window next to the operator's."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ _SHARE = 0.4
 
 
 def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]:
-    """Where the participant's window goes, and where the operator's, both with their frames.
+    """Places of both windows, with frames.
 
-    ``screen`` is what of the desktop can be used, ``ratio`` the display's height over its width. Next to the operator's
-    window wherever that stands; else the operator's moves to the left edge, or to the top; where that is not enough
-    either, the display is small and in the lower right corner, over tables: what is going on and the buttons stay in
-    sight.
+    ``screen``: usable area of the desktop; ``ratio``: the display's height over width. Next to the operator's window;
+    else that one moves to the left edge or the top; else the display is small, in the lower right corner over tables,
+    so that state and buttons stay visible.
     """
     for corner in (operator.topLeft(), QPoint(screen.left(), operator.top()), QPoint(operator.left(), screen.top())):
         moved = QRect(corner, operator.size())
@@ -37,7 +36,7 @@ def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]
 
 
 def has_room(operator: QWidget, ratio: float) -> bool:
-    """Whether a window of the participant's would hide nothing of the operator's."""
+    """Whether the participant's window would hide nothing of the operator's."""
     screen, frame = operator.screen().availableGeometry(), operator.frameGeometry()
     place, corner = places(screen, frame, ratio)
     return not place.intersects(QRect(corner, frame.size()))
@@ -49,7 +48,7 @@ def _fit(room: QSize, ratio: float) -> QSize:
 
 
 def place_side_by_side(participant: QWidget, operator: QWidget, ratio: float) -> None:
-    """Open the participant's window where neither window hides what the other is for."""
+    """Open the participant's window where neither window covers the other's essentials."""
     screen = operator.screen().availableGeometry()
     place, corner = places(screen, operator.frameGeometry(), ratio)
     if corner != operator.pos() and not (operator.isMaximized() or operator.isFullScreen()):
@@ -61,7 +60,7 @@ def place_side_by_side(participant: QWidget, operator: QWidget, ratio: float) ->
 
 
 def operators_window(known: QObject) -> QWidget | None:
-    """The window that owns what steers a session or a calibration; None where there is none."""
+    """The window that owns a session's or calibration's controller, or None."""
     owner: QObject | None = known
     while owner is not None and not isinstance(owner, QWidget):
         owner = owner.parent()

@@ -1,4 +1,4 @@
-"""What the participant sees: the moving target and short prompts, full screen on the touchscreen under test."""
+"""What the participant sees: the moving target and short prompts."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SESSION_PROMPTS = (
     QT_TRANSLATE_NOOP("Participant", "Rest"),
     QT_TRANSLATE_NOOP("Participant", "Comparing clocks: leave the screen alone"),
 )
-"""What the session itself says."""
+"""Prompts of the session itself."""
 # Of the width: as far as words may reach.
 _WORDS_WIDE = 0.96
 # So long the target moves before a stylus that is not there is asked for.
@@ -46,18 +46,18 @@ _GESTURES = frozenset((QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.T
 
 
 class ParticipantWindow(QWidget):
-    """Draws the target where the clock says it is, on an absolute grid of frames, repainting only what changed.
+    """Draws the target by the clock, on an absolute grid of frames, repainting only changes.
 
-    Positions are mm on the screen under test, which the window's area stands for: full screen they are true to size,
-    whatever the scaling or rotation; in a smaller window the whole picture shrinks.
+    Positions are mm on the screen under test, which the window's area represents: true to size at full screen, whatever
+    scaling or rotation; a smaller window shrinks the picture.
     """
 
     aborted = Signal()
-    """Esc in the participant's hands."""
+    """The participant pressed Esc."""
     closing = Signal()
-    """Somebody wants to close the window in the midst of a session."""
+    """The window was asked to close during a session."""
     stepped_back = Signal()
-    """Backspace: the last target of a calibration once more."""
+    """Backspace: the last target of a calibration again."""
 
     def __init__(
         self, screen: Screen, clock: Callable[[], float] = time.monotonic, parent: QWidget | None = None
@@ -96,7 +96,7 @@ class ParticipantWindow(QWidget):
         return self._screen.height_mm / self._screen.width_mm
 
     def show_on(self, screen: QScreen | None, operator: QWidget | None = None) -> None:
-        """Fill that screen; None opens an ordinary window, next to the operator's where there is one."""
+        """Fill that screen; None opens an ordinary window, next to ``operator`` if given."""
         if screen is None:
             if operator is not None and operator.isVisible():
                 place_side_by_side(self, operator, self.ratio)
@@ -121,7 +121,7 @@ class ParticipantWindow(QWidget):
         self._refresh()
 
     def show_cross(self, x_mm: float, y_mm: float, words: str) -> None:
-        """A cross that stands still, to be touched; ``words`` as they are to be read."""
+        """Show a cross to be touched, with translated ``words``."""
         self._timer.stop()
         self._target, self._cross, self._prompt = None, (x_mm, y_mm), words
         self._refresh()
@@ -131,12 +131,12 @@ class ParticipantWindow(QWidget):
         self._refresh()
 
     def set_practice(self, practice: bool) -> None:
-        """Practice looks different: another colour, and a word that says so."""
+        """Show practice in another colour, and say so."""
         self._practice = practice
         self._refresh()
 
     def set_contact(self, touching: bool) -> None:
-        """Whether the stylus is on the screen, as the touch source has it."""
+        """Set whether the stylus is on the screen."""
         if self._contact_lost == touching:
             self._contact_lost = not touching
             self._refresh()
@@ -144,7 +144,7 @@ class ParticipantWindow(QWidget):
     # --- time -----------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        """Draw what is due and wait for the next slot of the grid, which counts from the target's start."""
+        """Draw what is due and wait for the next slot, counted from the target's start."""
         if self._target is None:
             return
         words = self._present_words()
@@ -162,7 +162,6 @@ class ParticipantWindow(QWidget):
         return max(0.0, 1e-3 * self._timer.remainingTime()) if self._timer.isActive() else 0.0
 
     def _elapsed_s(self) -> float:
-        """Time the target has moved for."""
         if self._target is None:
             return 0.0
         return min(max(0.0, self._clock() - self._start_s), self._target.duration_s)
@@ -196,7 +195,7 @@ class ParticipantWindow(QWidget):
         return TARGET_MM / 2 * across, TARGET_MM / 2 * down
 
     def _around(self, x_px: float, y_px: float) -> QRect:
-        """What the target covers, with room for what it moves until it is painted."""
+        """The target's area, with margin for its movement until painted."""
         a, b = self._radius_px()
         return QRectF(x_px - a - 8, y_px - b - 8, 2 * a + 16, 2 * b + 16).toAlignedRect()
 
@@ -256,7 +255,7 @@ class ParticipantWindow(QWidget):
             painter.drawText(area, Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop, text)
 
     def _present_words(self) -> str:
-        """Prompt above, explanation below; both change seldom, so that the target can be repainted alone."""
+        """Prompt and explanation; both change seldom, so that the target can be repainted alone."""
         say = QCoreApplication.translate
         if self._target is None:
             return in_words(self._prompt)

@@ -1,1 +1,1 @@
-"""What every page is made of: fields, buttons, menus, icons, dialogs, work in threads. Nothing here measures."""
+"""Parts of all pages: fields, buttons, menus, icons, dialogs, work in threads."""

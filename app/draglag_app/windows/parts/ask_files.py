@@ -1,7 +1,4 @@
-"""Asking for files and folders: the dialog begins in a folder that is there, a name gets the ending it needs.
-
-Nothing waits for the answer: ``then`` gets it, and is not called when the operator changes their mind.
-"""
+"""Asking for files and folders, without blocking: ``then`` gets the answer, and is not called on cancel."""
 
 from __future__ import annotations
 
@@ -16,11 +13,11 @@ from draglag_app.windows.parts.file_dialogs import Mode, ask_whether, pick_files
 Then = Callable[[Path], None]
 
 _last = {"folder": ""}
-"""Where something was read or written last: the next thing without a place of its own begins there."""
+"""Where a file was last read or written: default of the next dialog."""
 
 
 def start_folder(folder: str | Path) -> str:
-    """The folder, or the nearest above it that is there: sessions may have none before the first."""
+    """The folder, or its nearest existing parent."""
     place = Path(folder).expanduser()
     while not place.is_dir() and place != place.parent:
         place = place.parent
@@ -28,7 +25,7 @@ def start_folder(folder: str | Path) -> str:
 
 
 def ask_open(parent: QWidget, title: str, folder: str | Path, kind: str, then: Then) -> None:
-    """A file to read."""
+    """Ask for a file to read."""
     ask_open_several(parent, title, folder, kind, lambda paths: then(paths[0]), Mode.ExistingFile)
 
 
@@ -40,7 +37,7 @@ def ask_open_several(
     then: Callable[[list[Path]], None],
     mode: Mode = Mode.ExistingFiles,
 ) -> None:
-    """Files to read, one or more."""
+    """Ask for files to read."""
 
     def chosen(paths: list[Path]) -> None:
         _remember(paths[0])
@@ -54,12 +51,12 @@ def _remember(path: Path) -> None:
 
 
 def ask_folder(parent: QWidget, title: str, folder: str | Path, then: Then) -> None:
-    """A folder that is there."""
+    """Ask for an existing folder."""
     pick_files(parent, title, Path(start_folder(folder)), "", Mode.Directory, lambda paths: then(paths[0]))
 
 
 def ask_new_folder(parent: QWidget, title: str, start: Path, then: Then) -> None:
-    """A folder to write into, which need not be there yet: its name can be typed, ``start`` is proposed."""
+    """Ask for a folder to write, new or not; ``start`` is proposed."""
 
     def chosen(paths: list[Path]) -> None:
         _remember(paths[0])
@@ -69,7 +66,7 @@ def ask_new_folder(parent: QWidget, title: str, start: Path, then: Then) -> None
 
 
 def ask_save(parent: QWidget, title: str, start: str | Path, kind: str, then: Then) -> None:
-    """Where to write; the ending is that of ``start`` unless another is typed. A file is not replaced unasked."""
+    """Ask where to write, with the ending of ``start`` unless another is typed; replacing needs consent."""
     start = Path(start)
     folder = _last["folder"] or Path.home() if start.parent == Path() else start.parent
 

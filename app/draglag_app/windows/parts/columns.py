@@ -1,4 +1,4 @@
-"""Two columns next to each other; where the window is too narrow for both, one below the other."""
+"""Two columns, one below the other in a narrow window."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from draglag_app.windows.parts.widgets import Scrolled
 
 
 class Columns(ItemList):
-    """Each column is a widget with its share of the width. Below each other, all are as high as they need."""
+    """Each column is a widget with its share of the width; stacked, each as high as it needs."""
 
     def __init__(self, spacing_px: int = 10) -> None:
         super().__init__(spacing_px)
         self._shares: list[int] = []
 
     def add_column(self, widget: QWidget, share: int) -> None:
-        """The next column to the right, or below; without a share it is as narrow as it can be."""
+        """Add a column to the right, or below; without a share it is as narrow as possible."""
         self._shares.append(share)
         self.addWidget(widget)
 
     def stacked(self, width: int) -> bool:
-        """Whether one stands below the other at that width."""
+        """Whether columns are stacked at that width."""
         return width < sum(item.minimumSize().width() for item in self._items) + self._between()
 
     # --- what a layout must know ----------------------------------------------------------------------------
@@ -66,7 +66,6 @@ class Columns(ItemList):
         return self.spacing() * max(0, len(self._items) - 1)
 
     def _widths(self, width: int) -> list[int]:
-        """The share of each column, but no less than it needs."""
         room, left = width - self._between(), list(range(len(self._items)))
         found = [item.minimumSize().width() for item in self._items]
         while left:
@@ -80,7 +79,7 @@ class Columns(ItemList):
 
 
 def _least(item: QLayoutItem, width: int) -> int:
-    """The height without which something would be cut off."""
+    """The least height that cuts nothing off."""
     widget = item.widget()
     layout = None if widget is None or isinstance(widget, Scrolled) else widget.layout()
     if layout is not None and layout.hasHeightForWidth():
@@ -89,6 +88,5 @@ def _least(item: QLayoutItem, width: int) -> int:
 
 
 def _whole(item: QLayoutItem, width: int) -> int:
-    """The height in which nothing needs to scroll."""
     widget = item.widget()
     return widget.whole_height(width) if isinstance(widget, Scrolled) else _least(item, width)

@@ -1,4 +1,4 @@
-"""Fields that let keys of the window through: what was typed and taken is undone there, not in the field."""
+"""Fields that pass undo and redo to the window once their text was accepted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _NEVER = (QKeySequence.StandardKey.MoveToEndOfLine, QKeySequence.StandardKey.Sel
 
 
 class FieldKeys(QObject):
-    """Watches the fields below a widget. Undo and redo stay theirs only while something typed was not yet taken."""
+    """Watches the fields below a widget; undo and redo are theirs only for text not yet accepted."""
 
     def __init__(self, root: QWidget) -> None:
         super().__init__(root)

@@ -1,6 +1,6 @@
-"""Dialogs that stand in nobody's way: they are shown and answer later, while the run and its keys go on.
+"""Dialogs that do not block, so that a run and its keys go on.
 
-A dialog that waits for its answer is modal to the whole application, and so takes Esc from the participant's screen.
+A dialog that waits for its answer is modal to the application, and takes Esc from the participant's screen.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Mode = QFileDialog.FileMode
 
 
 class _FileDialog(QFileDialog):
-    """What the dialog asks by itself, about a name that is not there say, is modal to nothing but its own window."""
+    """Its own questions, as on a missing name, are modal only to its window."""
 
     def childEvent(self, event: QChildEvent) -> None:
         super().childEvent(event)
@@ -28,10 +28,10 @@ class _FileDialog(QFileDialog):
 def pick_files(
     parent: QWidget, title: str, start: Path, kind: str, mode: Mode, then: Callable[[list[Path]], None]
 ) -> None:
-    """Show a file dialog and return at once; ``then`` gets what was chosen, and is not called where nothing was.
+    """Show a file dialog and return at once; ``then`` gets the choice, and is not called without one.
 
-    ``start`` is the folder it begins in, or for a name to write (``Mode.AnyFile``) that folder and the name proposed;
-    replacing what is there is for the caller to ask about. A window has one of these dialogs: the one before goes.
+    ``start``: folder to begin in, or for ``Mode.AnyFile`` folder and proposed name; the caller asks about replacing. A
+    window's earlier dialog is closed.
     """
     window = parent.window()
     close_file_dialogs(window)
@@ -59,13 +59,13 @@ def pick_files(
 
 
 def close_file_dialogs(window: QWidget) -> None:
-    """As if the operator had changed their mind."""
+    """Close the dialogs, as if cancelled."""
     for dialog in window.findChildren(QFileDialog, options=Qt.FindChildOption.FindDirectChildrenOnly):
         dialog.close()
 
 
 def ask_whether(parent: QWidget, text: str, then: Callable[[], None]) -> None:
-    """Show a question and return at once; ``then`` is called where it is answered with Yes. No is the default."""
+    """Show a question and return at once; ``then`` is called on Yes. No is the default."""
     yes, no = QMessageBox.StandardButton.Yes, QMessageBox.StandardButton.No
     box = QMessageBox(QMessageBox.Icon.Question, "draglag", plain(text), yes | no, parent.window())
     box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)

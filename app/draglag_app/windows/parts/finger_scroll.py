@@ -1,4 +1,4 @@
-"""Whatever scrolls follows a finger that is drawn over it; without this only its narrow bar does."""
+"""Scrolling by finger; without it only the narrow bar works."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Metric = QScrollerProperties.ScrollMetric
 
 
 def scroll_by_finger(root: QWidget) -> None:
-    """Let all scroll areas below a widget be drawn by finger; in plots a finger moves what is drawn."""
+    """Let scroll areas below a widget be dragged by finger, except plots."""
     for area in root.findChildren(QAbstractScrollArea):
         if isinstance(area, QGraphicsView):
             continue

@@ -1,4 +1,4 @@
-"""Rows that go on in a next line where the window is too narrow for them, as with large text."""
+"""Rows that wrap in a narrow window, or with large text."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from draglag_app.windows.parts.item_list import ItemList
 
 
 class Flow(ItemList):
-    """Widgets from left to right, in as many lines as they need.
+    """Widgets from left to right, in as many lines as needed.
 
-    ``add_rest`` ends the left part of the row: what follows stands at the right end of its line.
+    ``add_rest`` ends the left part: later widgets stand at the right end of their line.
     """
 
     def __init__(self, spacing_px: int = 8) -> None:
@@ -20,12 +20,12 @@ class Flow(ItemList):
         self._right_from: int | None = None
 
     def add_growing(self, widget: QWidget) -> None:
-        """A widget that takes the room left in its line, up to its greatest width."""
+        """Add a widget that takes the room left in its line, up to its maximum width."""
         self._growing.append(widget)
         self.addWidget(widget)
 
     def add_together(self, *widgets: QWidget) -> None:
-        """Widgets that stay in one line."""
+        """Add widgets that stay in one line."""
         group = QWidget()
         row = QHBoxLayout(group)
         row.setContentsMargins(0, 0, 0, 0)
@@ -35,7 +35,7 @@ class Flow(ItemList):
         self.addWidget(group)
 
     def add_rest(self) -> None:
-        """What is added from here on stands at the right."""
+        """Put widgets added later at the right."""
         self._right_from = len(self._items)
 
     # --- what a layout must know ----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Scrolled areas that bring what has the keyboard into sight, however it came there."""
+"""Scroll areas that follow the keyboard's focus."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QApplication, QScrollArea, QWidget
 
 
 class FollowFocus(QObject):
-    """Scrolls ``area`` to the widget in it that gets the focus. Qt does that for the Tab key alone."""
+    """Scrolls ``area`` to its focused widget; Qt does so only for the Tab key."""
 
     def __init__(self, area: QScrollArea) -> None:
         super().__init__(area)

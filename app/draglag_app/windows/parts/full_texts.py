@@ -1,4 +1,4 @@
-"""Texts that may find no room: cut off with dots, and whole in the tooltip."""
+"""Texts cut off with dots where too long, whole in the tooltip."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MARGINS_PX = 24
 
 
 class ElidedLabel(QLabel):
-    """One line that takes the width there is instead of making the window wider. ``text()`` is the whole text."""
+    """One line that never widens the window; ``text()`` is the whole text."""
 
     def __init__(self, name: str = "") -> None:
         super().__init__()
@@ -38,7 +38,7 @@ class ElidedLabel(QLabel):
         self._tell_whole()
 
     def shown(self) -> str:
-        """What there is room for."""
+        """The text as shown."""
         return elided(self.fontMetrics(), self.text(), self.contentsRect().width())
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -54,12 +54,12 @@ class ElidedLabel(QLabel):
 
 
 def elided(letters: QFontMetrics, text: str, room_px: int) -> str:
-    """As much of a text as there is room for."""
+    """As much of a text as fits."""
     return letters.elidedText(text, Qt.TextElideMode.ElideRight, room_px)
 
 
 class WholeTexts(QStyledItemDelegate):
-    """Cells whose text is cut off show it in a tooltip; those with a tooltip of their own keep it."""
+    """Cells cut off show their text in a tooltip, unless they have one."""
 
     def helpEvent(
         self,
@@ -83,7 +83,7 @@ class WholeTexts(QStyledItemDelegate):
 
 
 def whole_text(box: QComboBox, tip: str = "") -> None:
-    """What is chosen may be wider than the box: its tooltip shows the whole, and its list is as wide as it needs."""
+    """Show a box's whole choice in its tooltip, and widen its list."""
 
     def show_tip(text: str) -> None:
         box.setToolTip(plain(": ".join(part for part in (tip, text) if part)))
@@ -94,7 +94,7 @@ def whole_text(box: QComboBox, tip: str = "") -> None:
 
 
 def widen_list(box: QComboBox) -> None:
-    """The list that drops down shows its longest entry; called again when entries have come."""
+    """Widen the drop-down list to its longest entry; call again after adding entries."""
     letters = box.fontMetrics()
     widest = max((letters.horizontalAdvance(box.itemText(k)) for k in range(box.count())), default=0)
     box.view().setMinimumWidth(widest + box.view().verticalScrollBar().sizeHint().width() + _MARGINS_PX)

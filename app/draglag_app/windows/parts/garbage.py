@@ -1,7 +1,7 @@
-"""Garbage is collected in the thread of the windows alone.
+"""Garbage collection in the windows' thread alone.
 
-Python looks for garbage in whichever thread happens to make an object. Device threads make many, and windows that were
-closed lie in cycles with what they were connected to: a widget that is finalised in another thread ends the program.
+Python collects in whichever thread creates an object, such as device threads. Closed windows lie in reference cycles: a
+widget finalised in another thread ends the program.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _EVERY_MS = 500
 
 
 class Garbage(QObject):
-    """Looks by Python's own thresholds, but from this thread's event loop, at most twice a second."""
+    """Collects by Python's thresholds, from this thread's event loop, at most twice a second."""
 
     def __init__(self, application: QCoreApplication) -> None:
         super().__init__(application)
@@ -24,19 +24,19 @@ class Garbage(QObject):
         self._timer.start(_EVERY_MS)
 
     def look(self) -> None:
-        """Collect the generations that are due, the oldest of them and all younger ones."""
+        """Collect the generations that are due, with all younger ones."""
         limits, counts = gc.get_threshold(), gc.get_count()
         due = [k for k, (count, limit) in enumerate(zip(counts, limits, strict=True)) if 0 < limit < count]
         if due:
             gc.collect(due[-1])
 
     def stop(self) -> None:
-        """Leave it to Python again."""
+        """Let Python collect again."""
         self._timer.stop()
         gc.enable()
 
 
 def collect_in_this_thread(application: QCoreApplication) -> Garbage:
-    """The application's one collector of garbage, begun on the first call."""
+    """The application's only collector, made on the first call."""
     present = application.findChild(Garbage)
     return present if isinstance(present, Garbage) else Garbage(application)

@@ -1,4 +1,4 @@
-"""A heading with buttons, that keeps its height where its width is too little for one next to the other."""
+"""A heading with buttons that keeps its height in a narrow window."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from PySide6.QtWidgets import QGridLayout, QWidget
 
 
 class Heading(QWidget):
-    """``title`` with ``buttons`` next to it and ``below`` under both.
-
-    Where that would leave the title less than ``title_px``, ``below`` goes next to it and the buttons under both.
-    """
+    """``title`` with ``buttons`` next to it and ``below`` under both; where the title would have less than
+    ``title_px``, ``below`` and the buttons swap places."""
 
     def __init__(self, title: QWidget, buttons: QWidget, below: QWidget, title_px: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What every layout that keeps its widgets in a list has in common."""
+"""Common base of layouts with a list of widgets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QLayout, QLayoutItem
 
 
 class ItemList(QLayout):
-    """A layout without margins whose items are a list; where they stand is up to those derived from it."""
+    """A layout without margins whose items are a list; subclasses place them."""
 
     def __init__(self, spacing_px: int) -> None:
         super().__init__()

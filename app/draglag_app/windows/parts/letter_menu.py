@@ -1,4 +1,4 @@
-"""A menu whose entries are reached by typing how they begin, as in a box of choices; Qt's own wants marked letters."""
+"""A menu whose entries are reached by typing their beginning; Qt's needs marked letters."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ _MODIFIED = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifie
 
 
 class LetterMenu(QMenu):
-    """Letters typed in quick succession are read together; one letter again goes to the next entry of that letter."""
+    """Letters in quick succession are one word; one repeated goes to the next entry."""
 
     _typed = ""
     _since: QElapsedTimer | None = None
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Letters and digits go to an entry, Return takes it; everything else is the menu's."""
+        """Handle letters, digits and Return; other keys are the menu's."""
         text = event.text()
         if not text.isalnum() or event.modifiers() & _MODIFIED:
             super().keyPressEvent(event)

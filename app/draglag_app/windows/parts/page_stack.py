@@ -1,4 +1,4 @@
-"""The pages in a window of any size: what does not fit is scrolled to."""
+"""Pages in a window of any size, scrolled where too large."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LEAST = QSize(320, 160)
 
 
 class PageStack(QStackedWidget):
-    """As large as the page in sight needs, not as the largest of all."""
+    """As large as the visible page, not the largest."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class PageStack(QStackedWidget):
         return self.minimumSizeHint()
 
     def heightForWidth(self, width: int) -> int:
-        """The least height of the page in sight; of itself Qt takes the height that the tallest of all prefers."""
+        """The least height of the visible page; Qt takes the preferred height of the tallest."""
         page = self.currentWidget()
         layout = None if page is None else page.layout()
         if layout is None or not layout.hasHeightForWidth():
@@ -38,7 +38,7 @@ class PageStack(QStackedWidget):
 
 
 class PageScroll(QScrollArea):
-    """Scrolls the page in sight where the window is smaller than it, and follows the keyboard's focus."""
+    """Scrolls the visible page in a smaller window, and follows the focus."""
 
     def __init__(self, stack: PageStack) -> None:
         super().__init__()
@@ -58,7 +58,7 @@ class PageScroll(QScrollArea):
 
 
 class ColumnScroll(QScrollArea):
-    """A column as wide as it is, in as little height as there is."""
+    """A column of its own width, scrolled if too high."""
 
     def __init__(self, column: QWidget) -> None:
         super().__init__()

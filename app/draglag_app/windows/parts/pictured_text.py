@@ -1,4 +1,4 @@
-"""A text with pictures that are as wide as the text, and no wider than they were made."""
+"""A text with pictures as wide as the text, at most their own width."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from PySide6.QtGui import QImage, QResizeEvent, QTextCursor, QTextDocument, QTex
 from PySide6.QtWidgets import QTextBrowser
 
 PICTURE = "\N{OBJECT REPLACEMENT CHARACTER}"
-"""What stands for a picture in a text."""
+"""The character of a picture in a text."""
 
 
 class PicturedText(QTextBrowser):
-    """Markdown whose pictures are files of one folder, named relative to it."""
+    """Markdown whose pictures are files relative to one folder."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self._folder = folder
 
     def show_markdown(self, text: str) -> None:
-        """Set the text, with the pictures that are there."""
+        """Set the text, with the pictures that exist."""
         self.setMarkdown(text)
         self._fit()
 
@@ -29,12 +29,11 @@ class PicturedText(QTextBrowser):
         self._fit()
 
     def pictures(self) -> list[tuple[str, float, float]]:
-        """(name, width, height) of every picture, as large as it is shown."""
+        """(name, width, height) of every picture as shown."""
         formats = (piece.charFormat().toImageFormat() for piece in _pieces(self.document()))
         return [(shape.name(), shape.width(), shape.height()) for shape in formats if shape.isValid()]
 
     def _fit(self) -> None:
-        """Give every picture its size: that of its file, or the text's width."""
         document = self.document()
         room = self.viewport().width() - 2 * document.documentMargin() - 4
         # All of them first: a fragment is of no use once the text's formats have changed.

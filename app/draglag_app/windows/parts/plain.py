@@ -1,4 +1,4 @@
-"""Texts that come from files, devices and people are shown as they are written: markup in them is never obeyed."""
+"""Text from files, devices and people, shown without interpreting markup."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from PySide6.QtGui import Qt
 
 
 def plain(text: str) -> str:
-    """The text for a place in which Qt guesses whether it is markup: tooltips, message boxes. It is shown as it is."""
+    """The text, shown literally where Qt guesses whether it is markup: tooltips, message boxes."""
     if not Qt.mightBeRichText(text):
         return text
     return "<span>" + escape(text).replace("\n", "<br>") + "</span>"

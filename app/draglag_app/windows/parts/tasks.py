@@ -1,4 +1,4 @@
-"""Long work apart from the window: in a worker thread, with progress, and cancelled between steps."""
+"""Long work in a worker thread, with progress, cancelled between steps."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Progress = Callable[[float, str], None]
 
 
 class Cancelled(Exception):
-    """Raised out of a progress call when the operator cancelled."""
+    """Raised by a progress call after a cancel."""
 
 
 @dataclass(eq=False)
 class Task:
-    """One piece of work under way. No QObject: nothing of it may die while a worker uses it."""
+    """One piece of work. No QObject, as it must not be deleted while a worker uses it."""
 
     label: str
     work: Callable[[Progress], Any]
@@ -31,7 +31,7 @@ class Task:
     _cancelled: threading.Event = field(default_factory=threading.Event)
 
     def cancel(self) -> None:
-        """Ask the work to end at its next step; nothing is reported any more."""
+        """End the work at its next step; nothing more is reported."""
         self._cancelled.set()
 
     @property
@@ -40,7 +40,7 @@ class Task:
 
 
 class Tasks(QObject):
-    """Starts tasks and knows which are under way. Its signals are emitted in the thread it lives in."""
+    """Starts and lists tasks; signals are emitted in this object's thread."""
 
     progressed = Signal(float, str)
     changed = Signal()
@@ -62,7 +62,8 @@ class Tasks(QObject):
         done: Callable[[Any], None],
         failed: Callable[[str], None],
     ) -> Task:
-        """Do ``work(progress)`` in a worker; ``done(result)`` or ``failed(sentence)`` is called in this thread."""
+        """The task of ``work(progress)`` in a worker; ``done(result)`` or ``failed(sentence)`` is called in this
+        thread."""
         task = Task(label, work, done, failed)
         self.running.append(task)
         self._pool.start(lambda: self._run(task))
@@ -74,12 +75,12 @@ class Tasks(QObject):
             task.cancel()
 
     def finish(self) -> None:
-        """Cancel everything and wait for the workers to end."""
+        """Cancel everything and wait for the workers."""
         self.cancel_all()
         self._pool.waitForDone()
 
     def _run(self, task: Task) -> None:
-        """In the worker's thread."""
+        """Runs in the worker's thread."""
 
         def progress(fraction: float, text: str) -> None:
             if task.cancelled:
@@ -102,7 +103,7 @@ class Tasks(QObject):
         self._ended.emit(task, result, fault)
 
     def _report(self, task: Task, result: Any, fault: str) -> None:
-        """In the window's thread."""
+        """Runs in the window's thread."""
         if task in self.running:
             self.running.remove(task)
         self.changed.emit()

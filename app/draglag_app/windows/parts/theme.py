@@ -1,4 +1,4 @@
-"""Two themes, dark and light: one palette of colours each, one style sheet for both, and the plots' colours."""
+"""Dark and light theme: palettes, the style sheet, and colours of plots."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from draglag_resources import resource
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours by meaning. Those of data are Okabe and Ito's, which people with colour blindness can distinguish."""
+    """Colours by meaning; those of data are Okabe and Ito's, distinct with colour blindness."""
 
     name: str
     window: str
@@ -55,22 +55,22 @@ _scale = 1.0
 
 
 def theme() -> Theme:
-    """The theme the windows are drawn in."""
+    """The present theme."""
     return _present
 
 
 def wide(size_px: int) -> int:
-    """A width that holds text, times the size of text the operator chose."""
+    """A width that holds text, scaled by the chosen text size."""
     return round(_scale * size_px)
 
 
 def points(size: float) -> str:
-    """A size of text for plots, "10pt", times the size the operator chose."""
+    """A text size for plots, as "10pt", scaled by the chosen text size."""
     return f"{_scale * size:g}pt"
 
 
 def apply_theme(application: QApplication, name: str, scale: float | None = None) -> Theme:
-    """Draw everything in the theme of that name; "system" follows the desktop."""
+    """Apply the theme of that name; "system" follows the desktop."""
     global _present, _scale
     _scale = scale or _scale
     if name not in THEMES:
@@ -84,7 +84,7 @@ def apply_theme(application: QApplication, name: str, scale: float | None = None
 
 
 def style_sheet(colours: Theme, scale: float = 1.0) -> str:
-    """The style sheet with ``@name`` put in and text ``scale`` times its size."""
+    """The style sheet, ``@name`` replaced and text scaled."""
     values = {key: str(value) for key, value in asdict(colours).items()}
     values |= {
         "arrow_down": icon_file("arrow", colours.muted),

@@ -1,4 +1,4 @@
-"""Small parts every page is made of."""
+"""Small parts of all pages."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _ARROWS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_Home, Qt.Key.Key_End)
 
 
 class Panel(QFrame):
-    """A box with a title; ``body`` takes what is in it."""
+    """A box with a title; ``body`` holds its content."""
 
     def __init__(self, title: str = "", parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -58,7 +58,7 @@ class Panel(QFrame):
 
 
 class Form(QFormLayout):
-    """Rows of a label and a field, the label at the field's height."""
+    """Rows of label and field, the label at the field's height."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -79,7 +79,7 @@ class Form(QFormLayout):
 
 
 class Light(QWidget):
-    """State of one device by colour and by shape.
+    """State of one device by colour and shape.
 
     ○ "off": not in use · ● "ready" · ● with a ring "live" · ▲ "warning" · ■ with a cross "fault".
     """
@@ -126,7 +126,7 @@ class Light(QWidget):
 
 
 def label(text: str = "", name: str = "", wrap: bool = False) -> QLabel:
-    """A label whose look is named in the style sheet; markup in its text is shown, not obeyed."""
+    """A label of plain text; ``name``: its look in the style sheet."""
     made = QLabel()
     made.setTextFormat(Qt.TextFormat.PlainText)
     made.setText(text)
@@ -139,7 +139,7 @@ def label(text: str = "", name: str = "", wrap: bool = False) -> QLabel:
 
 
 def button(text: str, role: str = "", large: bool = False, tip: str = "") -> QPushButton:
-    """A push button; ``role`` is "primary", "danger" or plain."""
+    """A push button; ``role``: "primary", "danger" or none."""
     made = QPushButton(text)
     if role:
         made.setProperty("role", role)
@@ -150,16 +150,16 @@ def button(text: str, role: str = "", large: bool = False, tip: str = "") -> QPu
 
 
 def table(titles: Sequence[str], stretch: int = 0, single: bool = True) -> QTableWidget:
-    """A table of rows to read and choose from; see ``set_up_table``."""
+    """A table of rows to read and select; see ``set_up_table``."""
     made = QTableWidget()
     set_up_table(made, titles, stretch, single)
     return made
 
 
 def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, single: bool = True) -> None:
-    """Columns with these titles, of which one takes the room left; one row or several can be chosen, none edited.
+    """Set titles, the column that stretches, and selection of one row or several; cells are read-only.
 
-    Tab leaves the table, so that a keyboard gets on.
+    Tab leaves the table, for keyboard users.
     """
     made.setColumnCount(len(titles))
     made.setHorizontalHeaderLabels(list(titles))
@@ -180,7 +180,7 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
 
 
 class FirstRow(QObject):
-    """Where no row of a table is chosen, an arrow key chooses the one it stands on: Qt's go on to the next, if any."""
+    """Where no row is selected, an arrow key selects the current one; Qt goes on to the next."""
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         made = self.parent()
@@ -193,7 +193,7 @@ class FirstRow(QObject):
 
 
 class Scrolled(QScrollArea):
-    """A column as high as it needs, in as little height as there is: it scrolls, and follows the keyboard's focus."""
+    """A column that scrolls where too high, and follows the focus."""
 
     def __init__(self, column: QLayout) -> None:
         super().__init__()
@@ -217,7 +217,7 @@ class Scrolled(QScrollArea):
         return self._inside.sizeHint()
 
     def whole_height(self, width: int) -> int:
-        """The height at which nothing is left to scroll."""
+        """The height at which nothing scrolls."""
         layout = self._inside.layout()
         if layout is not None and layout.hasHeightForWidth():
             return max(layout.totalHeightForWidth(width), self._inside.minimumSizeHint().height())
@@ -225,7 +225,7 @@ class Scrolled(QScrollArea):
 
 
 class Shallow(QScrollArea):
-    """A label as high as its text, up to a height beyond which it scrolls."""
+    """A label as high as its text, up to a maximum, then scrolled."""
 
     def __init__(self, inside: QLabel, most_px: int) -> None:
         super().__init__()
@@ -239,7 +239,7 @@ class Shallow(QScrollArea):
         self._fit()
 
     def show_text(self, text: str) -> None:
-        """Another text."""
+        """Show another text."""
         inside = self.widget()
         if isinstance(inside, QLabel):
             inside.setText(text)
@@ -259,7 +259,7 @@ class Shallow(QScrollArea):
 
 
 class Resting:
-    """Buttons that rest while their work goes on. The keyboard comes back to the one it was on, if it went nowhere."""
+    """Buttons disabled during their work; focus returns to the one that had it, if it moved nowhere else."""
 
     def __init__(self, *buttons: QPushButton) -> None:
         self._buttons = buttons
@@ -273,21 +273,21 @@ class Resting:
         self._fell_to = QApplication.focusWidget()
 
     def give_focus_back(self) -> None:
-        """After the buttons have been enabled again, those that are."""
+        """Return the focus; call after enabling the buttons."""
         pressed, self._pressed = self._pressed, None
         if pressed is not None and pressed.isEnabled() and QApplication.focusWidget() is self._fell_to:
             pressed.setFocus(Qt.FocusReason.TabFocusReason)
 
 
 def restyle(widget: QWidget, name: str, value: str) -> None:
-    """Change a property that the style sheet looks at."""
+    """Change a property that the style sheet uses."""
     widget.setProperty(name, value)
     widget.style().unpolish(widget)
     widget.style().polish(widget)
 
 
 class Fact(QWidget):
-    """A number with what it is above it."""
+    """A number with its name above it."""
 
     def __init__(self, title: str) -> None:
         super().__init__()

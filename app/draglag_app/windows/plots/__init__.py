@@ -1,1 +1,1 @@
-"""Plots: one frame and one kind of plot for all pages, and what it hands out."""
+"""Plots of all pages: frame, drawing, export."""

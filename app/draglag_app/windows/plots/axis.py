@@ -1,4 +1,4 @@
-"""An axis whose title stays within the plot, however small that is."""
+"""An axis whose title fits the plot."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _EDGE_PX = 2
 
 
 class Axis(pg.AxisItem):
-    """``write`` sets the title for the room there is; pyqtgraph would cut it off at the plot's edge."""
+    """``write`` fits the title to the room, where pyqtgraph would cut it off."""
 
     def write(self, title: str, room_px: float) -> None:
-        """The whole title in letters that fit; in a plot too small for that its unit alone."""
+        """Write the title in letters that fit, or else its unit alone."""
         unit = re.search(r"\(([^()]+)\)$", title)
         attempts = [(title, size) for size in _LETTERS_PT]
         if unit:
@@ -38,7 +38,7 @@ class Axis(pg.AxisItem):
         self._keep_inside()
 
     def _keep_inside(self) -> None:
-        """In the middle of the axis; where it would reach over the plot's edge there, next to that edge."""
+        """Centre the title, or move it to the plot's edge."""
         parent, label = self.parentItem(), self.label
         if parent is None or label is None:
             return

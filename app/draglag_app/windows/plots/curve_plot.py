@@ -1,4 +1,4 @@
-"""Latency against speed: the plot that Record, Results and Compare share."""
+"""Latency against speed, on Record, Results and Compare."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SYMBOLS = ("o", "s", "t", "d", "x")
 
 
 class CurvePlot(Plot):
-    """Points of runs with their 95 % intervals, the fitted curve with its band, alternatives if asked for."""
+    """Runs with 95 % intervals, the fitted curve with its band, alternatives if requested."""
 
     def __init__(self, title: str = "", parent: QWidget | None = None, named_above: bool = False) -> None:
         self._named_above = ""
@@ -48,8 +48,8 @@ class CurvePlot(Plot):
         """Draw again.
 
         Args:
-            clicked: hears the id of a run whose point was clicked.
-            residuals: draw what is left after the curve is subtracted, where band and intervals are wide enough to see.
+            clicked: called with the id of a clicked run.
+            residuals: draw latency minus curve, where band and intervals are wide enough to see.
         """
         self.clear_all()
         colours, out = theme(), set(excluded)
@@ -76,10 +76,8 @@ class CurvePlot(Plot):
             self._fit_ranges(good, out)
 
     def _fit_ranges(self, good: list[RunEstimate], out: set[str]) -> None:
-        """Latencies from zero, so that the first point of a session does not fill the plot with its own interval.
-
-        Residuals reach as far as those of the runs in the curve.
-        """
+        """Latencies from zero, so that a first point's interval does not fill the plot; residuals by runs in the
+        curve."""
         # The margin below is for the labels of zero.
         self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
         if self._base is None:
@@ -91,7 +89,7 @@ class CurvePlot(Plot):
         self.setYRange(-most_ms, most_ms, padding=0)
 
     def _less_base_ms(self, speed_mm_s: Column | float | None, latency_s: Column | float | None) -> np.ndarray:
-        """Latencies as they are drawn: less the curve where residuals are."""
+        """Latencies as drawn, ms: minus the curve for residuals."""
         latency = np.asarray(latency_s, float)
         return 1e3 * (latency if self._base is None else latency - self._base.predict_s(np.asarray(speed_mm_s, float)))
 
@@ -116,7 +114,7 @@ class CurvePlot(Plot):
         )
 
     def draw_curve(self, name: str, curve: CurveFit, colour: str, band: str = "") -> None:
-        """One curve with its 95 % band over the measured speeds; ``band``: its name in the legend, if any."""
+        """One curve with its 95 % band over the measured speeds; ``band``: name in the legend, if any."""
         speed = speeds_of(curve)
         low_ms, high_ms = (self._less_base_ms(speed, edge_s) for edge_s in curve.band_s(speed))
         self.band(name + " 95 %", speed, low_ms, high_ms, colour, band)

@@ -1,4 +1,4 @@
-"""One kind of plot for all pages: what is drawn goes by name, with hover values and numbers to hand out."""
+"""The plot of all pages: named items, hover values, numbers to export."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ _BROAD_PX = 10
 class Plot(PlotFrame):
     """A plot with titled axes in units.
 
-    What is drawn goes through ``line``, ``dots``, ``band`` … under a name, so that drawing again replaces it, and
-    so that "Save numbers" knows it.
+    ``line``, ``dots``, ``band`` … draw under a name: drawing again replaces the item, and "Save numbers" exports it.
     """
 
     def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
@@ -38,7 +37,7 @@ class Plot(PlotFrame):
     # --- drawing --------------------------------------------------------------------------------------------
 
     def clear_all(self) -> None:
-        """Take everything away."""
+        """Remove everything."""
         for name in list(self._items):
             self.remove(name)
 
@@ -84,7 +83,7 @@ class Plot(PlotFrame):
         clicked: Callable[[int], None] | None = None,
         legend: bool = True,
     ) -> None:
-        """Points with a shape, an error bar (half its length) and words to show when the mouse is near."""
+        """Points with error bars (half their length) and words shown near the mouse."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         look = (colour, symbol, size, hollow)
         if error is None and not words and clicked is None and self._looks.get(name) == look:
@@ -112,7 +111,7 @@ class Plot(PlotFrame):
         self._hover[name] = Series(x, y, words=words)
 
     def band(self, name: str, x: Column, low: Column, high: Column, colour: str, legend: str = "") -> None:
-        """A shaded stretch between two curves; ``legend``: what it is called there, if anything."""
+        """A shaded area between two curves; ``legend``: its name there, if any."""
         self.remove(name)
         shade = QColor(colour)
         shade.setAlpha(_SHADE)
@@ -138,7 +137,7 @@ class Plot(PlotFrame):
         hatched: bool = False,
         words: Sequence[str] = (),
     ) -> None:
-        """Bars from ``base`` upwards: a histogram, or steps of a waterfall. ``hatched`` ones are provisional."""
+        """Bars from ``base`` up: a histogram or waterfall. ``hatched``: provisional."""
         self.remove(name)
         x, up = np.asarray(centre, float), np.asarray(height, float)
         low = np.broadcast_to(np.asarray(base, float), up.shape)
@@ -164,7 +163,7 @@ class Plot(PlotFrame):
         self._numbers[name] = (np.array([at]),)
 
     def leave_room_above(self, share: float) -> None:
-        """Room for a legend above lines and bands, as a share of their height."""
+        """Make room for a legend above lines and bands, as a share of their height."""
         heights = [np.asarray(column, float) for columns in self._numbers.values() for column in columns[1:]]
         values = np.concatenate(heights) if heights else np.empty(0)
         values = values[np.isfinite(values)]

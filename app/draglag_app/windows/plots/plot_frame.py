@@ -1,4 +1,4 @@
-"""The frame of every plot: titled axes in the present theme, focus, legend, a menu to copy and export."""
+"""The frame of every plot: axes, focus, legend, menu to copy and export."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _AWAY = (Qt.FocusReason.PopupFocusReason, Qt.FocusReason.ActiveWindowFocusReason
 
 
 class PlotFrame(pg.PlotWidget):
-    """What is around the drawing; what is drawn is the subclass's."""
+    """The surroundings of a plot; subclasses draw."""
 
     def __init__(self, title: str, x: str, y: str, file_name: str, parent: QWidget | None) -> None:
         super().__init__(parent, enableMenu=False, axisItems={side: Axis(side) for side in ("bottom", "left")})
@@ -81,18 +81,18 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def sizeHint(self) -> QSize:
-        """The least: plots take what room there is, and a graphics view would ask for much."""
+        """The minimum: plots take the available room, and a graphics view would ask for much."""
         return QSize(self.minimumSize())
 
     def focusInEvent(self, event: QFocusEvent) -> None:
-        """The ring is for those who come by keyboard; it comes back after a menu or a dialog."""
+        """Show the focus ring for keyboard focus; it comes back after a menu or dialog."""
         super().focusInEvent(event)
         if event.reason() not in _AWAY:
             self._by_tab = event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason)
         self._ring.setVisible(self._by_tab)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Return opens the menu, as the menu key does where a keyboard has one."""
+        """Open the menu by Return, as by the menu key, which keyboards may lack."""
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
             self._menu(self.rect().center())
             event.accept()
@@ -111,26 +111,24 @@ class PlotFrame(pg.PlotWidget):
     # --- legend and titles ----------------------------------------------------------------------------------
 
     def add_legend(self, offset: tuple[int, int] = (-10, 8), columns: int = 1) -> None:
-        """Names of what is drawn, in a corner."""
+        """Add a legend in a corner."""
         self.legend = self.addLegend(offset=offset, labelTextSize=points(9), colCount=columns)
         self.restyle()
         self._show_emptiness()
 
     def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = _APART) -> None:
-        """A title with the names of what is drawn, (sign, colour, words) each: for plots with no room for a legend.
-
-        Title and words are HTML.
-        """
+        """A title that includes the legend, (sign, colour, words) each, where there is no room for one. Title and words
+        are HTML."""
         words = _APART.join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
         self.title_lines(f"{title}{apart}{words}".split("<br>"))
 
     def title_lines(self, lines: Sequence[str]) -> None:
-        """A title of a line or more, each in the middle; the lines are HTML."""
+        """A title of centred HTML lines."""
         self._title = tuple(lines)
         self._write_title()
 
     def _write_title(self) -> None:
-        """As large as there is room for now: a title that asks for more would push the plot out of sight."""
+        """Write the title as large as fits: a larger one would push the plot out of sight."""
         plot, lines = self.getPlotItem(), self._title
         room = self.width() - plot.getAxis("left").width() - _MARGIN_PX
         size_pt = self._set_title(lines, room)
@@ -143,7 +141,7 @@ class PlotFrame(pg.PlotWidget):
             plot.layout.setRowFixedHeight(0, high)
 
     def _set_title(self, lines: Sequence[str], room_px: float) -> float:
-        """These lines in letters that fit; their size in points."""
+        """The size in points at which the lines fit, set as title."""
         plot = self.getPlotItem()
         # A title has no width of its own to centre lines in; a table has.
         rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
@@ -157,7 +155,6 @@ class PlotFrame(pg.PlotWidget):
         return size_pt
 
     def _fit_titles(self) -> None:
-        """Write the titles for the room there is now."""
         plot = self.getPlotItem()
         if plot is None:  # a plot that was closed has none
             return
@@ -168,25 +165,25 @@ class PlotFrame(pg.PlotWidget):
             plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
 
     def keep_axes_drawn(self) -> None:
-        """Draw axes and grid once, into a picture that is put back: for plots redrawn several times a second.
+        """Cache axes and grid as a picture, for plots redrawn several times a second.
 
-        They cost as much as all the rest of such a plot, and change only when its range does.
+        They cost as much as all the rest, and change only with the range.
         """
         for side in ("bottom", "left"):
             self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
 
     def rename(self, title: str) -> None:
-        """Another title above the plot."""
+        """Set the title."""
         self._labels = (title, *self._labels[1:])
         self.restyle()
 
     def relabel(self, title: str, x: str, y: str) -> None:
-        """Another title and other axes."""
+        """Set title and axes."""
         self._labels = (title, x, y)
         self.restyle()
 
     def restyle(self) -> None:
-        """Take the present theme's colours."""
+        """Draw in the present theme."""
         colours = theme()
         self.setBackground(colours.panel)
         plot = self.getPlotItem()
@@ -211,13 +208,12 @@ class PlotFrame(pg.PlotWidget):
             self.legend.setPen(pg.mkPen(colours.line))
 
     def _write_axes(self) -> None:
-        """The axes' titles, each along its own side."""
         _, x, y = self._labels
         self.getPlotItem().getAxis("bottom").write(x, self.width())
         self.getPlotItem().getAxis("left").write(y, self.height())
 
     def _show_emptiness(self) -> None:
-        """An empty plot says so, instead of showing axes without meaning."""
+        """Say that a plot is empty, instead of showing axes without meaning."""
         empty = not self._items
         self._nothing.setVisible(empty)
         for side in ("bottom", "left"):
@@ -261,7 +257,7 @@ class PlotFrame(pg.PlotWidget):
             self._tell("info", tr("Saved: {path}").format(path=path))
 
     def _tell(self, level: str, text: str) -> None:
-        """Where the operator's window has a place for it: nothing stands in the way of a run."""
+        """Show a text in the window's strip, which does not interrupt a run, if it has one."""
         notify = getattr(self.window(), "notify", None)
         if notify is not None:
             notify(level, text)
@@ -269,7 +265,7 @@ class PlotFrame(pg.PlotWidget):
             QMessageBox.warning(self, "draglag", plain(in_words(text)))
 
     def source_line(self) -> str:
-        """What is drawn here, for pictures that leave the program: by default the session of the window."""
+        """The source of what is drawn, for exported pictures; default: the window's session."""
         if self.source is not None:
             return self.source()
         of_window = getattr(self.window(), "figure_source", None)
@@ -279,12 +275,12 @@ class PlotFrame(pg.PlotWidget):
         QGuiApplication.clipboard().setImage(signed(self.grab().toImage(), self.source_line()))
 
     def save(self, path: Path) -> None:
-        """Write a PNG, an SVG or a CSV, by the name's ending. Raises DataError where it cannot be written."""
+        """Write a PNG, SVG or CSV, by the ending. Raises DataError."""
         if path.suffix == ".csv":
             write_text(self.csv(), path)
         else:
             write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()), self.source_line())
 
     def csv(self) -> str:
-        """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
+        """All numbers drawn, with the axes' titles as header."""
         return as_csv(self._labels[1:], self._numbers)

@@ -1,4 +1,4 @@
-"""What a plot hands out: the value under the mouse, its numbers as CSV, its picture as PNG or SVG."""
+"""Export of a plot: value under the mouse, CSV, PNG, SVG."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DOT_PX, _LINE_PX = 14.0, 8.0
 
 @dataclass(frozen=True)
 class Series:
-    """What the mouse may be near: points, or the line through them. ``words``: one text a point, or none."""
+    """Points, or the line through them, near the mouse. ``words``: one text per point, or none."""
 
     x: Column
     y: Column
@@ -34,7 +34,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Near:
-    """Where it is, in the plot's own units, and what to say."""
+    """Position in the plot's units, and the text to show."""
 
     x: float
     y: float
@@ -42,9 +42,9 @@ class Near:
 
 
 def near(view: Any, at: Any, shown: Mapping[str, Series], axes: tuple[str, str]) -> Near | None:
-    """The point, or else the place on a line, that is close to a scene position; ``axes`` are the axes' titles.
+    """The point, or else the place on a line, close to a scene position; ``axes``: their titles.
 
-    ``view`` is pyqtgraph's view box. A point goes before a line.
+    ``view``: pyqtgraph's view box.
     """
     (x0, x1), (y0, y1) = view.viewRange()
     first, second = view.mapViewToScene(_point(x0, y0)), view.mapViewToScene(_point(x1, y1))
@@ -79,7 +79,7 @@ def _point(x: float, y: float) -> Any:
 
 
 def _on_segments(pixels: Column, mouse: Column) -> tuple[int, float, float]:
-    """(segment, share of it, distance in px) of the closest place on a line; NaN breaks the line."""
+    """(segment, fraction of it, distance in px) of the closest place on a line; NaN breaks the line."""
     start, way = pixels[:-1], np.diff(pixels, axis=0)
     length = (way**2).sum(1)
     share = np.clip(((mouse - start) * way).sum(1) / np.where(length > 0, length, 1.0), 0.0, 1.0)
@@ -94,13 +94,13 @@ def _said(name: str, place: Column, axes: tuple[str, str]) -> str:
 
 
 def unit(title: str) -> str:
-    """The unit an axis' title ends with, in brackets; empty where it has none."""
+    """The unit in brackets at a title's end, or empty."""
     found = re.search(r"\(([^()]*)\)\s*$", title)
     return "" if found is None else found[1].removeprefix("± ")
 
 
 def as_csv(axes: tuple[str, str], numbers: Mapping[str, tuple[Column, ...]]) -> str:
-    """All numbers drawn: series, x, y and the rest, with the axes' titles as header."""
+    """CSV of series, x, y and more, with the axes' titles as header."""
     rows = [f"series,{_plain(axes[0])},{_plain(axes[1])},more"]
     for name, columns in numbers.items():
         rows += [",".join([_plain(name), *(f"{value:.9g}" for value in row)]) for row in zip(*columns, strict=False)]
@@ -112,10 +112,7 @@ def _plain(text: str) -> str:
 
 
 def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
-    """A plot item as SVG or else as PNG, by the name's ending, with a line at its foot on what it was drawn from.
-
-    Raises DataError where it cannot be written.
-    """
+    """Write a plot item as SVG or PNG, by the ending, with a line on its source. Raises DataError."""
     try:
         if path.suffix == ".svg":
             with new_file(path, replace=True) as growing:
@@ -134,7 +131,7 @@ def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
 
 
 def signed(image: QImage, source: str) -> QImage:
-    """The picture with a strip added below that says what it was drawn from."""
+    """The picture with a strip below that names its source."""
     high_px = max(14, round(0.016 * image.width()))
     out = QImage(image.width(), image.height() + round(1.6 * high_px), QImage.Format.Format_RGB32)
     out.fill(image.pixelColor(0, 0))
@@ -151,7 +148,7 @@ def signed(image: QImage, source: str) -> QImage:
 
 
 def signed_svg(svg: bytes, source: str) -> bytes:
-    """The drawing with a line added below that says what it was drawn from; as it is where its size is not known."""
+    """The drawing with a line below that names its source; unchanged where its size is unknown."""
     text = svg.decode()
     box = re.search(r'viewBox\s*="([-\d.]+) ([-\d.]+) ([\d.]+) ([\d.]+)"', text)
     if box is None:
@@ -168,7 +165,7 @@ def signed_svg(svg: bytes, source: str) -> bytes:
 
 
 def write_text(text: str, path: Path) -> None:
-    """Raises DataError where it cannot be written."""
+    """Write a text file. Raises DataError."""
     try:
         with new_file(path, replace=True) as growing:
             growing.write_text(text, "utf-8")

@@ -1,4 +1,4 @@
-"""What is behind a run: alignment, J(L), stylus width, taps, validation."""
+"""Details of a run: alignment, J(L), stylus width, taps, validation."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class CostPlot(Plot):
 
 
 class WidthPlot(Plot):
-    """The stylus' diameter as each run sees it: a check of everything at once."""
+    """The stylus' diameter by each run: a check of everything at once."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(
@@ -168,7 +168,7 @@ class TapsPlot(Plot):
 
 
 class ValidationView(QWidget):
-    """How much of the misalignment the curve removes from runs it was not made from (Eq. 4)."""
+    """How much misalignment the curve removes from runs not used for it (Eq. 4)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

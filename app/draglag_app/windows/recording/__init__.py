@@ -1,1 +1,1 @@
-"""A recording under way as the window has it: its thread, its signals, what is drawn and estimated meanwhile."""
+"""A recording in progress: its thread, signals, plots and estimates."""

@@ -1,4 +1,4 @@
-"""A calibration under way: targets on the participant's screen, touches from a thread that reads the touchscreen."""
+"""A calibration in progress: targets on the participant's screen, touches from a reading thread."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def tr(text: str) -> str:
 
 
 def fault_words(fault: str) -> str:
-    """What to do about a touch that was not taken."""
+    """What to do about a rejected touch."""
     return {
         "": "",
         TOO_SHORT: tr("That was too short: rest the stylus on the cross, then lift it."),
@@ -42,7 +42,7 @@ def fault_words(fault: str) -> str:
 
 @dataclass
 class _Reader:
-    """What the reading thread shares with the window."""
+    """Shared by reading thread and window."""
 
     rig: Rig
     stop: threading.Event
@@ -55,9 +55,9 @@ class Calibrating(QObject):
     changed = Signal()
     """Began, ended, or another target is due."""
     made = Signal(object)
-    """CalibrationSettings that fit; nothing has been stored yet."""
+    """Fitted CalibrationSettings, not stored yet."""
     refused = Signal(object)
-    """No calibration came of it; one sentence with the remedy."""
+    """Why no calibration was made; a sentence with the remedy."""
     _opened = Signal(object, object)
     _arrived = Signal(object, object)
     _failed = Signal(object, object)
@@ -114,7 +114,7 @@ class Calibrating(QObject):
         self.changed.emit()
 
     def back(self) -> None:
-        """The last target once more."""
+        """Show the last target again."""
         if self.active:
             self.touches.back()
             self.fault = ""
@@ -125,7 +125,7 @@ class Calibrating(QObject):
             self.changed.emit()
 
     def cancel(self) -> None:
-        """End without a result; what was in use stays."""
+        """End without a result; the calibration in use stays."""
         if self.active:
             self._close()
             self.changed.emit()
@@ -218,7 +218,6 @@ class Calibrating(QObject):
             self.window.show_cross(*self._place_mm(), f"{words}\n{self.fault}")
 
     def _ask_hand(self) -> None:
-        """Simulated hands are given the place of the target; people see it."""
         if self._reader is not None:
             stage = self._reader.rig.stage
             stage.begin_touch(*self._place_mm(), stage.time_base.now() + _SEES_AFTER_S)

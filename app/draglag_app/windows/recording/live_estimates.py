@@ -1,4 +1,4 @@
-"""The latency of each run of the session being recorded, as soon as there is one, and the curve through them."""
+"""Latencies of the session being recorded, and the curve through them."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 class LiveEstimates(QObject):
-    """A run is estimated twice: from what there is right after its end, and from all of it once it is saved.
+    """Estimates each run twice: right after its end, and whole once saved.
 
     Attributes:
-        known: one estimate a run, in the order of recording.
-        preliminary: ids of the runs whose last events are still to come.
-        curve: the best curve through those that are whole; None while there are too few.
+        known: one estimate per run, in the order of recording.
+        preliminary: ids of runs whose last events are still to come.
+        curve: the best curve through whole runs; None while there are too few.
     """
 
     changed = Signal()
@@ -42,13 +42,13 @@ class LiveEstimates(QObject):
         workspace.bridge.run_finished.connect(self._finished)
 
     def clear(self) -> None:
-        """A new session."""
+        """Begin a new session."""
         self.known, self.curve = [], None
         self.preliminary.clear()
         self.changed.emit()
 
     def take(self, estimate: RunEstimate) -> None:
-        """An estimate of a whole run, in the place of the preliminary one."""
+        """Replace a run's preliminary estimate by that of the whole run."""
         self.preliminary.discard(estimate.id)
         self._put(estimate)
         self._fit()
@@ -68,7 +68,7 @@ class LiveEstimates(QObject):
             self.changed.emit()
 
     def _estimate(self, event: events.RunPreviewed | events.RunFinished, preliminary: bool) -> None:
-        """Without waiting for the file. Tasks are done one after the other, so the whole run has the last word."""
+        """Estimate without waiting for the file; tasks run in order, so the whole run comes last."""
         order, run, options = self._space.recording.order, event.run, self._space.options
         if order is None or not has_constant_speed(run):
             return
@@ -99,7 +99,7 @@ class LiveEstimates(QObject):
         self.changed.emit()
 
     def _fit(self) -> None:
-        """One fit at a time; what came in the meantime is fitted next."""
+        """One fit at a time; later runs are fitted next."""
         if self._fitting:
             self._fit_again = True
             return

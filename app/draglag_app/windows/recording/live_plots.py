@@ -1,4 +1,4 @@
-"""The live plots of a run: the stylus on the screen, and its speed against the target's."""
+"""Live plots of a run: the stylus on the screen, and its speed against the target's."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _MARGIN, _FASTER = 0.03, 1.35
 
 
 def _thinned(table: np.ndarray) -> np.ndarray:
-    """At most about ``_MOST_DRAWN`` rows, the last one among them."""
+    """About ``_MOST_DRAWN`` rows at most, including the last."""
     step = max(1, -(-len(table) // _MOST_DRAWN))
     return table[::-1][::step][::-1]
 
 
 class TracePlot(Plot):
-    """The screen under test: target's path, touch trace, beam and the touch positions at its edges."""
+    """The screen under test: target's path, touch trace, beam, touches at its edges."""
 
     _begun: tuple[Order | None, PlannedRun | None] = (None, None)
 
@@ -47,7 +47,7 @@ class TracePlot(Plot):
         self.name_above(tr("On the screen"), marks)
 
     def begin(self, order: Order | None, planned: PlannedRun | None) -> None:
-        """An empty screen with beam and the path the target will take."""
+        """Draw an empty screen with beam and target's path."""
         self.clear_all()
         self._begun = (order, planned)
         self._draw_what_stands()
@@ -75,7 +75,7 @@ class TracePlot(Plot):
             self.line(tr("target"), *planned.target.position_mm(t_s), colours.line, 1)
 
     def draw(self, live: LiveRun) -> None:
-        """What has arrived."""
+        """Draw the data so far."""
         colours, trace = theme(), live.trace()
         if not len(trace):
             return
@@ -97,7 +97,7 @@ class TracePlot(Plot):
 
 
 class SpeedPlot(Plot):
-    """Speed of the stylus, as the touch trace shows it, against the target's."""
+    """Speed of the stylus, by its touches, against the target's."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("", tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
@@ -111,7 +111,7 @@ class SpeedPlot(Plot):
             self._draw_line(name, *columns)
 
     def begin(self, planned: PlannedRun | None) -> None:
-        """An empty run: what the target will do, and axes that stay as they are while it does."""
+        """Draw the target's speed, with fixed axes."""
         self.clear_all()
         if planned is None:
             return
@@ -122,7 +122,7 @@ class SpeedPlot(Plot):
         self.setRange(xRange=(0, planned.duration_s), yRange=(0, _FASTER * fastest), padding=_MARGIN)
 
     def draw(self, live: LiveRun) -> None:
-        """What has arrived, of a run that was begun."""
+        """Draw the data so far."""
         speed = live.speeds()
         if live.planned is None or not len(speed):
             return
@@ -135,6 +135,6 @@ class SpeedPlot(Plot):
 
 
 def _beyond(places_mm: np.ndarray, screen_mm: tuple[float, float]) -> bool:
-    """Whether any of them, (n, 2), lies off the screen by more than what is drawn around it."""
+    """Whether any place, (n, 2), lies off the screen beyond its margin."""
     spare = _MARGIN * np.array(screen_mm)
     return bool(((places_mm < -spare) | (places_mm > screen_mm + spare)).any())

@@ -1,4 +1,4 @@
-"""The run as it happens, in plots: the stylus on the screen, its speed, and the latency of the runs so far."""
+"""A run as it happens, and the latencies so far."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _ROOM_S, _MOST_WAITS = 0.010, 3
 
 
 class LiveView(QSplitter):
-    """Draws right after a frame of the participant's target: there is longest until the next one is due.
+    """Draws right after a frame of the participant's target, with the longest time to the next.
 
-    ``next_frame_s`` gives how long it is until then, s; 0 where nothing moves.
+    ``next_frame_s``: time until then, s; 0 where nothing moves.
     """
 
     drawing = Signal()
-    """Ten times a second while a session goes on, when there is time to draw."""
+    """Ten times a second during a session, when there is time to draw."""
 
     def __init__(self, latency_title: str, next_frame_s: Callable[[], float]) -> None:
         super().__init__(Qt.Orientation.Horizontal)
@@ -67,13 +67,13 @@ class LiveView(QSplitter):
         return 0 if self._run is None else self._run.n_edges
 
     def begin_session(self) -> None:
-        """Nothing to show yet."""
+        """Clear the plots."""
         self.trace.begin(None, None)
         self.speed.begin(None)
         self._due.start()
 
     def end_session(self) -> None:
-        """What is plotted stays."""
+        """Stop drawing; plots stay."""
         if self._docked is not None:
             self._docked.hide()
             self._docked.deleteLater()
@@ -82,30 +82,30 @@ class LiveView(QSplitter):
         self._frame_drawn.stop()
 
     def dock(self, picture: ParticipantWindow) -> None:
-        """Show what the participant sees to the left of the plots, until the session ends."""
+        """Show the participant's picture left of the plots, until the session ends."""
         self._docked = DockedPicture(picture, picture.ratio)
         self.insertWidget(0, self._docked)
         self.setSizes([300, 500, 380])
         picture.setFocus()  # Esc aborts the run, as in a window of its own
 
     def prepare(self, run_id: str, order: Order | None, planned: PlannedRun | None) -> None:
-        """A run is about to begin."""
+        """Prepare the plots for a run."""
         self._run = LiveRun(run_id, planned, 0.0)
         self.trace.begin(order, planned)
         self.speed.begin(planned)
 
     def begin_run(self, event: events.RunStarted) -> None:
-        """Its target moves."""
+        """The target moves."""
         self._run = LiveRun(event.run_id, event.planned, event.start_s)
 
     def add(self, samples: events.SamplesArrived) -> None:
-        """Take what has arrived; it is drawn when there is time."""
+        """Add samples, drawn when there is time."""
         if self._run is not None:
             self._run.add(samples)
         self._fresh = True
 
     def draw_all(self) -> None:
-        """Both live plots, now."""
+        """Draw both live plots now."""
         if self._run is not None:
             self.trace.draw(self._run)
             self.speed.draw(self._run)

@@ -1,4 +1,4 @@
-"""One recording at a time: the session in a thread of its own, the participant's window, what the operator asks."""
+"""One recording at a time: session thread, participant's window, operator's requests."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from draglag_devices.rig import Rig
 
 @dataclass(frozen=True)
 class Order:
-    """What to record, where to, and where the participant looks: "window", "offscreen" or "screen N"."""
+    """What to record and where; ``display``: "window", "offscreen" or "screen N"."""
 
     protocol: Protocol
     rig: Rig
@@ -66,7 +66,7 @@ class Recording(QObject):
         return self._thread is not None
 
     def start(self, order: Order) -> None:
-        """Begin. Raises DraglagError for a plan that does not fit, a screen or a folder that is not there."""
+        """Begin. Raises DraglagError: the plan does not fit; screen or folder is missing."""
         if self.active:
             raise DataError("a session is being recorded already", "Stop it first")
         if order.out.exists():
@@ -108,12 +108,12 @@ class Recording(QObject):
         self.began.emit(order)
 
     def planned(self, run: str | Run) -> PlannedRun | None:
-        """What was planned for a run; repeats (run-03-2) share the plan of the first."""
+        """The plan of a run; repeats (run-03-2) share the first's."""
         run_id = run if isinstance(run, str) else run.id
         return self._plan.get(run_id) or self._plan.get("-".join(run_id.split("-")[:2]))
 
     def left_s(self, run_number: int) -> float:
-        """What is planned after the run of that number (from 1), s: runs, those queued again, taps, clock check."""
+        """Time planned after that run (from 1), s: runs, those queued again, taps, clock check."""
         order, control = self.order, self.control
         if order is None:
             return 0.0
@@ -123,7 +123,7 @@ class Recording(QObject):
         return planned_after_s(order.protocol, plan, order.options.countdown_s)
 
     def stop_and_wait(self) -> None:
-        """End the session in order and wait until the file is closed."""
+        """End the session properly and wait until the file is closed."""
         if self.control is not None:
             self.control.no_place()
             self.control.stop()
@@ -149,7 +149,7 @@ class Recording(QObject):
         return ScreenDisplay(window)
 
     def _aborted(self, why: str) -> None:
-        """End the run, and say so: to the operator now, and in the file."""
+        """Abort the run, and note why for operator and file."""
         if self.control is not None:
             self.control.note(why)
             self.control.abort_run()

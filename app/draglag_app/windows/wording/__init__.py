@@ -1,1 +1,1 @@
-"""What the operator reads: names, numbers and sentences, in the language of the settings."""
+"""What the operator reads, in the settings' language."""

@@ -1,8 +1,5 @@
-"""Sentences of the library that name commands, and what the windows say instead: their buttons and pages.
-
-The library speaks to people at a terminal. Each key is a template of the library's; its value is the wording of the
-windows, which is the one that is translated.
-"""
+"""The library's sentences that name commands → the windows' wording, naming buttons and pages; the latter is
+translated."""
 
 from __future__ import annotations
 

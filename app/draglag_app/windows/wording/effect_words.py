@@ -1,4 +1,4 @@
-"""Names of effects and of their parameters as the operator reads them; ids stay what files and commands call them."""
+"""The operator's names of effects and parameters; files and commands use ids."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ PARAMETERS: dict[str, tuple[str, str, float]] = {
 
 
 def _shown_as(parameter: str) -> tuple[str, str, float]:
-    """Name, unit and factor of a parameter; of another package's effect by the unit that its name ends with."""
+    """Name, unit and factor of a parameter; for other packages' effects by the ending of its name."""
     if parameter in PARAMETERS:
         return PARAMETERS[parameter]
     for ending, shown in (("_mm_s", (" mm/s", 1.0)), ("_s", _MS), ("_mm", (" mm", 1.0)), ("_hz", (" Hz", 1.0))):
@@ -68,18 +68,18 @@ def _say(text: str) -> str:
 
 
 def effect_name(effect: str) -> str:
-    """An effect's name, in English where there is no other; what is no effect stays as it is."""
+    """An effect's name in the operator's language; other texts unchanged."""
     return _say(EFFECT_NAMES[effect]) if effect in EFFECT_NAMES else effect
 
 
 def effect_meaning(effect: str) -> str:
-    """What it is, in one sentence, and its id, by which files and commands call it."""
+    """The effect's meaning, and its id, used in files and commands."""
     known = EFFECTS.get(effect)
     return effect if known is None else f"{_say(known.meaning)} ({effect})"
 
 
 def size_words(parameter: str, value: float, interval: tuple[float, float] | None = None) -> str:
-    """A parameter's name and size with its 95 % interval, in the unit people read."""
+    """A parameter's name and size with its 95 % interval, in the operator's unit."""
     name, unit, factor = _shown_as(parameter)
     text = f"{_say(name)} {factor * value:.4g}{unit}"
     if interval is None:
@@ -88,7 +88,7 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
 
 
 def main_size(parameters: Mapping[str, Any]) -> tuple[str, str]:
-    """The first of a step's parameters, without its name, and its interval: "24.9 ppm", "23.7 to 26.2"; or nothing."""
+    """Size and interval of a step's first parameter: "24.9 ppm", "23.7 to 26.2"; or nothing."""
     for parameter, given in parameters.items():
         _, unit, factor = _shown_as(parameter)
         low, high = given["ci95"]

@@ -1,4 +1,4 @@
-"""The fitted curve as an equation with its coefficients, typeset: digits as far as they are known, with units."""
+"""The fitted curve as an equation, digits as far as known, with units."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EQUATIONS = {
 
 
 def equation_html(curve: CurveFit) -> str:
-    """The curve's form and its coefficients with half their 95 % intervals; another package's form has no equation."""
+    """Equation and coefficients with half 95 % intervals; no equation for another package's form."""
     half, parts = curve.half_intervals, []
     for name, value in sorted(curve.parameters.items()):
         symbol, unit = symbol_html(escape(name))

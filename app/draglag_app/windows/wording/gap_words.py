@@ -1,4 +1,4 @@
-"""What the gap report says, marked for translation: verdict, probabilities, where effects act, what a gap follows."""
+"""The gap report's sentences, marked for translation."""
 
 from __future__ import annotations
 
@@ -32,13 +32,12 @@ _FOLLOWS = {
 
 
 def followed(covariate: str) -> str:
-    """What a gap follows, in the operator's words: a covariate or an effect."""
+    """The operator's name of what a gap follows: a covariate or an effect."""
     return QCoreApplication.translate("Gap", _FOLLOWS[covariate]) if covariate in _FOLLOWS else effect_name(covariate)
 
 
 def headline(report: dict[str, Any]) -> str:
-    """The verdict of a gap report (the design's JSON): the causes with their sizes and probabilities, and what they do
-    to the gap."""
+    """The verdict of a gap report's JSON: causes, sizes, probabilities, and the gap they leave."""
     sizes = {"last": f"{report['gap_last_mm']:.2f}", "floor": f"{report['noise_floor_mm']:.2f}"}
     verdict, more = str(report["verdict"]), bool(report.get("tolerated"))
     out = _causes(report, sizes)
@@ -55,7 +54,7 @@ def headline(report: dict[str, Any]) -> str:
 
 
 def law_words(report: dict[str, Any]) -> str:
-    """That the curve is not Eq. 5, and by how much; empty where it is."""
+    """That the curve is not Eq. 5, and by how much; else empty."""
     law = report.get("law") or {"adequate": True}
     if law["adequate"]:
         return ""
@@ -64,7 +63,7 @@ def law_words(report: dict[str, Any]) -> str:
 
 
 def tolerated_words(report: dict[str, Any]) -> str:
-    """What is there beyond chance and too small to matter, with sizes; empty without."""
+    """Structure beyond chance too small to matter, with sizes; empty without."""
     items = [f"{followed(item['follows'])}, {item['size_mm']:.2f} mm" for item in report.get("tolerated", ())]
     return _say(_TOLERATED).format(items="; ".join(items)) if items else ""
 
@@ -80,12 +79,12 @@ def set_words(names: Sequence[str]) -> str:
 
 
 def compared_words(report: dict[str, Any]) -> str:
-    """Every explanation that holds part of the 95 % of the probability, one a line."""
+    """Explanations that share 95 % of the probability, one per line."""
     return "\n".join(f"{stated(p)}  {set_words(names)}" for names, p in _explanations(report))
 
 
 def also_words(report: dict[str, Any]) -> str:
-    """The other explanations that share the probability; empty without."""
+    """Other explanations that share the probability; empty without."""
     steps = [(step["effect"], *(step.get("indistinguishable_from") or ())) for step in report["steps"]]
     sets = [f"{set_words(names)}{_sure(p)}" for names, p in also_possible(_explanations(report), steps)]
     return _say(_ALSO).format(sets=", ".join(sets)) if sets else ""
@@ -96,7 +95,6 @@ def _explanations(report: dict[str, Any]) -> list[tuple[tuple[str, ...], float]]
 
 
 def _sure_of(report: dict[str, Any], names: tuple[str, ...]) -> str:
-    """The probability of one explanation in brackets; empty where it is not among those reported."""
     mass = dict(_explanations(report))
     return _sure(mass[names]) if names in mass else ""
 
@@ -127,7 +125,7 @@ _PART = (
     QT_TRANSLATE_NOOP("Gap", "{causes} are part of the gap: {first} → {last} mm, noise {floor}."),
 )
 _TRIED = QT_TRANSLATE_NOOP("Gap", "With {causes}: {first} → {last} mm, noise {floor}.")
-"""Of effects added by hand where there is no gap that they could be part of."""
+"""For effects added by hand where there is no gap."""
 _OR = QT_TRANSLATE_NOOP("Gap", "{one} or {other}")
 _AND = QT_TRANSLATE_NOOP("Gap", "{some} and {last}")
 _SIZED = QT_TRANSLATE_NOOP("Gap", "{name} {size} ({interval}; probability {p})")
@@ -154,7 +152,7 @@ _NO_EFFECT = QT_TRANSLATE_NOOP("Gap", "no effect")
 
 
 def check_words(report: dict[str, Any]) -> str:
-    """Statistics of the session simulated again that disagree with the measured ones; empty where none does."""
+    """Statistics of the simulated session that disagree with the measured ones; empty if none."""
     items = [
         f"{_say(_STATISTICS[one['name']])} {one['measured']:.3g} / {one['simulated']:.3g}"
         for one in report.get("check", ())
@@ -180,7 +178,7 @@ def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
 
 
 def names_words(step: dict[str, Any]) -> str:
-    """A step's effect and those that it cannot be distinguished from: "clock drift or thermal drift"."""
+    """A step's effect and those indistinguishable from it: "clock drift or thermal drift"."""
     names = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
     return reduce(lambda one, other: _say(_OR).format(one=one, other=other), names)
 

@@ -1,4 +1,4 @@
-"""Texts in the operator's language: one TOML file a language, English text → translation, whatever the context."""
+"""Translations: one TOML file per language, English text → translation, whatever the context."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from draglag_resources import resource
 
 
 def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
-    """Mark a text for translation; it is translated where it is shown. (Qt's own is typed as returning object.)"""
+    """Mark a text for translation where it is shown; Qt's own is typed as returning object."""
     return text
 
 
@@ -22,7 +22,7 @@ def translate(context: str, text: str) -> str:
 
 
 class TableTranslator(QTranslator):
-    """Translates by a table; what is not in it stays English."""
+    """Translates by a table; other texts stay English."""
 
     def __init__(self, table: Mapping[str, str], parent: QObject | None = None, others: QTranslator | None = None):
         super().__init__(parent)
@@ -41,7 +41,7 @@ class TableTranslator(QTranslator):
 
 
 def language_of(setting: str) -> str:
-    """The language a setting means: "system" is the desktop's, English where there is no translation."""
+    """The language of a setting: "system" is the desktop's, English without a translation."""
     if setting == "system":
         setting = (locale.getlocale()[0] or "en")[:2]
     return setting if resource("translations", f"{setting}.toml").is_file() else "en"
@@ -56,7 +56,7 @@ def table_of(language: str) -> dict[str, str]:
 
 
 def use_language(application: QCoreApplication, setting: str) -> None:
-    """Let the application speak that language from now on; what is shown already stays as it is."""
+    """Set the application's language; texts already shown do not change."""
     for old in application.findChildren(TableTranslator):
         application.removeTranslator(old)
         old.deleteLater()

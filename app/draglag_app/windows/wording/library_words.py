@@ -1,7 +1,6 @@
-"""Sentences of library and instruments in the operator's language, from their templates and arguments.
+"""Sentences of library and instruments in the operator's language.
 
-The table of translations is looked up by the English template (``draglag.messages``); rendered English is never
-searched for anything.
+Translations are found by the English template (``draglag.messages``), never by searching rendered English.
 """
 
 from __future__ import annotations
@@ -37,9 +36,9 @@ CLOSED = QT_TRANSLATE_NOOP(
 
 
 def in_words(text: str) -> str:
-    """A message in the operator's language, the messages in it too; what the table does not hold stays as it is.
+    """A message, and those in it, in the operator's language; English if not in the table.
 
-    A text that is no message (one read from a file, or from another package) is looked up as it stands.
+    Other texts (of files, of other packages) are looked up whole.
     """
     said = phrase(text)
     words = QCoreApplication.translate("Library", IN_BUTTONS.get(said.template, said.template))
@@ -47,23 +46,23 @@ def in_words(text: str) -> str:
 
 
 def sentences(known: Iterable[str]) -> str:
-    """Several sentences in the operator's language, each with a stop at its end."""
+    """Several sentences in the operator's language, each with a full stop."""
     said = map(in_words, known)
     return " ".join(text if text.endswith((".", "!", "?")) else f"{text}." for text in said)
 
 
 def fault_words(problem: str, remedy: str) -> str:
-    """What is wrong and what to do about it, in the operator's language."""
+    """Problem and remedy in the operator's language."""
     return in_words(DraglagError(problem, remedy).message)
 
 
 def source_name(source: str) -> str:
-    """Who says something, in the operator's language; an address stays as it is."""
+    """The source's name in the operator's language; an address is unchanged."""
     return QCoreApplication.translate("Source", _SOURCES[source]) if source in _SOURCES else source
 
 
 def _argument(name: str, value: object) -> object:
-    """What stands in a place of a sentence: ids that the windows have words for are named so."""
+    """An argument of a sentence, with the windows' words for ids."""
     if isinstance(value, Message):
         return in_words(value)
     words_of = _NAMES.get(name)
@@ -77,4 +76,4 @@ def _flag_names(flags: str) -> str:
 _NAMES = {
     "role": source_name, "flags": _flag_names, "effect": effect_name, "form": form_name, "kind": target_name,
 }  # fmt: skip
-"""Place in a template → the windows' words for the id in it."""
+"""Place in a template → the windows' words for its ids."""

@@ -46,7 +46,7 @@ DETAILS = {
 
 
 def detail_name(name: str) -> str:
-    """A detail of a session: free fields carry the name they were given."""
+    """The name of a session's detail; free fields have their own."""
     return say(DETAILS[name]) if name in DETAILS else name.replace("_", " ")
 
 
@@ -69,7 +69,7 @@ PRESETS = (
 
 
 def preset_meaning(description: str) -> str:
-    """What a protocol is for; the presets' in the operator's language."""
+    """What a protocol is for; presets' in the operator's language."""
     return say(description) if description else ""
 
 
@@ -92,7 +92,7 @@ def between(low: str, high: str) -> str:
 
 
 def chance(p_value: float) -> str:
-    """A p-value; smaller ones are not to be read more exactly."""
+    """A p-value, "p < 0.001" for smaller ones."""
     return "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
 
 
@@ -101,7 +101,7 @@ def per_second(rate_hz: float) -> str:
 
 
 def duration_ms(value_s: float) -> str:
-    """A short time: in milliseconds up to a second, then in seconds."""
+    """A short time: milliseconds up to a second, then seconds."""
     return f"{1e3 * max(0.0, value_s):.0f} ms" if value_s < 1.0 else f"{value_s:.1f} s"
 
 
@@ -111,7 +111,7 @@ def ms(value_s: float | None, digits: int = 1) -> str:
 
 
 def latency_text(estimate: RunEstimate) -> str:
-    """Latency with half the width of its 95 % interval."""
+    """Latency with half its 95 % interval."""
     if estimate.latency_s is None:
         return DASH
     if estimate.latency_ci95_s is None:
@@ -127,7 +127,7 @@ def verdict(estimate: RunEstimate) -> tuple[str, str]:
 
 
 def verdict_parts(estimate: RunEstimate) -> tuple[str, list[str]]:
-    """(level, words) of an estimate: "ok", "warning" or "bad", and its flags one by one, the first what weighs most."""
+    """As ``verdict``, with its flags one by one, most important first."""
     names = [flag_name(flag) for flag in estimate.flags]
     if not is_usable(estimate):
         return "bad", names or [say("no latency")]
@@ -144,7 +144,7 @@ def flag_meanings(flags: tuple[str, ...]) -> str:
 
 
 def clock_words(estimates: Sequence[RunEstimate]) -> str:
-    """What the clocks do to the latencies, where the operator should know; else nothing."""
+    """Effects of the clocks on latencies that the operator should know; else empty."""
     unsure = [e for e in estimates if "clock_uncertain" in e.flags and e.clock_uncertainty_s is not None]
     unknown = [e for e in estimates if "clock_unknown" in e.flags]
     said = []
@@ -159,7 +159,7 @@ def clock_words(estimates: Sequence[RunEstimate]) -> str:
 
 
 def size(n_bytes: float) -> str:
-    """Bytes as people read them."""
+    """Bytes for people."""
     for unit in ("B", "kB", "MB", "GB"):
         if n_bytes < 1000:
             return f"{n_bytes:.0f} {unit}" if unit in ("B", "kB") else f"{n_bytes:.1f} {unit}"
@@ -168,7 +168,7 @@ def size(n_bytes: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Minutes and seconds."""
+    """ "m:ss", from an hour on "h:mm:ss"."""
     whole = max(0, round(seconds))
     if whole >= 3600:
         return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"

@@ -1,4 +1,4 @@
-"""Readers of what labs have recorded otherwise, one file a format (docs/importing.md)."""
+"""Readers of other programs' recordings, a file per format (docs/importing.md)."""
 
 from draglag.exchange.importers.columns import ColumnMap, parse_map
 from draglag.exchange.importers.session import FORMATS, HowToRead, format_of, laser_file_of, read_recordings

@@ -1,21 +1,5 @@
-"""Columns of a table that somebody else wrote, named one by one: ``--map x=posX:px`` and the like.
-
-====================  =========================================  =======================================
-key                   is                                         units (the first where none is given)
-====================  =========================================  =======================================
-``t``                 time of a touch event                      s, ms, us, ns
-``x``, ``y``          position, from the top left corner         mm, cm, m, in, px, raw
-``contact``           number of the contact                      1
-``device_t``          the digitiser's own time                   s, ms, us, ns
-``clock``             seconds to add to the touch's times        (a number in place of a column)
-``laser.t``           time of an edge, or of a sample            s, ms, us, ns
-``laser.light``       1 = light; ``>N`` or ``<N``: a sampled     1, >N, <N
-                      signal, light where it is above or below
-``laser.clock``       seconds to add to the laser's times        (a number in place of a column)
-``stream``,           name of a stream (XDF), where columns are    (a name in place of a column)
-``laser.stream``      its channels' labels or numbers
-====================  =========================================  =======================================
-"""
+"""Columns of another program's table, by ``--map KEY=COLUMN[:UNIT]``. Keys: docs/importing.md; the default unit is the
+first in ``UNITS``."""
 
 from __future__ import annotations
 
@@ -61,7 +45,7 @@ class ColumnMap:
 
 
 def parse_map(texts: Iterable[str]) -> ColumnMap:
-    """What ``--map KEY=COLUMN[:UNIT]`` says. Raises DataError."""
+    """The map of ``--map KEY=COLUMN[:UNIT]`` texts. Raises DataError."""
     columns: dict[str, tuple[str, str]] = {}
     shift_s: dict[str, float] = {}
     streams: dict[str, str] = {}
@@ -89,7 +73,7 @@ def parse_map(texts: Iterable[str]) -> ColumnMap:
 
 
 def read_touch_columns(path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None) -> TouchTrace:
-    """Touch events from a table with a header. Raises DataError naming the file and the line that cannot be used."""
+    """Touch events of a table with a header. Raises DataError naming file and line."""
     found = how.names(("t", "x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
     rows = read_events(path, [name for name, _ in found.values()])
     by_key = dict(zip(found, rows.T, strict=True))
@@ -135,7 +119,7 @@ def touch_of(
 
 
 def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
-    """Edges from a table with a header. Raises DataError naming file and line."""
+    """Edges of a table with a header. Raises DataError naming file and line."""
     found = how.names(("laser.t", "laser.light"), LASER_DEFAULTS)
     rows = read_events(path, [name for name, _ in found.values()])
     return laser_of(rows[:, 0], rows[:, 1], found["laser.t"][1], found["laser.light"][1], str(path), path)
@@ -144,10 +128,8 @@ def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
 def laser_of(
     t: FloatArray, light: FloatArray, time_unit: str, light_unit: str, where: str, path: Path | None = None
 ) -> LaserTrace:
-    """Edges from times and levels, or from a sampled signal. Raises DataError.
-
-    The edge of a sampled signal is the first sample beyond the threshold; its first sample of all is none.
-    """
+    """Edges from times and levels, or from a sampled signal: each first sample beyond the threshold, not the very
+    first. Raises DataError."""
     t_s = _checked_times(t * _TIME[time_unit], where, path)
     if light_unit[0] in "<>":
         threshold = float(light_unit[1:])
@@ -189,7 +171,7 @@ def _place(where: str, path: Path | None, row: int) -> str:
 
 
 def _per_mm(axis: str, unit: str, where: str, screen: Screen | None, units_per_mm: float | None) -> float:
-    """Millimetres a unit. Raises DataError."""
+    """Millimetres per unit. Raises DataError."""
     if unit in _LENGTH:
         return _LENGTH[unit]
     if unit == "raw":

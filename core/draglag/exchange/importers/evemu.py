@@ -1,4 +1,4 @@
-"""evemu recordings (``evemu-record``): text lines E: (events) and A: (axes), plain or gzipped."""
+"""evemu recordings (``evemu-record``): lines E: (events) and A: (axes), plain or gzipped."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _SIZE = re.compile(r"# Size in mm: ([1-9]\d{0,4})x([1-9]\d{0,4})\s*$")
 
 
 def read_evemu(path: Path) -> InputLog:
-    """Read a recording. Raises DataError naming the file and the line that cannot be read."""
+    """A recording's events. Raises DataError naming file and line."""
     return parse_evemu(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
 def parse_evemu(text: str, where: str = "text") -> InputLog:
-    """Parse the text of a recording. Raises DataError naming the line that cannot be read."""
+    """The events of a recording's text. Raises DataError naming the line."""
     name = ""
     events: list[InputEvent] = []
     axes: dict[int, AxisInfo] = {}

@@ -1,4 +1,4 @@
-"""Logs of ``evtest``: what the device can do, then a line an event, as "Event: time 12.345678, type 3 (EV_ABS), …"."""
+"""Logs of ``evtest``: a description, then lines "Event: time 12.345678, type 3 (EV_ABS), …"."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ _FIELDS = {"Min": "minimum", "Max": "maximum", "Fuzz": "fuzz", "Resolution": "re
 
 
 def read_evtest(path: Path) -> InputLog:
-    """Read a log. Raises DataError naming the file and the line that cannot be read."""
+    """A log's events. Raises DataError naming file and line."""
     return parse_evtest(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
 def parse_evtest(text: str, where: str = "text") -> InputLog:
-    """Parse the text of a log. Raises DataError naming the line that cannot be read."""
+    """The events of a log's text. Raises DataError naming the line."""
     events: list[InputEvent] = []
     head: list[str] = []
     lines = text.split("\n")
@@ -90,7 +90,6 @@ def _event(line: str) -> InputEvent | None:
 
 
 def _described(lines: list[str]) -> tuple[str, dict[int, AxisInfo]]:
-    """Name and axes from what evtest prints of the device before it listens."""
     name, kind, code = "", -1, -1
     ranges: dict[int, dict[str, int]] = {}
     for line in lines:

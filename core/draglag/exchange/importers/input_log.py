@@ -1,4 +1,4 @@
-"""What a recording of the kernel's input events holds, whichever program wrote it."""
+"""A recording of the kernel's input events, whichever program wrote it."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from draglag.touch_events.packets import SYN_MT_REPORT, decode_packets
 
 @dataclass(frozen=True)
 class InputLog:
-    """Events of one device. ``axes``: axis code → its range; empty where the recording does not describe them.
-    ``size_mm``: the panel, (width, height), where the recording names it."""
+    """Events of one device. ``axes``: axis code → range, empty where not described. ``size_mm``: the panel's (width,
+    height), if named."""
 
     name: str
     events: tuple[InputEvent, ...]
@@ -54,13 +54,13 @@ class InputLog:
         return self.multitouch and not slots and (EV_SYN, SYN_MT_REPORT) in kinds
 
     def frames(self) -> list[Frame]:
-        """What the recording holds, frame by frame."""
+        """The events as frames."""
         if self.without_slots:
             return list(decode_packets(self.events))
         return list(decode(self.events, self.multitouch))
 
     def position_axes(self) -> tuple[AxisInfo, AxisInfo] | None:
-        """The x and y axis that positions are read from, or None where the recording does not describe them."""
+        """The x and y axis of positions; None where not described."""
         codes = (ABS_MT_POSITION_X, ABS_MT_POSITION_Y) if self.multitouch else (ABS_X, ABS_Y)
         if codes[0] in self.axes and codes[1] in self.axes:
             return self.axes[codes[0]], self.axes[codes[1]]
@@ -79,9 +79,9 @@ class InputLog:
 
 
 def mapping_of(log: InputLog, width_mm: float | None, height_mm: float | None, units_per_mm: float | None) -> Mapping2D:
-    """Device units → mm: by ``units_per_mm``, else by the panel's size, else by the resolution of its axes.
+    """Device units → mm, by ``units_per_mm``, else the panel's size, else the axes' resolution.
 
-    Raises DataError where none of them is known.
+    Raises DataError where all are unknown.
     """
     if units_per_mm is not None:
         if units_per_mm <= 0:
@@ -97,7 +97,7 @@ def mapping_of(log: InputLog, width_mm: float | None, height_mm: float | None, u
 
 
 def checked_event(t_s: float, kind: int, code: int, value: int) -> InputEvent:
-    """One event. Raises ValueError for numbers that the kernel's struct input_event cannot hold."""
+    """An event. Raises ValueError for numbers that struct input_event cannot hold."""
     if not 0 <= t_s <= TIME_S:
         raise ValueError("no time")
     if not (0 <= kind <= 0xFFFF and 0 <= code <= 0xFFFF and -(2**31) <= value < 2**32):

@@ -1,8 +1,5 @@
-"""Recordings of ``libinput record`` (YAML, version 1).
-
-Only the layout that this program writes is read, line by line: a recording has a line an event, and a general YAML
-reader takes minutes and gigabytes for it.
-"""
+"""Recordings of ``libinput record`` (YAML, version 1), read line by line: a general YAML reader takes minutes and
+gigabytes."""
 
 from __future__ import annotations
 
@@ -36,12 +33,12 @@ class _Device:
 
 
 def read_libinput(path: Path) -> InputLog:
-    """Read a recording; of several devices the one with most positions. Raises DataError naming file and line."""
+    """The device with most positions in a recording. Raises DataError naming file and line."""
     return parse_libinput(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
 def parse_libinput(text: str, where: str = "text") -> InputLog:
-    """Parse the text of a recording. Raises DataError naming the line that cannot be read."""
+    """As ``read_libinput``, of a text. Raises DataError naming the line."""
     devices: list[_Device] = []
     section = ""
     for number, line in enumerate(text.split("\n"), 1):

@@ -1,4 +1,4 @@
-"""A session from recordings of other programs: touch in one file, the laser in a file next to it."""
+"""A session from other programs' recordings: a touch file, and a laser file next to it."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ _SIGNS = {
     "evemu": re.compile(r"^(E: \d|# EVEMU|N: )", re.MULTILINE),
 }
 STYLUS_MM = 7.0
-"""Diameter of the stylus of the paper, mm: taken where none is given, which the notes then say."""
+"""Stylus diameter of the paper, mm: the default, stated in the notes."""
 
 
 @dataclass(frozen=True)
 class HowToRead:
-    """What a recording does not say of itself.
+    """What a recording lacks.
 
     Attributes:
-        format: one of ``FORMATS``, or None to find out.
-        laser: the laser's file; None for the one next to the recording.
+        format: one of ``FORMATS``; None to detect it.
+        laser: its file; None for the one next to the recording.
         map: columns, units and clocks (``columns.parse_map``).
         screen: the panel; None where the recording describes it.
         units_per_mm: device units per mm, where axes have no resolution.
@@ -66,10 +66,8 @@ class HowToRead:
 
 
 def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Session:
-    """One session of recordings made with one device, a run each; the laser's times on the touch's clock.
-
-    Raises DataError naming file and line, or what has to be given.
-    """
+    """A session, one run per recording; laser times on the touch's clock. Raises DataError naming file and line, or
+    what to give."""
     how = how or HowToRead()
     if how.laser is not None and len(paths) > 1:
         raise DataError(
@@ -120,7 +118,7 @@ def laser_file_of(path: Path) -> Path | None:
 
 
 def format_of(path: Path) -> str:
-    """Which of ``FORMATS`` a file has, by its name and its first lines. Raises DataError."""
+    """The format, of ``FORMATS``, by name and first lines. Raises DataError."""
     if path.name.lower().endswith(".xdf"):
         return "xdf"
     head = plain_lines(path)[:_HEAD_BYTES].decode("utf-8", errors="replace")
@@ -191,7 +189,7 @@ def _read_laser(path: Path, how: ColumnMap, said: list[str]) -> LaserTrace:
 
 
 def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnMap) -> tuple[TouchTrace, LaserTrace]:
-    """Both traces with the known differences of their clocks. Raises DataError where they share no moment."""
+    """Both traces, shifted by the given clock differences. Raises DataError where they do not overlap."""
     shift_s, laser_shift_s = how.shift_s.get("clock", 0.0), how.shift_s.get("laser.clock", 0.0)
     touch = replace(touch, t_s=touch.t_s + shift_s, gaps_s=touch.gaps_s + shift_s)
     laser = replace(laser, t_s=laser.t_s + laser_shift_s)
@@ -212,10 +210,7 @@ def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnM
 
 
 def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list[str]) -> Screen | None:
-    """The panel by the recording's own words; its picture's pixels are unknown, and device units stand for them.
-
-    Raises DataError where no screen has that size.
-    """
+    """The panel as recorded; device units stand for its unknown pixels. Raises DataError for impossible sizes."""
     axes = log.position_axes()
     if axes is None:
         return None

@@ -1,4 +1,4 @@
-"""The laser log of WALT's own host tool: a line an edge, "<seconds> <0|1>", times rounded to 1 ms."""
+"""The laser log of WALT's host tool: lines "<seconds> <0|1>", times rounded to 1 ms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROUNDED = message("the laser's times are rounded to 1 ms by the program that wro
 
 
 def read_walt_laser(path: Path) -> LaserTrace:
-    """Edges on the clock of the log. Raises DataError naming the file and the line that cannot be read."""
+    """Edges on the log's clock. Raises DataError naming file and line."""
     rows = []
     for number, line in enumerate(decoded(path, plain_lines(path)).split("\n"), 1):
         if not line.strip():

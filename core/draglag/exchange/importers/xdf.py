@@ -1,7 +1,5 @@
-"""XDF files of the Lab Streaming Layer, read with pyxdf: a stream of touch and one of laser levels.
-
-Stamps are put on the recorder's clock by the clock offsets in the file, and are not smoothed: they are the measurement.
-"""
+"""XDF files of the Lab Streaming Layer, through pyxdf: touch and laser levels. Clock offsets put stamps on the
+recorder's clock; stamps are not smoothed."""
 
 from __future__ import annotations
 
@@ -33,10 +31,7 @@ _REMEDY = message(
 def read_xdf(
     path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None, said: list[str]
 ) -> tuple[TouchTrace, LaserTrace | None]:
-    """The touch, and the laser where a stream of it is there. ``said`` gets what is damaged or doubtful.
-
-    Raises DataError, also where pyxdf is not installed.
-    """
+    """The touch, and the laser if present; ``said`` receives doubts. Raises DataError, also without pyxdf."""
     streams = _streams(path, said)
     chosen = how.names(("x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
     touch = _find(streams, how.streams.get("stream"), [name for name, _ in chosen.values()])
@@ -68,7 +63,7 @@ def read_xdf(
 
 
 def _streams(path: Path, said: list[str]) -> list[dict[str, Any]]:
-    """Every stream of numbers that has samples."""
+    """Numeric streams that have samples."""
     try:
         pyxdf: Any = importlib.import_module("pyxdf")
     except ModuleNotFoundError as missing:
@@ -89,7 +84,7 @@ def _streams(path: Path, said: list[str]) -> list[dict[str, Any]]:
 
 @contextmanager
 def _heard(library: str, said: list[str]) -> Iterator[None]:
-    """What the library warns of, a sentence each in ``said``, and not on the screen, where tracebacks come with it."""
+    """Collect the library's warnings in ``said``; on screen they bring tracebacks."""
     logger, handler = logging.getLogger(library), logging.Handler(logging.WARNING)
     before = logger.propagate
     warnings: list[str] = []
@@ -140,7 +135,6 @@ def _name(stream: dict[str, Any]) -> str:
 
 
 def _labels(stream: dict[str, Any]) -> list[str]:
-    """The channels' labels, where the stream's description has them."""
     try:
         channels = stream["info"]["desc"][0]["channels"][0]["channel"]
         return [str(channel["label"][0]) for channel in channels]

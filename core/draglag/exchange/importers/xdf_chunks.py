@@ -1,7 +1,7 @@
-"""The chunks of an XDF file, each checked against its own length before pyxdf reads them.
+"""Chunks of an XDF file, each checked against its length before pyxdf reads them.
 
-XDF 1.0 (sccn/xdf): ``XDF:``, then chunks of a length, a tag and that many bytes. pyxdf sets aside memory for as many
-samples and channels as a chunk claims to have, and reads on across its end where it has fewer.
+XDF 1.0 (sccn/xdf): ``XDF:``, then chunks of a length, a tag and that many bytes. pyxdf allocates what a chunk claims,
+and reads past its end where it has less.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FILE_HEAD, _STREAM_HEAD, _SAMPLES, _CLOCK, _BOUNDARY, _FOOT = range(1, 7)
 _BOUNDARY_MARK = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
 _LENGTHS = {1: "<B", 4: "<I", 8: "<Q"}
 _NUMBERS = {"double64": 8, "float32": 4, "int64": 8, "int32": 4, "int16": 2, "int8": 1}
-"""Bytes of one number of each format. Streams of texts hold no touch and no light."""
+"""Bytes of a number of each format; streams of texts hold no touch and no light."""
 _STAMP = 8
 # Of the clock of one stream: pyxdf fits each piece between two of them, for 0.1 s. Each is a restart of a computer.
 _MOST_RESETS = 100
@@ -33,12 +33,12 @@ _RESET_S = 1.0
 
 
 class _Damaged(Exception):
-    """A chunk, or its place, is not what the format says."""
+    """A malformed chunk, or one out of place."""
 
 
 @dataclass
 class Chunks:
-    """``data``: an XDF file of the sound chunks alone; ``damaged``: how many others there were."""
+    """``data``: an XDF file of the sound chunks; ``damaged``: number of others."""
 
     data: bytes = b""
     damaged: int = 0
@@ -49,7 +49,7 @@ class Chunks:
 
 
 def sound_chunks(data: bytes, where: str) -> Chunks:
-    """The sound chunks of a file. Raises DataError: it is no XDF file, or longer than any recording."""
+    """The sound chunks of a file. Raises DataError: no XDF file, or longer than any recording."""
     if data[: len(_MAGIC)] != _MAGIC:
         raise DataError(message("{path}: is not an XDF file", path=where), "Name the format with --format")
     found, kept = Chunks(), [_MAGIC]
@@ -74,7 +74,7 @@ def sound_chunks(data: bytes, where: str) -> Chunks:
 
 
 def _chunks(data: bytes, found: Chunks) -> Iterator[tuple[int, bytes]]:
-    """(tag, content) of each chunk; where a length cannot be right, the next boundary is looked for."""
+    """(tag, content) of each chunk; after an impossible length, from the next boundary."""
     at = len(_MAGIC)
     while at < len(data):
         try:
@@ -93,7 +93,7 @@ def _chunks(data: bytes, found: Chunks) -> Iterator[tuple[int, bytes]]:
 
 
 def _length(data: bytes, at: int) -> tuple[int, int]:
-    """A whole number of variable length, and where it ends. Raises _Damaged, struct.error."""
+    """A variable-length integer, and where it ends. Raises _Damaged, struct.error."""
     size = data[at] if at < len(data) else 0
     if size not in _LENGTHS:
         raise _Damaged
@@ -105,7 +105,7 @@ def _whole(tag: int, content: bytes) -> bytes:
 
 
 def _sound(tag: int, content: bytes, found: Chunks) -> bool:
-    """Whether the chunk is to be read; one that nothing is lost with is left out. Raises _Damaged, struct.error."""
+    """Whether to keep the chunk; False for those not needed. Raises _Damaged, struct.error."""
     if tag == _FILE_HEAD:
         _xml(content)
         return True
@@ -132,7 +132,7 @@ def _sound(tag: int, content: bytes, found: Chunks) -> bool:
 
 
 def _xml(content: bytes) -> Element:
-    """A document without definitions of its own, which could grow without bound. Raises _Damaged."""
+    """A document without entity definitions, which could grow without bound. Raises _Damaged."""
     if len(content) > HEADER_BYTES or b"<!" in content or b"\0" in content:
         raise _Damaged
     try:
@@ -142,7 +142,7 @@ def _xml(content: bytes) -> Element:
 
 
 def _sample_bytes(head: Element) -> int | None:
-    """Bytes of the numbers of one sample; None for a stream of texts. Raises _Damaged."""
+    """Bytes of a sample; None for a stream of texts. Raises _Damaged."""
     kind = head.findtext("channel_format", "")
     if head.tag != "info" or head.find("name") is None or kind not in (*_NUMBERS, "string"):
         raise _Damaged
@@ -156,7 +156,7 @@ def _sample_bytes(head: Element) -> int | None:
 
 
 def _checked_samples(content: bytes, size: int) -> int:
-    """How many samples fill the content exactly, each a byte (0, or 8 and a stamp) and its numbers. Raises _Damaged."""
+    """Number of samples filling the content exactly, each a byte (0, or 8 and a stamp) and numbers. Raises _Damaged."""
     count, at = _length(content, 0)
     body = np.frombuffer(content, np.uint8)[at:]
     for stamp, step in ((_STAMP, 1 + _STAMP + size), (0, 1 + size)):  # all of one kind, as is usual
@@ -173,7 +173,7 @@ def _checked_samples(content: bytes, size: int) -> int:
 
 
 def _follow_clock(stream: int, content: bytes, found: Chunks) -> None:
-    """One comparison of a stream's clock with the recorder's: when, and the difference, s. Raises _Damaged."""
+    """Note a clock comparison: when, and the difference, s. Raises _Damaged."""
     if len(content) != 2 * _STAMP:
         raise _Damaged
     t_s, offset_s = struct.unpack("<dd", content)

@@ -37,7 +37,7 @@ def backlash(q: np.ndarray, size_mm: float) -> np.ndarray:
 
 
 def fuzz(q: np.ndarray, size_mm: float) -> np.ndarray:
-    """A coordinate behind the kernel's filter: held within half of `size_mm`, a quarter of the way within the whole,
+    """A coordinate after the kernel's filter: held within half of `size_mm`, a quarter of the way within the whole,
     half of the way within twice that, free beyond (input_defuzz_abs_event, without its integers)."""
     at, out = float(q[0]), []
     for p in q.tolist():

@@ -10,10 +10,8 @@ DERIVATIVE_HZ = 1.0
 def euro(
     t_s: np.ndarray, xy: tuple[np.ndarray, np.ndarray], fmin_hz: float, beta: float, per_axis: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """x and y (n,) as the filter gives them; beta in Hz per mm/s.
-
-    `per_axis`: each axis has a cut-off by its own speed, as where the filter runs on numbers and not on points.
-    """
+    """x and y (n,) of the filter; beta in Hz per mm/s. `per_axis`: cut-offs by each axis' own speed, as where the
+    filter runs on numbers, not points."""
     x, y = float(xy[0][0]), float(xy[1][0])
     last_x, last_y, dx, dy = x, y, 0.0, 0.0
     out_x, out_y = [x], [y]

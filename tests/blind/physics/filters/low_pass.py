@@ -25,10 +25,8 @@ def first_order(t_s: np.ndarray, xy: tuple[np.ndarray, np.ndarray], tau_s: float
 def moving_average(
     t_s: np.ndarray, xy: tuple[np.ndarray, np.ndarray], longest_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """x and y (n,), each the mean of the last window: `longest_s` when slow, half of it, then three sixteenths.
-
-    The speed is that of the mean over 50 ms.
-    """
+    """x and y (n,), each the mean of the last window: `longest_s` when slow, half of it, then three sixteenths, by the
+    speed of the mean over 50 ms."""
     n = np.arange(len(t_s))
     before = np.minimum(np.searchsorted(t_s, t_s - SPEED_WINDOW_S), np.maximum(n - 1, 0))
     took = np.maximum(t_s - t_s[before], 1e-6)

@@ -8,7 +8,7 @@ WINDOW_S = 0.02
 def predict(t_s: np.ndarray, xy: tuple[np.ndarray, np.ndarray], horizon_s: float) -> tuple[np.ndarray, np.ndarray]:
     """x and y (n,) extrapolated by `horizon_s` with the mean velocity of the last 20 ms, or of two scans if longer.
 
-    A touch that has just begun has no velocity: its reports, and taps, stay where they are.
+    A touch that has just begun, or a tap, has no velocity and stays in place.
     """
     # The oldest scan in the window; where scans are further apart than the window, the one before.
     since = np.minimum(np.searchsorted(t_s, t_s - WINDOW_S - 1e-9), np.maximum(np.arange(len(t_s)) - 1, 0))

@@ -10,7 +10,7 @@ def alpha_beta(
 ) -> tuple[np.ndarray, np.ndarray]:
     """x and y (n,) of a tracker of time constant `tau_s`, shown `ahead_s` ahead.
 
-    beta = alpha² / (2 - alpha). No lag at constant velocity; an acceleration `a` moves it by -a dt² (1 - alpha) / beta.
+    beta = alpha² / (2 - alpha). No lag at constant velocity; -a dt² (1 - alpha) / beta at acceleration `a`.
     """
     steps = np.maximum(np.diff(t_s), 1e-6).tolist()
     outs = []

@@ -1,5 +1,2 @@
-"""Hands, beams and rigs as laboratories have them.
-
-Written from published properties of hands (ellipses, the two-thirds power law, physiological tremor) and of sensors (a
-Gaussian beam, a comparator with hysteresis, a response time).
-"""
+"""Realistic hands, beams and rigs, from published properties of hands (ellipses, the two-thirds power law,
+physiological tremor) and sensors (a Gaussian beam, a comparator with hysteresis, a response time)."""

@@ -32,9 +32,9 @@ def crossings(
     span_s: tuple[float, float],
     missed_share: float = MISSED,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps (k,), light after the edge (k,), and true time (k,) at which the light passed the threshold itself.
+    """Stamps (k,), light after the edge (k,), and true time (k,) at which the light passed the threshold.
 
-    off_mm (n,): distance of the disc's centre from the beam's axis, signed; half_mm: the disc's radius, one or (n,).
+    off_mm (n,): signed distance of the disc's centre from the beam's axis; half_mm: the disc's radius, one or (n,).
     """
     light = ndtr((off_mm - half_mm) / sensor.sigma_mm) + ndtr((-off_mm - half_mm) / sensor.sigma_mm)
     low, high = sensor.threshold - sensor.hysteresis, sensor.threshold + sensor.hysteresis

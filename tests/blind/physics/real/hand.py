@@ -23,7 +23,7 @@ def drag(
     centre_mm: tuple[float, float],
     travel_mm: float,
 ) -> Motion:
-    """One run of circles whose centre travels along x; the wanted speed is one number or one of each step of `clock`.
+    """One run of circles whose centre travels along x; the intended speed is one number or one per step of `clock`.
 
     Ellipse (axes 0.82 to 1), speed by the two-thirds power law, corrections of 2 to 6 % at 0.5 to 2 Hz, drift of mm
     below 0.4 Hz, tremor of 8 to 12 Hz with a peak of 0.05 to 0.3 mm, pauses in slow runs.

@@ -1,4 +1,4 @@
-"""What the Record page says between runs: the verdict on the last one, the rest that is left, what comes next."""
+"""What the Record page says between runs."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def tr(text: str) -> str:
 
 
 def verdict_words(estimate: RunEstimate, preliminary: bool, queued: bool = False) -> tuple[str, str, str]:
-    """(level, words, more): words that can be read across a room, "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
+    """(level, words, more): readable across a room, "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
 
-    Of many reasons the first are named in the large letters, which have no room for all; ``more`` names the others.
+    Large letters have no room for many reasons; ``more`` names the rest.
 
     Args:
-        queued: the run comes again by itself.
+        queued: the run will be repeated anyway.
     """
     if preliminary:
         return "", words.latency_text(estimate) + " …", ""
@@ -40,7 +40,7 @@ def verdict_words(estimate: RunEstimate, preliminary: bool, queued: bool = False
 
 
 def _largest(mark: str, reasons: Sequence[str], queued: bool) -> tuple[str, int]:
-    """(words, how many reasons they name): as many as there is room for, one at least."""
+    """(words, how many reasons they name): as many as fit, at least one."""
     for n in range(len(reasons), 0, -1):
         why = ", ".join(reasons[:n])
         if n < len(reasons):
@@ -56,14 +56,14 @@ def _largest(mark: str, reasons: Sequence[str], queued: bool) -> tuple[str, int]
 
 
 def comes_again() -> str:
-    """What is said of a run that went wrong and is queued."""
+    """The sentence on a run that is queued."""
     return tr("recorded again at the end; Ctrl+Z cancels that")
 
 
 def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, more: str = "") -> str:
-    """How long the rest and the session still last, and ``more``; then what the keys do. Infinite: until a key.
+    """Time left in rest and session, ``more``, then what the keys do. Infinite: until a key.
 
-    The keys stand last: where there is too little room, the buttons still name them.
+    The keys come last: if cut off, the buttons still name them.
     """
     parts = []
     if math.isfinite(left_s):
@@ -81,5 +81,5 @@ def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, m
 
 
 def session_left(left_s: float) -> str:
-    """How long the session still takes."""
+    """Time left in the session."""
     return tr("{time} left in the session").format(time=words.duration(left_s))

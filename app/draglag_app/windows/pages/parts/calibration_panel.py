@@ -1,4 +1,4 @@
-"""Touch calibration on the Geometry page: start, progress, and what was left over at each target."""
+"""Touch calibration on the Geometry page: start, progress, residuals at each target."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LONGEST = 0.12
 
 
 class CalibrationPanel(Panel):
-    """``store(calibration or None)`` puts one in use, or none; it is undoable where it is stored."""
+    """``store(calibration or None)`` puts one in use, or none, and makes that undoable."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class CalibrationPanel(Panel):
             self._refused(error.message)
 
     def refresh(self) -> None:
-        """Show what is going on, or what is in use."""
+        """Show the progress, or the calibration in use."""
         calibrating, known = self._space.calibrating, self._space.settings.panel.calibration
         active = calibrating.active
         self.begin.setVisible(not active)

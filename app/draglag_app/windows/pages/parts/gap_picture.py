@@ -1,4 +1,4 @@
-"""Simulated against measured, as the gap page draws it: one plot, a choice of what it shows, before, after or both."""
+"""The gap page's plot of simulated against measured, before, after or both."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _LETTERS = 14
 
 
 class GapPicture(QWidget):
-    """The plot and its two choices. ``show_overlay`` takes what ``overlay_numbers`` of the library makes."""
+    """The plot and its two choices. ``show_overlay`` takes the library's ``overlay_numbers``."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -90,18 +90,17 @@ class GapPicture(QWidget):
         self.which.currentIndexChanged.connect(self.draw)
 
     def show_overlay(self, overlay: dict[str, Any] | None, why: str = "") -> None:
-        """Draw a session simulated again, or say why it could not be."""
+        """Draw a session simulated again, or say why there is none."""
         self._overlay, self._model = overlay, -1
         self.words.setText(why)
         self.draw()
 
     def choose_step(self, step: int) -> None:
-        """Compare a step's model with the one before it; −1: the last with the first."""
+        """Compare a step's model with the one before; −1: the last with the first."""
         self._model = step
         self.draw()
 
     def _compared(self) -> list[tuple[str, dict[str, Any], str, str]]:
-        """(legend, model, colour, symbol) of what is to be drawn."""
         assert self._overlay is not None
         models = self._overlay["models"]
         last = len(models) - 1 if self._model < 0 else min(self._model + 1, len(models) - 1)
@@ -117,7 +116,7 @@ class GapPicture(QWidget):
         return out
 
     def draw(self) -> None:
-        """Draw the choice again, in the present theme."""
+        """Draw the choice in the present theme."""
         self.plot.clear_all()
         if self._overlay is None:
             return
@@ -149,7 +148,6 @@ class GapPicture(QWidget):
         self.words.setText("\n".join(lines))
 
     def _make_room(self) -> None:
-        """Room above what is drawn for the legend."""
         parts = []
         for name, numbers in self.plot.drawn.items():
             reach = numbers[2] if len(numbers) > 2 and not name.endswith("95 %") else 0.0
@@ -199,6 +197,6 @@ class GapPicture(QWidget):
             self.plot.line(name, x, y, colour, 2)
 
     def restyle(self) -> None:
-        """Take the present theme."""
+        """Draw in the present theme."""
         self.plot.restyle()
         self.draw()

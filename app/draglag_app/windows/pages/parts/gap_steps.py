@@ -1,4 +1,4 @@
-"""The steps of a closed gap as the page shows them: a table of effects, a plot of the gap that shrinks, remarks."""
+"""The steps of a closed gap: table of effects, plot, remarks."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def say(text: str) -> str:
 
 
 class StepTable(QTableWidget):
-    """One row a step of a gap report (the design's JSON)."""
+    """One row per step of a gap report's JSON."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -53,7 +53,7 @@ class StepTable(QTableWidget):
             self._add(k, step, compared)
 
     def chosen(self) -> tuple[int, str]:
-        """Row and effect that are chosen; −1 and nothing where none is."""
+        """Selected row and effect; −1 and "" if none."""
         rows = self.selectionModel().selectedRows()
         item = self.item(rows[0].row(), 0) if rows else None
         return (-1, "") if item is None else (item.row(), str(item.data(Qt.ItemDataRole.UserRole)))
@@ -84,7 +84,7 @@ _PROBABLE = 0.5
 
 @dataclass(frozen=True)
 class Bar:
-    """One bar of the waterfall, mm: from the gap after a step up to the gap before it."""
+    """A bar of the waterfall, mm: the gap after a step up to the gap before."""
 
     name: str
     kind: str  # "first", "step", "provisional" or "floor"
@@ -93,9 +93,9 @@ class Bar:
 
 
 def waterfall(report: dict[str, Any]) -> list[Bar]:
-    """From the first gap to the noise floor, one bar a step, all on runs held out of the fit.
+    """From the first gap to the noise floor, a bar per step, on runs held out of the fit.
 
-    Provisional are a smooth term without a name, and effects that are less probable than not.
+    Provisional: an unnamed smooth term, and effects less probable than not.
     """
     bars = [Bar(say("none yet"), "first", 0.0, report["gap_first_mm"])]
     for step in report["steps"]:
@@ -110,7 +110,7 @@ def waterfall(report: dict[str, Any]) -> list[Bar]:
 
 
 class StepPlot(Plot):
-    """The gap on runs held out of the fit as a waterfall, step by step down to the noise floor."""
+    """The gap on runs held out of the fit as a waterfall to the noise floor."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         title = say("Residual on runs held out of the fit")
@@ -146,7 +146,6 @@ class StepPlot(Plot):
         self.setYRange(0, 1.1 * max(bar.high_mm for bar in bars))
 
     def _name_below(self, bars: list[Bar]) -> None:
-        """Names of the bars, and what is left after each, in as many lines as they need."""
         letters = max(_LETTERS, _LETTERS_IN_ALL // len(bars))
         # A name that is wider than its place would be left out.
         below = [fill(bar.name, letters) + f"\n{_left(bar):.2f} mm" for bar in bars]
@@ -158,17 +157,17 @@ class StepPlot(Plot):
 
 
 def _left(bar: Bar) -> float:
-    """The gap after a step; the height of the first bar and of the noise floor."""
+    """The gap after a step; height of the first bar and the noise floor."""
     return bar.high_mm if bar.kind in ("first", "floor") else bar.low_mm
 
 
 def unseen(report: dict[str, Any]) -> list[str]:
-    """What the session could not show, an effect and the run that would show it a line."""
+    """Effects that the session could not show, and runs that would, a line each."""
     return [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
 
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
-    """Other explanations, what would separate them, how effects by taps or by hand are judged, what is tolerated."""
+    """Lines on other explanations, separating runs, effects by taps or by hand, tolerated structure."""
     steps = report["steps"]
     lines = [also_words(report)]
     for step in steps:
@@ -188,7 +187,6 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
 
 
 def _size(parameter: str, value: Any) -> str:
-    """A parameter with its 95 % interval."""
     if not isinstance(value, dict):
         return f"{parameter} {value}"
     return size_words(parameter, value["value"], value.get("ci95"))

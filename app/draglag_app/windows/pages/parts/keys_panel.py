@@ -1,4 +1,4 @@
-"""The keys of every action, to look up and to change."""
+"""The keys of every action, to look up and change."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HIGH_PX = 260
 
 
 class KeysPanel(Panel):
-    """A row an action; the field below the table changes the keys of the chosen one."""
+    """One row per action; the field below changes the selected one's keys."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__()
@@ -54,20 +54,20 @@ class KeysPanel(Panel):
 
     @property
     def action(self) -> str:
-        """The chosen action's id, or nothing."""
+        """The selected action's id, or ""."""
         rows = self.table.selectionModel().selectedRows()
         item = self.table.item(rows[0].row(), 0) if rows else None
         return "" if item is None else str(item.data(Qt.ItemDataRole.UserRole))
 
     def refresh(self) -> None:
-        """Show the keys as they are."""
+        """Show the present keys."""
         chosen = self._space.settings.keys
         for place, spec in enumerate(ACTIONS):
             self.table.setItem(place, 1, QTableWidgetItem(keys_of(spec.id, chosen)))
         self._chosen()
 
     def use(self, keys: str) -> None:
-        """Give the chosen action these keys, unless another has them."""
+        """Give the selected action these keys, unless another has them."""
         action, chosen = self.action, self._space.settings.keys
         if not action or not keys:
             return

@@ -16,7 +16,7 @@ _USUAL_S = {"chirp": 80.0, "multisine": 45.0}
 
 
 class PlanEditor(Panel):
-    """``changed(plan)`` is emitted for what the library's model accepts; the rest is reported in a line."""
+    """``changed(plan)``: emitted for valid numbers; faults are shown in a line."""
 
     changed = Signal(object)
 
@@ -59,7 +59,7 @@ class PlanEditor(Panel):
         self.practice.clicked.connect(self._edited)
 
     def show_plan(self, plan: RunPlan | None) -> None:
-        """Show a table's numbers; None shows nothing."""
+        """Show a table's numbers; None: nothing."""
         self._plan = plan
         self.setEnabled(plan is not None)
         self.fault.setText("")

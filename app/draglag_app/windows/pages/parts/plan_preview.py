@@ -1,4 +1,4 @@
-"""How long a protocol takes on the screen under test, in which order, and what stands in its way."""
+"""A protocol's duration, order and obstacles on the screen under test."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from draglag_app.windows.workspace import Workspace
 
 
 class PlanPreview(QObject):
-    """A line of words and a plot of speed against the session's time, for a page to place."""
+    """A line of words and a plot of speed against session time, for a page to place."""
 
     def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -33,7 +33,7 @@ class PlanPreview(QObject):
         workspace.settings_changed.connect(self.refresh)
 
     def refresh(self) -> None:
-        """Expand the protocol on the present screen and show it."""
+        """Show the protocol on the present screen."""
         protocol, panel = self._space.protocol, self._space.settings.panel
         self.plot.clear_all()
         try:

@@ -1,4 +1,4 @@
-"""How sure the protocol at hand will be of the latency, predicted in a worker while nothing is recorded."""
+"""The latency's expected precision, predicted in a worker while nothing is recorded."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_REMEMBERED = 2000
 
 
 class PrecisionPreview(QWidget):
-    """A plot of half the 95 % interval against speed, and ``words`` to put next to it; works only while in sight."""
+    """A plot of half the 95 % interval against speed, and ``words``; works only while visible."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -53,7 +53,7 @@ class PrecisionPreview(QWidget):
         workspace.recording.ended.connect(lambda path, problem: self.refresh())
 
     def refresh(self) -> None:
-        """Predict again, in a moment, if there is anything new to predict."""
+        """Predict again, after a delay, if anything changed."""
         if not self.isVisible() or self._space.recording.active:
             return
         panel = self._space.settings.panel

@@ -1,4 +1,4 @@
-"""The protocols that come with the program: name, one sentence and how long each takes on the screen under test."""
+"""The preset protocols, each with a sentence and its duration on the screen under test."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SENTENCE_SHARE = 0.6
 
 
 class PresetMenu(LetterMenu):
-    """``chosen`` is called with the name of a preset. ``panel`` gives the screen that the durations are for."""
+    """``chosen`` is called with a preset's name; ``panel`` gives the screen for durations."""
 
     def __init__(self, parent: QWidget, panel: Callable[[], PanelSettings], chosen: Callable[[str], object]) -> None:
         super().__init__(parent)
@@ -37,7 +37,7 @@ class PresetMenu(LetterMenu):
         self.aboutToShow.connect(self.write)
 
     def write(self) -> None:
-        """The entries for the screen under test and the width that there is now."""
+        """Write the entries for the present screen and width."""
         parent = self.parentWidget()
         room_px = int(_SENTENCE_SHARE * parent.window().width()) if parent is not None else 0
         for name, (entry, protocol) in self._entries.items():

@@ -1,4 +1,4 @@
-"""What belongs to a protocol as a whole: name, order, rests, taps, clock check."""
+"""A protocol as a whole: name, order, rests, taps, clock check."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from draglag_app.windows.workspace import Workspace
 
 
 class ProtocolForm(Panel):
-    """Edits go through the undo stack."""
+    """Edits are undoable."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__("", parent)

@@ -25,7 +25,7 @@ def tr(text: str) -> str:
 
 
 COMMENT = 6
-"""The column of comments in a table that is browsed."""
+"""The column of comments."""
 _NOTHING = 2  # rank of a cell without a value, after numbers and texts
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
@@ -49,12 +49,12 @@ class Cell(QTableWidgetItem):
 
 
 class RunTable(QTableWidget):
-    """One row a run: id, target, speed, latency, edges, verdict."""
+    """One row per run: id, target, speed, latency, edges, verdict."""
 
     run_selected = Signal(str)
 
     def __init__(self, parent: QWidget | None = None, browsed: bool = False) -> None:
-        """``browsed``: for looking through, with comments, sorted by a click on a heading."""
+        """``browsed``: with comments, sorted by a click on a heading."""
         titles = [tr("run"), tr("target"), tr("speed (mm/s)"), tr("latency"), tr("edges"), tr("verdict")]
         if browsed:
             titles.append(tr("comment"))
@@ -74,14 +74,14 @@ class RunTable(QTableWidget):
             self.setSortingEnabled(True)
 
     def show_first_columns(self) -> None:
-        """Latency and verdict next to the run, where not all columns find room: the others are scrolled to."""
+        """Put latency and verdict next to the run; others are scrolled to."""
         header = self.horizontalHeader()
         header.setSectionResizeMode(header.count() - 1, QHeaderView.ResizeMode.ResizeToContents)
         for place, column in enumerate((0, 3, 5, 2, 1, 4)):
             header.moveSection(header.visualIndex(column), place)
 
     def keep_those_with(self, text: str) -> None:
-        """Show the runs that have these words in any column."""
+        """Show runs with these words in any column."""
         self._words = text.casefold()
         for row in range(self.rowCount()):
             cells = [self.item(row, column) for column in range(self.columnCount())]
@@ -89,7 +89,7 @@ class RunTable(QTableWidget):
             self.setRowHidden(row, not all(word in said for word in self._words.split()))
 
     def show_comments(self, comments: Mapping[str, str]) -> None:
-        """The operator's words on runs, in the last column of a table that is browsed."""
+        """Show comments, run → text."""
         with self._order_kept():
             for row in range(self.rowCount()):
                 text = comments.get(self._id(row), "")
@@ -99,7 +99,7 @@ class RunTable(QTableWidget):
 
     @contextmanager
     def _order_kept(self) -> Iterator[None]:
-        """Rows stay where they are while cells change; then they are sorted and filtered again."""
+        """Keep rows in place while cells change; sort and filter afterwards."""
         sorting = self.isSortingEnabled()
         self.setSortingEnabled(False)
         try:
@@ -113,7 +113,7 @@ class RunTable(QTableWidget):
         self.setRowCount(0)
 
     def add_run(self, run: Run, outcome: str = "complete") -> None:
-        """A run just recorded; its estimate follows. Added again, a run keeps its row."""
+        """Add a recorded run, without estimate; a known run keeps its row."""
         with self._order_kept():
             self._add_run(run, outcome)
         self.scrollToBottom()
@@ -144,7 +144,7 @@ class RunTable(QTableWidget):
         excluded: Mapping[str, str] | None = None,
         preliminary: Collection[str] = (),
     ) -> None:
-        """Fill in latency and verdict of the runs in the table; ``preliminary`` ones are not judged yet."""
+        """Fill in latency and verdict; ``preliminary`` ones are not judged yet."""
         with self._order_kept():
             self._show_estimates(estimates, excluded or {}, preliminary)
 

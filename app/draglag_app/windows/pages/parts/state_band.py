@@ -1,4 +1,4 @@
-"""The band on Record: what happens now, in letters that are read across a room, and the buttons that make sense."""
+"""The band on Record: the state in letters readable across a room, and buttons."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def tr(text: str) -> str:
 
 
 class StateBand(Panel):
-    """``pressed(action id)`` is emitted by its buttons."""
+    """Buttons emit ``pressed(action id)``."""
 
     pressed = Signal(str)
     said = Signal(str, str)
-    """Another state: its two lines."""
+    """The two lines of a new state."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class StateBand(Panel):
         self.body.addWidget(self.heading)
 
     def set_recording(self, recording: bool) -> None:
-        """Show the buttons that make sense."""
+        """Show the buttons of the state."""
         visible = {made: (action in _IDLE) != recording for action, made in self.buttons.items()}
         for made in sorted(visible, key=lambda made: visible[made]):  # hidden first: all at once widen the window
             made.setVisible(visible[made])
@@ -74,12 +74,12 @@ class StateBand(Panel):
             self.progress.setValue(0)
 
     def show_mend(self, text: str) -> None:
-        """The button that goes to where the first obstacle is removed; hidden without a text."""
+        """Show the button to the first obstacle; hidden without a text."""
         self.buttons["mend"].setVisible(bool(text))
         self.buttons["mend"].setText(text)
 
     def enable(self, resting: bool, running: bool, any_run: bool) -> None:
-        """What can be asked for now."""
+        """Enable what can be asked for now."""
         self.buttons["proceed"].setEnabled(resting)
         self.buttons["abort"].setEnabled(running)
         # What makes no sense now gives its room to the largest letters.
@@ -89,7 +89,7 @@ class StateBand(Panel):
         self.progress.setVisible(running)  # of a run alone: a rest needs the room for its words
 
     def say(self, big: str, small: str, level: str = "") -> None:
-        """Two lines; ``level``: "live", "good", "warning", "bad" or none."""
+        """Show two lines; ``level``: "live", "good", "warning", "bad" or none."""
         before = self.big.text(), self.small.text()
         for line, text in ((self.big, big), (self.small, small)):
             if line.text() != text:
@@ -110,11 +110,11 @@ class StateBand(Panel):
         self.big.setStyleSheet(f"color: {colour}; font-size: {size_px}px;")
 
     def show_share(self, share: float) -> None:
-        """How much of a run is over, in steps that can be seen: every one is painted at once."""
+        """Show the fraction of a run done, in visible steps: every one is painted at once."""
         self.progress.setValue(5 * round(200 * share))
 
     def flash(self) -> None:
-        """Once, at the end of a run."""
+        """Flash once, at the end of a run."""
         restyle(self, "flash", "true")
         self._flash.start()
 
