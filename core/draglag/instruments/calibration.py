@@ -1,7 +1,6 @@
-"""From a touchscreen's units to mm: a six-parameter affine fitted to touched targets, with its residuals.
+"""From a touchscreen's units to mm: an affine fit to touched targets.
 
-Raw events never see rotation, mirroring or the system's own calibration, and the kernel's resolution is often
-wrong; touching targets whose places are known settles all of it.
+Raw events miss rotation, mirroring and the system's calibration, and the kernel's resolution is often wrong.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class AffineFit:
     Attributes:
         matrix: (2, 3) rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
         residual_mm: (n, 2) touched minus target, in the order of the targets.
-        rms_mm: root of the mean squared distance, for the degrees of freedom that are left.
+        rms_mm: RMS distance, by the degrees of freedom left.
         scale_mm: (x, y) mm per device unit along the screen's axes.
     """
 
@@ -58,12 +57,12 @@ def fit_affine(
     y_mm: FloatArray,
     largest_residual_mm: float = LARGEST_RESIDUAL_MM,
 ) -> AffineFit:
-    """Least squares over touched targets.
+    """Least-squares map from touched targets.
 
     Args:
-        x, y: (n,) where the touchscreen reported the touches, device units.
-        x_mm, y_mm: (n,) where the targets were.
-        largest_residual_mm: a fit that leaves a target further off is refused.
+        x, y: (n,) reported touches, device units.
+        x_mm, y_mm: (n,) the targets.
+        largest_residual_mm: largest distance of a target that is accepted.
 
     Raises:
         DataError: columns of different lengths or not numbers.
@@ -106,13 +105,13 @@ def fit_affine(
 
 
 def px_to_mm(screen: Screen, x_px: FloatArray, y_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places on the screen's picture (device pixels, from its upper left corner) in mm."""
+    """Device pixels, from the screen's upper left corner, to mm."""
     x_scale, y_scale = screen.mm_per_px
     return np.asarray(x_px) * x_scale, np.asarray(y_px) * y_scale
 
 
 def target_places(width_mm: float, height_mm: float, count: int = 9) -> tuple[FloatArray, FloatArray]:
-    """Where to show 5 or 9 targets: corners, middle (and edges), a tenth of the screen from its border, mm.
+    """Places of 5 or 9 targets, mm: corners, middle (and edges), a tenth of the screen from its border.
 
     Raises DataError on another count.
     """

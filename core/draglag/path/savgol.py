@@ -1,7 +1,6 @@
-"""Local polynomials over an even grid (Savitzky and Golay 1964).
+"""Local polynomials on an even grid (Savitzky and Golay 1964), as ``scipy.signal.savgol_filter`` with mode "interp".
 
-As ``scipy.signal.savgol_filter`` with mode "interp": half a window at either end is the polynomial of that end. To
-import scipy.signal takes longer than to analyse a session.
+Importing scipy.signal takes longer than analysing a session.
 """
 
 from __future__ import annotations
