@@ -188,7 +188,7 @@ def model_of(
 
 
 def save_model(model: LatencyModel, path: Path | str) -> None:
-    """Write a model as JSON. Raises DataError where the file exists or cannot be written.
+    """Write a model as JSON. Raises DataError if the file exists or cannot be written.
 
     >>> import draglag as dl
     >>> dl.save_model(dl.model_of(dl.analyze(dl.read("session.h5")).curve), "saved.json")
@@ -205,7 +205,7 @@ def save_model(model: LatencyModel, path: Path | str) -> None:
 
 
 def load_model(path: Path | str) -> LatencyModel:
-    """Read a model. Raises DataError, naming what is wrong with the file.
+    """A model from its file. Raises DataError, naming what is wrong.
 
     >>> import draglag as dl
     >>> dl.load_model("model.json").form

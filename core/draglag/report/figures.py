@@ -17,7 +17,7 @@ _TITLE_LETTERS = 60  # that go on a line above a small figure
 
 
 def latency_figure(analysis: Analysis) -> Any:
-    """Latency against speed with 95 % intervals, the fitted curve with its band, and tap medians (Fig. 5)."""
+    """Latency against speed with 95 % intervals, the fitted curve with its band, tap medians (Fig. 5)."""
     figure = style.new_figure()
     axes = figure.add_subplot()
     draw_latency(axes, analysis)
@@ -62,7 +62,7 @@ def alignment_figure(run: Run, alignment: Alignment, title: str, session: Sessio
 
 
 def width_figure(analysis: Analysis, session: Session) -> Any:
-    """Stylus width from the distance of the two lines, against speed, with the true width (Fig. 7)."""
+    """Stylus width from the lines' distance against speed, with the true width (Fig. 7)."""
     figure = style.new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     runs = [run for run in analysis.runs if run.stylus_diameter_mm is not None and run.speed_mm_s is not None]
@@ -84,7 +84,7 @@ def width_figure(analysis: Analysis, session: Session) -> Any:
 
 
 def taps_figure(analysis: Analysis) -> Any:
-    """Tap latency, touch and release (Fig. 6): box from quartile to quartile, every tap as a point."""
+    """Tap latency, touch and release (Fig. 6): quartile boxes and every tap."""
     figure = style.new_figure(7.2, 2.6)
     axes = figure.add_subplot()
     names = list(analysis.taps)
@@ -112,7 +112,7 @@ def taps_figure(analysis: Analysis) -> Any:
 
 
 def speeds_figure(analysis: Analysis) -> Any:
-    """The speeds at which each validation run crosses the beam, on the curve that corrects it (Fig. 8)."""
+    """Crossing speeds of each validation run on the curve that corrects it (Fig. 8)."""
     figure = style.new_figure(7.2, 3.4)
     axes = figure.add_subplot()
     curve = analysis.curve
