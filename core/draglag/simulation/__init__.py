@@ -1,4 +1,4 @@
-"""The simulated measuring rig: a chain of effects the data walks through, without devices, threads or clocks.
+"""The simulated measuring rig: a chain of effects, without devices, threads or clocks.
 
 ``simulate_session`` makes a whole session; ``follow`` and ``simulate_run`` are its halves for one run.
 """

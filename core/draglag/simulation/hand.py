@@ -1,4 +1,4 @@
-"""A person who follows a target with a stylus: late, a few millimetres off, not quite round, and trembling."""
+"""A person who follows a target with a stylus: late, off by millimetres, not quite round, trembling."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from draglag.simulation.kinematics import GRID_HZ, FloatArray, Motion, grid, mot
 
 @dataclass(frozen=True)
 class Human:
-    """How a participant errs. Standard deviations unless said otherwise.
+    """A participant's errors, as standard deviations unless said otherwise.
 
     Attributes:
         lag_s: how far the hand trails the target.
-        timing_sd_s: slow variation of that lag, which is what makes the speed uneven.
+        timing_sd_s: slow variation of that lag, which makes the speed uneven.
         wander_mm, wander_hz: slow error of position, each axis, and its bandwidth.
         tremor_mm: physiological tremor, 8–12 Hz, each axis.
-        gain_sd: error of the size of the figure, each axis of its own, so circles become slightly oval.
+        gain_sd: error of the figure's size, independent in each axis: circles become slightly oval.
         touch_s: earliest and latest moment after the start at which the stylus touches the glass.
     """
 
@@ -39,7 +39,7 @@ PERFECT = Human(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, (0.0, 0.0))
 
 
 def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz: float, sd: float) -> FloatArray:
-    """(n,) Gaussian noise of one band and a standard deviation (in expectation)."""
+    """(n,) band-limited Gaussian noise of that (expected) standard deviation."""
     white = rng.standard_normal(n + int(4 * GRID_HZ))  # the surplus keeps the filter's ends out
     if sd == 0:
         return np.zeros(n)

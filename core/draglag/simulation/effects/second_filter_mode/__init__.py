@@ -160,7 +160,7 @@ def _mode(view: View, setting: Setting) -> Signature:
 
 
 def _threshold_of_change(fit: Fit) -> float | None:
-    """Above which change of speed, mm/s², a filter is there that the touch events show, if that is what it follows."""
+    """Threshold of the change of speed, mm/s², of a filter in the touch events; None if it follows none."""
     settings = (Setting.of(term.theta) for term in fit.terms if term.effect == SecondFilterMode.id)
     times = next((setting.times_s for setting in settings if setting is not None and setting.shown), None)
     return None if times is None else threshold_of_change(fit.runs, times)

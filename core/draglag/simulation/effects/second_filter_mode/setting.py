@@ -13,7 +13,7 @@ from draglag.recording import FloatArray
 
 
 class By(IntEnum):
-    """What switches the filter, as a theta's second number has it."""
+    """What switches the filter: a theta's second number."""
 
     SPEED = 0
     ACCELERATION = 1
@@ -23,10 +23,9 @@ class By(IntEnum):
 
 @dataclass(frozen=True)
 class Setting:
-    """by: what it is slower by. above: a speed, mm/s, or an acceleration, mm/s²; of times shown: the lateness undone
-    in the traces, s. times_s: stretches from–to of the session, one increasing row: of the stylus' own time, or of the
-    time when the panel shows it.
-    """
+    """by: what switches it. above: a speed, mm/s, or an acceleration, mm/s²; for times shown, the lateness undone in
+    the traces, s. times_s: stretches from–to of the session, one increasing row, in the stylus' time or when the panel
+    shows it."""
 
     above: float
     by: By
@@ -34,7 +33,7 @@ class Setting:
 
     @classmethod
     def of(cls, theta: tuple[float, ...]) -> Setting | None:
-        """The setting of a term; None where it has none yet. Raises DataError for one that is none."""
+        """The setting of a term; None if it has none yet. Raises DataError for an invalid one."""
         if not theta:
             return None
         if len(theta) < 2 or theta[1] not in list(By):

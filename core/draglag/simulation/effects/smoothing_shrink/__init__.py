@@ -78,7 +78,7 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def speed_delay(cls, theta: Theta) -> tuple[float, float] | None:
-        """Behind a causal low-pass the law is of the speed that the stylus has by then."""
+        """Behind a causal low-pass the law is of the stylus' speed by then."""
         setting = Setting.of(theta)
         return None if setting is None or setting.even else (0.0, -setting.lag_s)
 
