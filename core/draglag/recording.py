@@ -258,7 +258,6 @@ class Session:
     __repr__ = brief
 
     def _repr_html_(self) -> str:
-        """The session's runs, as a notebook shows them."""
         head = ["run", "protocol", "speed mm/s", "duration s", "touch events", "edges", "outcome"]
         rows = [
             (r.id, r.protocol, r.nominal_speed_mm_s, r.duration_s, len(r.touch.t_s), len(r.laser.t_s), r.outcome)

@@ -1,7 +1,6 @@
 """Precision of L(v) predicted from a protocol.
 
-Latency errors follow from the bound; intervals from rehearsals with the simulated participant, since no formula has the
-estimator's losses by an unknown spectrum, uneven speed, contact losses and clocks.
+Latency errors follow from the bound; intervals from simulated runs, as no formula has the estimator's own losses.
 """
 
 from __future__ import annotations
@@ -89,13 +88,13 @@ def plan(
     progress: Callable[[float, str], None] | None = None,
     known: MutableMapping[str, PlannedPrecision] | None = None,
 ) -> Plan:
-    """Predicted precision of every circle of a protocol on a screen, and of the curve through them.
+    """Predicted precision of a protocol's circles on a screen, and of the curve through them.
 
     Args:
         protocol, screen: presets or objects; the screen's law and noise are assumed.
-        human: who will drag; the simulated participant if None.
-        progress: called before each run with the share done and the run's id; may raise to end the work.
-        known: predictions of earlier calls, used and added to, so that an edit costs only the runs it changed.
+        human: the simulated participant if None.
+        progress: called before each run with the share done and the run's id; may raise to stop.
+        known: earlier predictions, used and added to, so that an edit costs only changed runs.
 
     Raises DataError for unknown presets or targets that do not fit.
     """

@@ -113,7 +113,6 @@ class Analysis:
         return f"Analysis({self.session!r}: {known} of {len(self.runs)} runs with a latency, {curve})"
 
     def _repr_html_(self) -> str:
-        """Runs and curve as a notebook shows them."""
         from draglag.analysis.tables import run_rows
 
         keys = ["run", "speed_mm_s", "latency_ms", "latency_low_ms", "latency_high_ms", "n_edges", "flags"]
@@ -138,8 +137,7 @@ class Analysis:
         return dataset_of(self)
 
     def plot(self, ax: Any = None) -> Any:
-        """The matplotlib axes (given or new) with runs, curve and taps (Fig. 5). Raises DraglagError without
-        matplotlib."""
+        """Matplotlib axes (given or new) with runs, curve and taps (Fig. 5). Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_latency, own_axes
 
         axes = own_axes(ax)
@@ -225,12 +223,12 @@ def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]
 
 
 def _excluded(session: Session, estimates: Sequence[RunEstimate], options: AnalysisOptions) -> dict[str, str]:
-    """Run id → why not in curve and validation: by hand, or for how it went."""
+    """Run id → why not in curve and validation."""
     return {**why_excluded(session.runs, estimates, options.include), **options.exclude}
 
 
 def _usable(estimate: RunEstimate) -> bool:
-    """Whether an estimate can be a curve's point: finite standard error, inside the window."""
+    """Finite standard error, inside the window."""
     return bool(
         estimate.latency_s is not None
         and estimate.curve_se_s
@@ -240,7 +238,7 @@ def _usable(estimate: RunEstimate) -> bool:
 
 
 def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:
-    """The points of the curve, from the runs that may carry it."""
+    """The curve's points."""
     good = [
         (e.speed_mm_s, e.latency_s, e.curve_se_s, e.speed_se_mm_s or 0.0, e.speed_sd_mm_s or 0.0)
         for e in estimates
@@ -283,7 +281,6 @@ def _with_common_shift(curve: CurveFit) -> CurveFit:
 
 
 def _file_warnings(session: Session) -> list[str]:
-    """What reading the session's file found wrong."""
     return [note.text for note in session.notes if note.level == "warning" and note.source == "file"]
 
 

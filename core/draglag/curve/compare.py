@@ -48,8 +48,7 @@ class CurveDifference:
         return f"CurveDifference(RMS {rms_ms:.2f} ms from {low:.0f} to {high:.0f} mm/s, p = {self.p_value:.2g})"
 
     def plot(self, ax: Any = None) -> Any:
-        """The matplotlib axes (given or new) with the difference and its 95 % band. Raises DraglagError without
-        matplotlib."""
+        """Matplotlib axes (given or new) with difference and 95 % band. Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_difference, own_axes
 
         axes = own_axes(ax)

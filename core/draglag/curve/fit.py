@@ -1,4 +1,4 @@
-"""L(v) fitted to the runs of a session: every form, its uncertainty, and the choice among them."""
+"""L(v) fitted to a session's runs: forms, uncertainty, choice."""
 
 from __future__ import annotations
 
@@ -116,14 +116,12 @@ class CurveFit:
         )
 
     def _repr_html_(self) -> str:
-        """The coefficients as a notebook shows them."""
         half = self.half_intervals
         rows = [(name, value, half[name]) for name, value in self.parameters.items()]
         return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "± (95 %)"], rows)
 
     def plot(self, ax: Any = None) -> Any:
-        """The matplotlib axes (given or new) with the curve and its 95 % band. Raises DraglagError without
-        matplotlib."""
+        """Matplotlib axes (given or new) with curve and 95 % band. Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_curve, own_axes
 
         axes = own_axes(ax)
@@ -177,8 +175,7 @@ def fit_best(
     forms: Sequence[str] = tuple(FORMS),
     tied_se_s: float = 0.0,
 ) -> CurveFit:
-    """The best fit of all forms the points can carry: Eq. 5, unless a rival's AICc is lower by more than 6 and its
-    held-out error is no larger.
+    """The best fit: Eq. 5, unless a rival's AICc is lower by more than 6 and its held-out error no larger.
 
     Raises EstimateError with fewer than ``FEWEST_SPEEDS`` different speeds.
     """

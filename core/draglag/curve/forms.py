@@ -1,4 +1,4 @@
-"""The forms of L(v), each linear in its amplitudes and non-linear in at most three shape parameters."""
+"""The forms of L(v), linear in amplitudes, with at most three shape parameters."""
 
 from __future__ import annotations
 

@@ -12,11 +12,11 @@ from draglag.shown import brief
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """Latency of each run: speed_mm_s, latency_s and its standard error se_s, (n,) each.
+    """Latency of each run: speed_mm_s, latency_s, its standard error se_s, (n,) each.
 
-    ``speed_se_mm_s`` (n,): standard error of the speed, None if unknown; on a steep curve it counts as much as the
-    latency's. ``speed_sd_mm_s`` (n,): spread of the speed over edges, None for none; where the curve bends, the mean of
-    L is not L of the mean speed.
+    ``speed_se_mm_s`` (n,): standard error of the speed, None if unknown; on a steep curve it matters as much.
+    ``speed_sd_mm_s`` (n,): spread of the speed over edges, None for none; on a bent curve the mean of L is not L of the
+    mean.
     """
 
     speed_mm_s: FloatArray

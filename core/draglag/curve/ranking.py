@@ -52,10 +52,9 @@ class Ranking:
 
 
 def ranking(curves: Sequence[tuple[str, CurveFit]]) -> Ranking:
-    """The curves in order of their mean latency over the speeds that all share.
+    """The curves by mean latency over the speeds all share. Raises EstimateError without any.
 
-    Intervals of ranks hold 95 % of the ranks when every mean is drawn from its error: screens that cannot be
-    distinguished share one. Raises EstimateError if no speed is shared by all.
+    Intervals hold 95 % of the ranks when means are drawn from their errors: indistinguishable screens share one.
     """
     low = max(curve.speed_range_mm_s[0] for _, curve in curves)
     high = min(curve.speed_range_mm_s[1] for _, curve in curves)

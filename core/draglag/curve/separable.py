@@ -1,6 +1,6 @@
-"""Separable weighted least squares for L(v): a grid over the shapes, non-negative amplitudes, then a polish.
+"""Separable weighted least squares for L(v): a grid over shapes, non-negative amplitudes, then a polish.
 
-A general optimiser from one start fails in about one case in twelve, silently.
+A general optimiser from one start silently fails in one case of twelve.
 """
 
 from __future__ import annotations

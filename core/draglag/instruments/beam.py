@@ -1,4 +1,4 @@
-"""The beam: the stylus' side at an edge, and the two parallel lines of the edges, y = slope · x + intercept.
+"""The beam, y = slope · x + intercept: sides of the stylus, two parallel lines of edges.
 
 y grows downwards: the *top* line has the smaller intercept.
 """
@@ -13,10 +13,9 @@ from draglag.recording import FloatArray
 
 
 def sides(falling: np.ndarray, v_across: FloatArray) -> FloatArray:
-    """Side of the beam at each edge: −1 top, +1 bottom, from the kind of edge and the direction of travel.
+    """Side of the beam at each edge: −1 top, +1 bottom, by kind of edge and direction of travel.
 
-    At light→dark the centre approaches the beam, at dark→light it leaves: moving down (v > 0), top at the first and
-    bottom at the second. Holds for grazing passes, which counting edges would get wrong.
+    The centre approaches at light→dark and leaves at dark→light; counting edges instead fails at grazing passes.
 
     Args:
         falling: (m,) bool, True for light→dark. v_across: (m,) velocity across the beam, positive downwards.
@@ -36,10 +35,10 @@ class Lines:
 
 
 def fit_lines(x_mm: FloatArray, y_mm: FloatArray, side: FloatArray, shared_slope: bool) -> tuple[Lines, FloatArray]:
-    """Least-squares lines through top and bottom edges, and the residual of every edge (mm, along y).
+    """Least-squares lines through top and bottom edges, and every edge's residual (mm, along y).
 
-    ``shared_slope=False`` is the paper's Eq. 2; ``True`` uses that the lines are parallel by construction. Raises
-    ValueError if a side has no edge.
+    ``shared_slope=False`` is the paper's Eq. 2; ``True`` uses that the lines are parallel. Raises ValueError if a side
+    has no edge.
     """
     top = side < 0
     if not top.any() or top.all():
@@ -68,7 +67,7 @@ def _slope(x_mm: FloatArray, y_mm: FloatArray) -> float:
 
 
 def stylus_diameter_mm(lines: Lines, x_from_mm: float, x_to_mm: float) -> float:
-    """Eq. 3: mean perpendicular distance of five equidistant points of the top line to the bottom line, mm."""
+    """Eq. 3: mean distance of five equidistant points of the top line from the bottom line, mm."""
     x_mm = np.linspace(x_from_mm, x_to_mm, 5)
     y_mm = lines.slope_top * x_mm + lines.intercept_top_mm
     distance = np.abs(lines.intercept_bottom_mm + lines.slope_bottom * x_mm - y_mm)

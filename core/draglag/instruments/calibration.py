@@ -1,6 +1,6 @@
 """From a touchscreen's units to mm: an affine fit to touched targets.
 
-Raw events miss rotation, mirroring and the system's calibration, and the kernel's resolution is often wrong.
+Raw events know no rotation or mirroring, and the kernel's resolution is often wrong.
 """
 
 from __future__ import annotations
@@ -60,13 +60,13 @@ def fit_affine(
     """Least-squares map from touched targets.
 
     Args:
-        x, y: (n,) reported touches, device units.
-        x_mm, y_mm: (n,) the targets.
-        largest_residual_mm: largest distance of a target that is accepted.
+        x, y: (n,) touches, device units.
+        x_mm, y_mm: (n,) targets.
+        largest_residual_mm: largest distance accepted.
 
     Raises:
         DataError: columns of different lengths or not numbers.
-        EstimateError: fewer than 5 targets, targets (or touches) along one line, or a target too far off.
+        EstimateError: fewer than 5 targets, targets (or touches) along one line, or one too far off.
     """
     raw, places = np.column_stack([x, y]).astype(np.float64), np.column_stack([x_mm, y_mm]).astype(np.float64)
     if raw.shape != places.shape or not np.isfinite(raw).all() or not np.isfinite(places).all():

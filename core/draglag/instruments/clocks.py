@@ -1,8 +1,8 @@
 """Device clocks on the host's clock: offset and drift from bounds, with their uncertainty.
 
-Every exchange bounds a stamp from one side or both: ``host_min ≤ host(device) ≤ host_max``. Within an epoch a quartz is
-a straight line, and the lines that satisfy all bounds form a convex polygon in offset and drift. Its corners give the
-extremes of any result, its centre the estimate; no assumption is made on where within a round trip the truth lies.
+An exchange bounds a stamp: ``host_min ≤ host(device) ≤ host_max``. Within an epoch a quartz is a straight line, and the
+lines within all bounds form a convex polygon in offset and drift: its corners give extremes, its centre the estimate.
+Where within a round trip the truth lies is not assumed.
 """
 
 from __future__ import annotations
@@ -31,13 +31,11 @@ class EpochClock:
     """One epoch of a device clock: ``host = device + offset_s + drift · (device − reference_s)``.
 
     Attributes:
-        reference_s: device time of the offset.
         offset_s, drift: centre of the feasible polygon (drift in s/s).
-        drift_interval: drifts that the bounds allow.
+        drift_interval: drifts within the bounds.
         corners: (k, 2) of the polygon: offset relative to ``offset_s``, drift.
         first_s, last_s: device times of the first and last bounds.
-        n_bounds: number of exchanges.
-        slack_s: least widening of the bounds for a line to fit; 0 where they agree.
+        slack_s: least widening of the bounds for a line to fit, usually 0.
         uneven_s: what that adds to every half width: slack and width of an exchange.
     """
 
@@ -63,7 +61,7 @@ class EpochClock:
         return -1e6 * self.drift_interval[1], -1e6 * self.drift_interval[0]
 
     def to_host(self, device_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Host times and their half widths, (n,) → (n,), (n,) s: the truth is within if the clock is a line."""
+        """Host times and half widths, (n,) → (n,), (n,) s, if the clock is a line."""
         span = np.asarray(device_s, np.float64) - self.reference_s
         host = self.reference_s + self.offset_s + span * (1.0 + self.drift)
         spread = self.corners[:, :1] + (self.corners[:, 1:] - self.drift) * span.reshape(1, -1)
@@ -103,10 +101,10 @@ class ClockFit:
 
 
 def fit_clock(bounds: ClockBounds | Sequence[ClockBounds]) -> ClockFit:
-    """The clock of one stream, epoch by epoch; one-sided rows have an infinite other side.
+    """The clock of one stream; one-sided rows have an infinite other side.
 
-    An epoch not bounded from both sides is left out. Raises DataError on bounds of several streams, without rows, or
-    with stamps that are not numbers.
+    Epochs not bounded from both sides are left out. Raises DataError on several streams, no rows, or stamps that are
+    not numbers.
     """
     parts = [bounds] if isinstance(bounds, ClockBounds) else list(bounds)
     if not parts:
@@ -147,7 +145,7 @@ def rate_words(fast_ppm: float, digits: int = 1) -> Message:
 
 
 def clock_warnings(fit: ClockFit, of_width: bool = True) -> list[str]:
-    """Warnings for the operator about a clock; ``of_width``: also that its time is too uncertain."""
+    """Warnings about a clock; ``of_width``: also that its time is too uncertain."""
     said: list[str] = []
     for clock in fit.epochs.values():
         which = message("The {stream} clock", stream=fit.stream)
@@ -187,7 +185,7 @@ def clock_warnings(fit: ClockFit, of_width: bool = True) -> list[str]:
 
 
 def laser_clock(run: Run, also: Sequence[ClockBounds] = ()) -> ClockFit | None:
-    """The laser's clock from comparisons of the run and others of the session, or None."""
+    """The laser's clock from comparisons of run and session, or None."""
     parts = [part for part in (*run.sync, *also) if part.stream == "laser" and len(part.device_s)]
     return fit_clock(parts) if parts else None
 
@@ -208,19 +206,16 @@ def remapped_within(run: Run, also: Sequence[ClockBounds] = ()) -> tuple[Run, fl
 
 
 def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float | None:
-    """Half width of the shift that clocks may give every latency of a run, s.
+    """Half width of the shift of a run's latencies by clocks, s; more edges do not reduce it.
 
-    0.0 for edges stamped on the host's clock; None for device stamps that no comparison covers. ``also``: comparisons
-    outside the run (``Session.clocks``). More edges do not reduce it.
+    0.0 for edges stamped on the host's clock; None for device stamps without comparisons. ``also``: comparisons outside
+    the run (``Session.clocks``).
     """
     return remapped_within(run, also)[1]
 
 
 def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
-    """The run with its edges mapped by all comparisons, not only those known while recording.
-
-    Unchanged where there are none. Edges keep their order.
-    """
+    """The run with edges mapped by all comparisons, also later ones; unchanged without any. Edges keep their order."""
     return remapped_within(run, also)[0]
 
 
@@ -309,8 +304,7 @@ def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
 
 
 def _feasible(floor: FloatArray, ceiling: FloatArray, slack: float) -> FloatArray:
-    """Corners (offset, drift) of the lines between floor and ceiling: a box cut by one half-plane a bound; empty if
-    none fits."""
+    """Corners (offset, drift) of the lines between floor and ceiling; empty if none fits."""
     reach = 1.0 + float(np.abs(np.concatenate([floor[:, 1], ceiling[:, 1]])).max())
     reach += LARGEST_DRIFT * float(np.abs(np.concatenate([floor[:, 0], ceiling[:, 0]])).max())
     b = LARGEST_DRIFT

@@ -1,4 +1,4 @@
-"""Whether the touchscreen is the same way round as its picture: turned after calibration, it mirrors every trace."""
+"""Whether touches are mirrored, as on a touchscreen turned after its calibration."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _LAGS_S = np.linspace(0.0, 0.4, 21)
 
 
 def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: Screen) -> Orientation | None:
-    """How a run's touches are mirrored against its target; None if they are not, or the data do not decide.
+    """How a run's touches are mirrored against its target; None if not, or undecided.
 
-    Decided only if touches are far from the target at any plausible lag and close to one mirror image of it.
+    Decided only if touches are far from the target at any plausible lag and close to one mirror image.
 
     Args:
-        touch: events of the run; those before ``start_s`` are left out.
-        target: what was shown; it began to move at ``start_s`` on the same clock.
+        touch: events; those before ``start_s`` are left out.
+        target: began to move at ``start_s`` on the same clock.
     """
     t_s = touch.t_s - start_s
     usable = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)

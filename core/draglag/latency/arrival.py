@@ -81,8 +81,8 @@ def _lateness_of_stretch_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> Fl
 
 
 def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
-    """The run with stamps moved back by the confirmed share of their lateness; that lateness; the path, if made in
-    vain."""
+    """The run with stamps moved back by the confirmed share of their lateness; that lateness; the path, if none moved
+    and one was made."""
     touch = ready.touch
     arrival_s = _arrival_s(ready)
     every_s = lateness_s(arrival_s)
@@ -108,7 +108,6 @@ def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
 
 
 def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
-    """Share of the lateness (n,) that positions confirm."""
     place_mm, v_mm_s = path.with_velocity(ready.touch.t_s)
     shown_mm = v_mm_s * late_s[:, None]
     shown_mm = shown_mm - path.like(shown_mm).at(ready.touch.t_s)  # the path follows what is slow

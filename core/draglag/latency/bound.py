@@ -2,10 +2,9 @@
 
 1. The path is the intended movement plus a Gaussian process of known spectrum (the hand), seen through touch noise. Its
    posterior covariance across the beam at the edges is unavoidable.
-2. Each edge puts the path on one of two parallel lines: a linear model in latency, slope and intercepts with that
-   covariance.
+2. Each edge puts the path on one of two parallel lines: linear in latency, slope and intercepts, with that covariance.
 
-No estimator knows the spectra, so the bound is true.
+No estimator knows the spectra: a lower bound.
 """
 
 from __future__ import annotations

@@ -105,7 +105,6 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
 
 
 def _without_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
-    """The solution from edges outside the hand's pauses, and those inside."""
     others, pauses = without_pauses(ready, best.track, best.latency_s, best.parameters[1:4])
     without = _solved(others, best.latency_s, best.track) if pauses.t_s.size else None
     return (best, NONE) if without is None else (without, pauses)
@@ -305,8 +304,8 @@ def _alignment(ready: Prepared, best: Solution) -> Alignment:
 def _by_tremor_s(best: Solution) -> tuple[float, float]:
     """Advance of the trace by tremor, s, and the scatter of the edges' mean latency by it, s.
 
-    Where latency falls with speed, fast swings show sooner: x(t − L(v + ν)) has the mean −L'·ν², an advance of −L'·⟨ν²⟩
-    / v. Few edges do not average their unseen speeds; the latency at the mean speed is unaffected.
+    Where latency falls with speed, fast swings show sooner: x(t − L(v + ν)) has the mean −L'·ν², an advance −L'·⟨ν²⟩ /
+    v. Few edges do not average their unseen speeds; the latency at the mean speed is unaffected.
     """
     if best.track.tremor is None:
         return 0.0, 0.0

@@ -1,7 +1,7 @@
 """Edges in a pause of the hand, each with a latency of its own, read off the trace.
 
-Such an edge may come tens of ms later than others. A fit hardly weighs it or is bent by it, yet in the mean it counts
-as one. So it is left out of the fit: the others' lines say where it happened, the trace when it shows that place.
+It may be tens of ms longer than the others'. A fit hardly weighs such an edge or is bent by it, the mean counts it in
+full: so the others' lines say where it happened, the trace when that place shows.
 """
 
 from __future__ import annotations

@@ -20,10 +20,9 @@ PAUSE_S = 2.0  # what lies further apart is not one movement
 
 
 def _fill_from_trace(moved_to: list[FloatArray], t_s: FloatArray, xy_mm: FloatArray, own_s: FloatArray) -> None:
-    """Fill positions that no path gave, in place, from the trace when it shows them; NaN outside of contact.
+    """Fill NaN positions (n,) in place from the trace when it shows them; NaN outside of contact.
 
-    Args:
-        moved_to: x and y, (n,) mm each, NaN to fill. own_s: (n,) rising stylus times of the events.
+    ``own_s``: (n,) rising stylus times of the events.
     """
     forwards = np.append(np.diff(own_s) > 0, True)
     losses_s = contact_losses(t_s)
@@ -45,14 +44,14 @@ def _is_steep(law: Law, speed_mm_s: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class Compensated:
-    """Recorded touch events with the lag taken out; (n,) in the order given, NaN where unknown.
+    """Recorded touch events with the lag taken out; (n,) as given, NaN where unknown.
 
     Attributes:
-        stylus_t_s: when the stylus was where the event shows it; never runs backwards.
+        stylus_t_s: when the stylus was where the event shows it, non-decreasing.
         latency_s: t_s − stylus_t_s.
         speed_mm_s: of the stylus, at stylus_t_s.
         x_stylus_mm, y_stylus_mm: where the stylus was at t_s, from later events.
-        extrapolated: bool, the speed lies outside the measured range.
+        extrapolated: bool, speed outside the measured range.
     """
 
     t_s: FloatArray

@@ -1,4 +1,4 @@
-"""Effect of a screen's drag latency on a tracking task: gain, phase and delay at the frequencies of Table 1."""
+"""Effect of latency on a tracking task: gain, phase and delay at the frequencies of Table 1."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class TrackingResponse:
 def tracking_response(law: Law, scale_mm: float = 24.4, sideways_mm_s: float = 4.0) -> TrackingResponse:
     """Fourier response over one period of the multi-sine of Table 1, dragged without error.
 
-    Latency follows speed, so the screen is not linear: the response holds for this signal at this size.
+    Latency follows speed: the response holds for this signal and size only.
 
     Args:
         law: L(v), s. scale_mm: one unit of amplitude on the screen. sideways_mm_s: the target's drift.

@@ -11,8 +11,7 @@ AT_ONCE, LONG, BATCHED, FEWEST_INTERVALS = 0.25, 0.9, 0.25, 8
 
 
 def usable(touch: TouchTrace) -> TouchTrace:
-    """The finite events in order of time, one a stamp (the last one wins): real digitisers repeat stamps and may step
-    back."""
+    """Finite events in order of time, one a stamp (the last): real digitisers repeat stamps and may step back."""
     keep = np.isfinite(touch.t_s) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
     order = np.flatnonzero(keep)[np.argsort(touch.t_s[keep], kind="stable")]
     if order.size:
@@ -32,8 +31,7 @@ def median(values: FloatArray) -> float:
 
 
 def last_of_batches(touch: TouchTrace) -> TouchTrace:
-    """Of events delivered in batches, the last of each, the only one with a stamp of its own; other streams
-    unchanged."""
+    """The last event of each batch, the only one with its own stamp; other streams unchanged."""
     together = _together(np.diff(touch.t_s))
     if not together.any():
         return touch
@@ -77,7 +75,7 @@ def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.nd
 
 
 def hold_at_rate(touch: TouchTrace, rate_hz: float) -> TouchTrace:
-    """The trace as a loop of ``rate_hz`` sees it: at each tick the last event so far (the paper, Section II.A).
+    """The last event at each tick of a loop of ``rate_hz`` (the paper, Section II.A).
 
     Adds about half a tick plus half a touch interval of latency; figures made from it must say so.
     """

@@ -1,10 +1,10 @@
 """Inversion of a latency law: when, and so where, the stylus was, given a touch trace.
 
-With v the stylus' speed, w the shown speed and τ the trace's time, the lag ℓ = L(v) obeys dℓ/dτ = 1 − w / v. Forwards
-in τ errors are forgotten within v·|L′(v)| (at most 0.2 s); backwards, or iterated to a fixed point, they grow.
+With v the stylus' and w the shown speed, the lag ℓ = L(v) obeys dℓ/dτ = 1 − w / v in the trace's time τ. Forwards,
+errors are forgotten within v·|L′(v)| (at most 0.2 s); backwards, or by fixed-point iteration, they grow.
 
-Where the stylus starts, L may fall faster than time passes: later positions are shown first, and the trace jumps. Of
-what a large jump hides only the ends are known (``_landed``).
+Where the stylus starts, L may fall faster than time passes: the trace jumps, and only the jump's ends are known
+(``_landed``).
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ USUAL_MM_S = 200.0  # where no speed is known
 
 @dataclass(frozen=True)
 class StylusPath:
-    """The stylus' movement implied by a law and a touch trace, on an even grid of its own time.
+    """The stylus' movement behind a touch trace, on an even grid of its own time.
 
     Attributes: t_s (g,), xy_mm (g, 2), speed_mm_s (g,), arrival_s (g,) when the screen shows each point; event_t_s (n,)
-    when the stylus was where each event shows it, never running backwards.
+    when the stylus was where each event shows it, non-decreasing.
     """
 
     t_s: FloatArray
@@ -60,8 +60,8 @@ def stylus_path(
     """The movement whose delayed image is the touch trace.
 
     Args:
-        t_s: (n,) stamps that never fall, n > 1. xy_mm: (n, 2). half_s: half width of the smoothing window.
-        own_s: (n,) result of ``shown_times_s``, if known already.
+        t_s: (n,) non-decreasing stamps, n > 1. xy_mm: (n, 2). half_s: half width of the smoothing window.
+        own_s: (n,) result of ``shown_times_s``, if known.
     """
     own_s = shown_times_s(t_s, xy_mm, law) if own_s is None else own_s
     grid_s = np.arange(own_s[0], max(t_s[-1], own_s[0] + 8 * GRID_S), GRID_S)
@@ -72,7 +72,7 @@ def stylus_path(
 
 
 def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
-    """When the stylus was where each event shows it, (n,) s, never running backwards; args as of ``stylus_path``."""
+    """When the stylus was where each event shows it, (n,) s, non-decreasing; args as of ``stylus_path``."""
     table = _table(law)
     if np.any(np.diff(table.lag_s) > 0):
         # Where a law rises its equation has no one answer: every event for itself.
@@ -94,12 +94,9 @@ def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
 
 
 def stylus_speed(law: Law, v_mm_s: FloatArray, a_mm_s2: FloatArray) -> FloatArray:
-    """Speed of the stylus behind an event's shown velocity and acceleration, (m,) mm/s.
+    """Speed of the stylus behind shown velocity and acceleration (m, 2), (m,) mm/s.
 
     The law re-times the trace: an event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus.
-
-    Args:
-        v_mm_s, a_mm_s2: (m, 2) as the touch trace shows them.
     """
     shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
     along = np.einsum("mk,mk->m", v_mm_s, a_mm_s2) / shown
@@ -117,7 +114,7 @@ def slope_of(law: Law, speed_mm_s: FloatArray) -> FloatArray:
 
 
 def stylus_time_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, law: Law, half_s: float) -> FloatArray:
-    """When the stylus was where the trace shows it at ``at_s``: at_s − L(v), never running backwards, (m,) s.
+    """at_s − L(v): when the stylus was where the trace shows it, non-decreasing, (m,) s.
 
     Args:
         t_s: (n,) increasing. xy_mm: (n, 2). at_s: (m,) increasing. half_s: half width of the local fits.
@@ -157,7 +154,7 @@ class _Table:
         return float(np.interp(distance_mm, covered, ends))
 
     def follow(self, shown_mm_s: FloatArray, step_s: float, lag_s: float) -> FloatArray:
-        """The lag at every step of a shown speed (g,): ℓ′ = 1 − w / v by implicit steps, which cannot overshoot."""
+        """The lag at every step of a shown speed (g,): ℓ′ = 1 − w / v by implicit steps, without overshoot."""
         lags, slownesses = self.lags, self.slownesses
         last = len(lags) - 1
         out = []
@@ -204,10 +201,10 @@ def _followed(t_s: FloatArray, xy_mm: FloatArray, table: _Table, noise_mm: float
 def _landed(
     xy_mm: FloatArray, before: IntArray, after: IntArray, table: _Table, lag_s: float, noise_mm: float
 ) -> float:
-    """The lag after a jump, for a movement between its ends whose velocity changes evenly.
+    """The lag after a jump, if velocity changes evenly between its ends.
 
-    With speeds v₁, v₂ at the ends, D the jump along the movement after it and c the cosine of the turn, D = (L(v₁) −
-    L(v₂)) · (c·v₁ + v₂) / 2 gives v₂.
+    With speeds v₁, v₂ there, D the jump along the later movement and c the cosine of the turn,
+    D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 gives v₂.
     """
     jump = xy_mm[after[0]] - xy_mm[before[-1]]
     came = xy_mm[before[-1]] - xy_mm[before[-min(NEIGHBOURS, before.size)]]
@@ -256,7 +253,7 @@ def _interval_s(t_s: FloatArray) -> float:
 
 
 def _noise_mm(xy_mm: FloatArray) -> float:
-    """Standard deviation of one coordinate of an event, from third differences."""
+    """Standard deviation of an event's coordinate, from third differences."""
     if xy_mm.shape[0] < 8:
         return 0.0
     return float(np.sqrt(np.median(np.diff(xy_mm, 3, axis=0) ** 2) / 0.455 / 20))

@@ -1,7 +1,7 @@
-"""Smoothed position, velocity and acceleration from touch events.
+"""Smoothed position, velocity and acceleration.
 
-The paper's Savitzky–Golay filter (order 4, 61 samples) is kept for its figures: its fixed window reads speed 5–33 % low
-above about 700 mm/s. All else uses local cubic fits with a bandwidth matched to the motion.
+The paper's Savitzky–Golay filter (order 4, 61 samples) reads speed 5–33 % low above about 700 mm/s, so it is kept for
+its figures only. All else uses local cubics with a bandwidth matched to the motion.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at 
 
 
 def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """t_s (n,), x_mm, y_mm, speed_mm_s by the paper's smoother, contact losses interpolated on an even grid.
+    """t_s (n,), x_mm, y_mm, speed_mm_s by the paper's smoother on an even grid, contact losses interpolated.
 
     Raises ValueError with fewer than 61 samples.
     """
@@ -120,11 +120,11 @@ def local_fit(
     degree: int = DEGREE,
     roundness: int = 1,
 ) -> LocalFit:
-    """Weighted polynomial of ``degree`` through the events within ``half_width_s`` of each time.
+    """Polynomial fits within ``half_width_s`` of each time.
 
     Args:
         t_s: (n,) increasing. xy_mm: (n, 2). at_s: (m,). half_width_s: scalar or (m,).
-        roundness: power of the weights 1 − u²: 1 (Epanechnikov) is best for white noise, 3 has the lowest side lobes.
+        roundness: power of the weights 1 − u²: 1 (Epanechnikov) is best for white noise, 3 has low side lobes.
     """
     m = at_s.size
     width_s = np.broadcast_to(np.asarray(half_width_s, float), (m,))
@@ -168,7 +168,7 @@ def local_fit(
 
 
 def inverse(matrices: FloatArray) -> FloatArray:
-    """Inverses (m, p, p) of symmetric positive definite matrices (m, p, p), by sweeps for all at once if many."""
+    """Inverses of symmetric positive definite matrices (m, p, p); many at once by sweeps."""
     m, p, _ = matrices.shape
     if m < FEW_MATRICES:
         return np.asarray(np.linalg.inv(matrices), float)
@@ -191,13 +191,11 @@ def inverse(matrices: FloatArray) -> FloatArray:
 def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray) -> tuple[float, float]:
     """The bandwidth with the best leave-one-out prediction of events near ``near_s``, and the noise it leaves.
 
-    Events are slid along their velocity onto an even grid, so that a bandwidth is one convolution.
-
     Args:
         t_s: (n,) increasing. values_mm: (n, k) relevant position components. near_s: (m,) times.
 
     Returns:
-        Half width (s) and standard deviation of one event's component (mm); NaN if the trace is too short.
+        Half width (s) and standard deviation of an event's component (mm); NaN for too short a trace.
     """
     dt_s = sample_interval_s(t_s)
     slot, even = _even_grid(t_s, values_mm, dt_s)
@@ -251,7 +249,6 @@ def _even_weights(samples: float) -> FloatArray:
 
 
 def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
-    """Which events lie within ``reach_s`` of any of the times."""
     at_s = np.sort(at_s)
     k = np.searchsorted(at_s, t_s)
     left = t_s - at_s[np.clip(k - 1, 0, at_s.size - 1)]
@@ -260,10 +257,10 @@ def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
 
 
 def speed_half_widths_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:
-    """Half width for a speed to evaluate a latency law at, (m,) s.
+    """Half width for speeds at which to evaluate a latency law, (m,) s.
 
-    A law falls by up to 2 ms per mm/s, so noise of the speed becomes noise of the latency. The window is the widest
-    whose velocity agrees with those of all narrower ones within their noise (Lepski's rule).
+    A law falls by up to 2 ms per mm/s, so noise of speed becomes noise of latency: the widest window whose velocity
+    agrees with all narrower ones within noise (Lepski's rule).
     """
     narrowest = max(0.04, 4.5 * sample_interval_s(t_s))
     widths = [w for w in (0.25, 0.18, 0.13, 0.095, 0.07, 0.05) if w > narrowest] + [narrowest]

@@ -14,7 +14,7 @@ from draglag.recording import FloatArray
 
 
 def smoothed(values: FloatArray, window: int, degree: int, order: int = 0, step: float = 1.0) -> FloatArray:
-    """Values (n,) or (n, k) smoothed along their first axis, or a derivative of that order; the same shape.
+    """Values (n,) or (n, k) smoothed along the first axis, or their derivative; same shape.
 
     Args:
         values: on an even grid of that step, n ≥ window.

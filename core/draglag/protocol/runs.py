@@ -188,14 +188,14 @@ def _plan_run(plan: RunPlan, speed: float | None, screen: Screen, beam: Beam) ->
 def expand(
     protocol: Protocol, screen: Screen, seed: int | None = None, *, beam: Beam | None = None
 ) -> tuple[PlannedRun, ...]:
-    """The runs of a protocol on a screen, in the order of recording, with ids run-01, run-02, …
+    """A protocol's runs on a screen, in the order of recording, with ids run-01, run-02, …
 
     Args:
         seed: of the order of the circles; the protocol's own if None.
-        beam: where the laser is, for targets centred on it; the middle of the screen if None.
+        beam: for targets centred on it; the middle of the screen if None.
 
-    Practice runs keep their places; circles change theirs among themselves if the protocol says ``shuffle``. Raises
-    DataError if a target would leave the screen.
+    Practice runs keep their places; circles change theirs if the protocol says ``shuffle``. Raises DataError if a
+    target would leave the screen.
     """
     beam = beam or Beam(0.0, screen.height_mm / 2)
     runs = [
@@ -242,7 +242,6 @@ def session_duration_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown
 
 
 def _before_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
-    """Durations of what a session begins with."""
     parts_s = []
     if protocol.clock_check is not None:
         parts_s.append(protocol.clock_check.duration_s)
@@ -252,7 +251,6 @@ def _before_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
 
 
 def _after_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
-    """Durations of what a session ends with."""
     parts_s = []
     if protocol.taps is not None and protocol.taps.when in ("end", "both"):
         parts_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)

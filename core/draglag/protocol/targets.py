@@ -1,7 +1,6 @@
-"""Targets to follow: circle, chirp, multi-sine, step and tap (the paper, II.A and II.D).
+"""Targets: circle, chirp, multi-sine, step and tap (the paper, II.A and II.D).
 
-Positions are mm on the screen, y downwards. All but the tap drift sideways at a constant speed, which spreads the edges
-along the beam so that a line can be fitted.
+Positions are mm on the screen, y downwards. All but the tap drift sideways, so that a line can be fitted to the edges.
 """
 
 from __future__ import annotations
@@ -166,9 +165,9 @@ class MultiSine(_Parameters):
 class Step(_Parameters):
     """Minimum-jerk steps of ``distance_mm`` across the beam, down and up, at five heights.
 
-    A cycle is ten steps: for each share f of ``STEP_FRACTIONS`` one down that meets the beam line after f of its path,
-    and one up; the next start is reached at rest, above the beam. Heights count from y = slope · x + intercept, so the
-    shares hold along a tilted beam.
+    A cycle is ten steps: for each share f of ``STEP_FRACTIONS`` one down that meets the beam after f of its path, and
+    one up; the next start is reached at rest. Heights count from y = slope · x + intercept, so f holds along a tilted
+    beam.
     """
 
     kind: ClassVar[str] = "step"
@@ -281,7 +280,7 @@ def to_px(screen: Screen, x_mm: ArrayLike, y_mm: ArrayLike) -> Pair:
 
 
 def check_on_screen(target: Target, screen: Screen, margin_mm: float = 0.0) -> None:
-    """Raise DataError, with the remedy, if the target comes within ``margin_mm`` of an edge of the screen."""
+    """Raise DataError, with the remedy, if the target comes within ``margin_mm`` of the screen's edge."""
     t = np.linspace(0.0, target.duration_s, max(1000, int(target.duration_s * 200)))
     for name, p, size in zip("xy", target.position_mm(t), (screen.width_mm, screen.height_mm), strict=True):
         low, high = float(p.min()), float(p.max())

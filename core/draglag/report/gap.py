@@ -97,7 +97,6 @@ def write_gap_report(
 
 
 def _check_table(report: GapReport) -> str:
-    """The posterior predictive check: statistics of measured and simulated session."""
     if not report.check:
         return ""
     rows = "".join(
@@ -129,7 +128,6 @@ def _said(session: Session, report: GapReport) -> list[str]:
 
 
 def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, str]]:
-    """Every figure with its caption."""
     assert report.first is not None
     assert report.last is not None
     before = ", before (orange triangles) and after (blue dots)" if report.first is not report.last else ""

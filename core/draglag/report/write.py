@@ -167,7 +167,6 @@ def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
 
 
 def _verdict(analysis: Analysis) -> str:
-    """The result in one sentence."""
     known = [run for run in analysis.runs if run.latency_ms is not None and run.speed_mm_s is not None]
     if not known:
         return "No run gave a latency."

@@ -163,7 +163,7 @@ def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
 
 
 def _j0_about_corrected_lines(one: Validation) -> float:
-    """J(0)/N about lines with the slopes of the corrected edges.
+    """J(0)/N about the lines of the corrected edges.
 
     A circle goes down on one side and up on the other: a free slope absorbs part of the lag.
     """

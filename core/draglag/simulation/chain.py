@@ -1,4 +1,4 @@
-"""The simulated rig from end to end: a motion through digitiser and sensor into a recording."""
+"""The simulated rig: a motion through digitiser and sensor into a recording."""
 
 from __future__ import annotations
 
@@ -149,8 +149,8 @@ def simulate_run(
     """The rig's recording of one motion.
 
     Args:
-        planned: the target and nominal numbers kept with the run; None for a free run.
-        start_s: start of the run on the host's clock; effects count time from ``session_start_s``.
+        planned: target and nominal numbers kept with the run; None for a free run.
+        start_s: on the host's clock; effects count time from ``session_start_s``.
         rng: takes one draw, which determines the run.
     """
     return simulate_run_with_truth(
@@ -245,12 +245,12 @@ def simulate_session(
     human: Human | None = None,
     session_start_s: float = 0.0,
 ) -> Session:
-    """A whole simulated session, bitwise reproducible from its arguments.
+    """A whole simulated session, bitwise reproducible.
 
     Args:
         screen_or_rig: a screen preset, a screen's TOML file, or a rig.
         protocol: a protocol, a preset's name or a TOML file.
-        session_start_s: the host's clock when the session begins.
+        session_start_s: the host's clock at the session's start.
 
     Raises DataError for unknown presets, malformed files, or a target that does not fit the screen.
     """

@@ -49,8 +49,7 @@ def reporting(rig: Rig, k: Kinematics, effects: Sequence[Effect], stream: Stream
 def arrival(t_s: FloatArray, latency_s: FloatArray) -> FloatArray:
     """(n,) increasing stamps τ = t + L.
 
-    While the stylus speeds up, L may fall faster than time passes: older positions then arrive with the first newer
-    one.
+    L may fall faster than time passes: older positions then arrive with the first newer one.
     """
     tau = np.minimum.accumulate((t_s + latency_s)[::-1])[::-1]
     return np.asarray(tau + 1e-12 * np.arange(len(tau)))  # strictly increasing, so that it can be inverted

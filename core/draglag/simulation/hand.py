@@ -18,11 +18,11 @@ class Human:
 
     Attributes:
         lag_s: how far the hand trails the target.
-        timing_sd_s: slow variation of that lag, which makes the speed uneven.
+        timing_sd_s: slow variation of that lag, so of the speed.
         wander_mm, wander_hz: slow error of position, each axis, and its bandwidth.
         tremor_mm: physiological tremor, 8–12 Hz, each axis.
-        gain_sd: error of the figure's size, independent in each axis: circles become slightly oval.
-        touch_s: earliest and latest moment after the start at which the stylus touches the glass.
+        gain_sd: error of the figure's size, each axis independent: slightly oval circles.
+        touch_s: earliest and latest touch after the start.
     """
 
     lag_s: float = 0.08

@@ -118,8 +118,8 @@ class Signature:
 def bent(
     view: View, per_s2: FloatArray | float, late_s: FloatArray | float = 0.0, theta: tuple[float, ...] = ()
 ) -> Signature:
-    """Signature of a displacement by ``per_s2`` (m,) s² times the shown acceleration, as of a smoothed path: the
-    displacement, and the law's latency at the stylus' speed, not at the bent path's. late_s: (m,) further latency."""
+    """Signature of a displacement by ``per_s2`` (m,) s² times the shown acceleration: as of a smoothed path, and of the
+    law at the stylus' own speed. late_s: (m,) further latency."""
     slower_mm_s = per_s2 * view.turn_rad_s**2 * view.speed
     return Signature(column(late_s + view.law_slope * slower_mm_s), column(per_s2 * view.a_across), theta)
 

@@ -21,9 +21,9 @@ class Rig:
             correlated over ``noise_slow_s``, as by a digitiser's filter.
         run_latency_sd_s, run_offset_sd_mm: unexplained differences between runs.
         contact_loss_per_s, contact_loss_s: rate and mean duration of contact losses.
-        sensor_response_s: the laser sensor's delay, the same for both kinds of edge.
-        laser_clock_offset_s, laser_clock_ppm: the laser interface's own clock against the host's.
-        clock_width_s: width of the bounds of one clock comparison.
+        sensor_response_s: the laser sensor's delay, alike for both kinds of edge.
+        laser_clock_offset_s, laser_clock_ppm: the laser's clock against the host's.
+        clock_width_s: width of a clock comparison's bounds.
         tap_touch_s, tap_release_s, tap_spread_s: medians and spread of tap latency.
     """
 

@@ -1,4 +1,4 @@
-"""One thread for linear algebra: for a run's small matrices several are slower, up to tenfold on a busy machine."""
+"""One thread for linear algebra: on a run's small matrices several are slower, up to tenfold on a busy machine."""
 
 from collections.abc import Callable
 from functools import cache, wraps

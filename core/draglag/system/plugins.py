@@ -1,4 +1,4 @@
-"""What other packages bring by entry points: effects, estimators, device schemes."""
+"""Effects, estimators and device schemes of other packages, by entry points."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ def brought(group: str, noun: str, problem_of: Callable[[str, object], str]) -> 
     """Name and object of a group's entry points, by name; unusable ones are left out with a warning.
 
     Args:
-        group: "draglag.effects", …
-        noun: what the warning calls such an object.
+        group: "draglag.effects", …; noun: for the warning.
         problem_of: (name, object) → what keeps it from being used, or empty.
     """
     from importlib.metadata import entry_points  # takes longer to import than all of what it finds here

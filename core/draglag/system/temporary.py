@@ -1,7 +1,6 @@
-"""Files are made in a temporary folder next to their place; leftovers of killed processes are removed.
+"""Files grow in a temporary folder next to their place; leftovers of killed processes are removed.
 
-The folder's name holds process id, start of the process and a number. Its maker holds a lock, which the system releases
-however the process ends.
+Its name holds process id, start of the process and a number; its maker holds a lock, released however it ends.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ _NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
 
 @contextmanager
 def temporary_for(path: Path) -> Iterator[Path]:
-    """A path of the same name in a new temporary folder on the same file system, to be renamed to ``path`` when whole.
+    """A path in a new temporary folder on the same file system, to be renamed to ``path`` when whole.
 
     The folder is removed at the end of the block. Raises OSError.
     """
@@ -45,10 +44,9 @@ def temporary_for(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_file(path: Path | str, replace: bool = False) -> Iterator[Path]:
-    """A place to write at; the file gets its name when the block ends, whole or not at all.
+    """A place to write at; the file gets its name at the end of the block, whole or not at all.
 
-    ``replace``: overwrite a file of that name; a link stays a link. Raises DataError if the name is taken or the folder
-    is missing, OSError.
+    ``replace``: overwrite; a link stays a link. Raises DataError if the name is taken or the folder missing, OSError.
     """
     path = Path(path).resolve() if replace else Path(path)
     if not replace:
@@ -88,8 +86,8 @@ def refuse(path: Path) -> None:
 def sweep(folder: Path) -> list[Path]:
     """Remove the temporary folders in ``folder`` whose maker has ended; returns them.
 
-    A folder stays if its name is not exactly such a one, if it is another account's or a link, if its maker lives, or
-    if its lock is held or cannot be asked for (another computer or container may hold it).
+    Kept: other names, other accounts' folders, links, living makers, and locks that are held or cannot be asked for
+    (perhaps by another computer or container).
     """
     try:
         found = [name for name in os.listdir(folder) if _NAME.fullmatch(name)]

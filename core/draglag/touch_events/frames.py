@@ -1,7 +1,6 @@
 """From kernel input events to contacts: multi-touch slots (protocol B), plain axes, lost events.
 
-Positions come from ABS_MT_POSITION_* where there are any: the kernel's fuzz filter averages and holds ABS_X/Y in slow
-motion.
+ABS_MT_POSITION_* wins over ABS_X/Y, which the kernel's fuzz filter averages and holds in slow motion.
 """
 
 from __future__ import annotations
@@ -75,8 +74,8 @@ class _Slot:
 class FrameDecoder:
     """Frames from events in order; without ``multitouch`` from ABS_X/Y and BTN_TOUCH.
 
-    After SYN_DROPPED all up to the next SYN_REPORT is discarded, as the kernel demands, and the next frame is
-    ``dropped``; a live driver then calls ``resync`` with the kernel's slots.
+    After SYN_DROPPED all up to the next SYN_REPORT is discarded, as the kernel demands; the next frame is ``dropped``,
+    and a live driver calls ``resync``.
     """
 
     multitouch: bool = True
@@ -260,10 +259,9 @@ def touch_trace(
     axes: tuple[AxisInfo, ...] = (),
     follower: ContactFollower | None = None,
 ) -> TouchTrace:
-    """The followed contact as a trace, one touch event a frame in which it is down.
+    """The followed contact as a trace, an event a frame. Repeated positions stay: they are observations.
 
-    Repeated positions are kept: the digitiser saw the same place again. A frame after SYN_DROPPED marks a gap back to
-    the frame before it.
+    A frame after SYN_DROPPED marks a gap back to the frame before it.
     """
     follower = follower if follower is not None else ContactFollower()
     rows: list[tuple[float, int, int, int, float]] = []

@@ -57,13 +57,11 @@ class Validation:
 def validate_run(
     ready: Prepared, law: Law, speed_range_mm_s: tuple[float, float] = (0.0, np.inf), smoothed: bool = False
 ) -> Validation:
-    """Eq. 4 for one run and latency law.
+    """Eq. 4 for one run and latency law. Raises EstimateError if too few edges can be placed or a side is empty.
 
-    J(0): lines of separate slopes through the uncorrected top and bottom edges. J(L): the same through the touch events
-    interpolated at t + L(v), v the paper's Savitzky–Golay speed; ``smoothed``: on the movement reconstructed through
-    the law (``stylus_path``, its usual window). Choosing a setting by its result here would be fitting, not validation.
-
-    Raises EstimateError if too few edges can be placed or a side is empty.
+    J(0): separate lines through the uncorrected top and bottom edges. J(L): through touch events interpolated at t +
+    L(v), v the paper's Savitzky–Golay speed; ``smoothed``: through the movement behind the law (``stylus_path``).
+    Settings are fixed: choosing them here would be fitting, not validation.
     """
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(
@@ -113,10 +111,7 @@ def validate_run(
 
 
 def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, FloatArray, FloatArray]:
-    """The edges in contact at t and at t + L(v), with L, s, and v, mm/s.
-
-    An event at t shows where the stylus was at t − L(v(t)), v being the trace's speed there.
-    """
+    """The edges in contact at t and at t + L(v), with L, s, and v, mm/s, the trace's speed at t + L."""
     touch = ready.touch
     try:
         grid_s, _, _, speed = savitzky_golay(touch)
@@ -135,8 +130,6 @@ def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, Fl
 
 @dataclass(frozen=True)
 class _Placed:
-    """Edges with a place on the reconstructed movement."""
-
     edges: Edges
     latency_s: FloatArray
     speed_mm_s: FloatArray

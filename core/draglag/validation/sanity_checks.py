@@ -91,7 +91,7 @@ WIDTH_SYSTEMATIC_MM = 0.53
 
 
 def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> list[str]:
-    """Sentences where session or runs disagree with the known diameter beyond noise and sensor."""
+    """Sentences where widths disagree with the known diameter beyond noise and sensor."""
     if check is None:
         return []
     low, high = check.ci95_mm

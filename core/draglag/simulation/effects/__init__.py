@@ -1,5 +1,5 @@
-"""The simulation's effects. A new one has a home (file or package) and is named here, or comes by the entry point
-``draglag.effects`` (docs/effects.md). A home's modules ``refits`` and ``stream`` build on the gap: imported late."""
+"""The simulation's effects, one home (file or package) each, named here or by the entry point ``draglag.effects``
+(docs/effects.md). Their modules ``refits`` and ``stream`` build on the gap and are imported late."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ __all__ = [
 
 
 def effect_class(effect_id: str) -> type[Effect]:
-    """The effect of that id; for an unknown id the base class, without effect."""
+    """The effect of that id; the base class, without effect, for an unknown one."""
     return EFFECTS.get(effect_id, Effect)
 
 
@@ -120,7 +120,7 @@ def twins_of(effect_id: str) -> tuple[str, ...]:
 def parse_effect(text: str) -> Effect:
     """The effect of ``ID=VALUE`` or ``ID=VALUE,name=number,…``; a bare ``ID`` has its typical size.
 
-    Raises DataError for an unknown id (listing the known), and for no or an out-of-bounds number.
+    Raises DataError for an unknown id, or for no or an out-of-bounds number.
     """
     head, *others = text.split(",")
     name, equals, value = head.partition("=")
@@ -175,7 +175,7 @@ def _number(text: str, name: str, spec: Parameter) -> float:
 
 
 def known_effects(ids: Collection[str] | str | None) -> frozenset[str]:
-    """Ids that may be named: one, several, or None for the whole library. Raises DataError for an unknown one."""
+    """One id, several, or (None) the whole library. Raises DataError for an unknown one."""
     if ids is None:
         return frozenset(EFFECTS)
     wanted = frozenset((ids,) if isinstance(ids, str) else ids)

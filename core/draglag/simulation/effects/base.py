@@ -1,7 +1,6 @@
-"""The base of all effects: one named physical cause of disagreement between rig and model.
+"""The base of all effects, each one named physical cause of disagreement between rig and model.
 
-A frozen dataclass: id, one sentence of meaning, parameters with units and bounds, hooks of the chain. Default hooks do
-nothing, so effects compose.
+Id, meaning, parameters with units and bounds, hooks of the chain; hooks do nothing by default, so effects compose.
 """
 
 from __future__ import annotations
@@ -219,7 +218,7 @@ class Effect(InFits):
 
     @classmethod
     def curve_speed(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray:
-        """(n,) speed given to a law of speed, from what it would be, for effects ``undone_in`` it."""
+        """(n,) speed given to a law of speed, for effects ``undone_in`` it."""
         return speed_mm_s
 
     @classmethod
@@ -240,14 +239,14 @@ class Effect(InFits):
 
     @classmethod
     def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature | None:
-        """Signature at a known size (theta: its parameters), for effects shown by taps; None: moves no edge."""
+        """Signature at a known size (theta: parameters), for effects shown by taps; None: moves no edge."""
         return None
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        """How the effect moves each edge's residual, at every setting in which it is not linear; empty if unseen.
+        """How the effect moves each edge's residual, at every non-linear setting; empty if unseen.
 
-        ``gains`` selects which of many settings to compute.
+        ``gains`` selects among many settings.
         """
         return []
 

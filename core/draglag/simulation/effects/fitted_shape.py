@@ -1,4 +1,4 @@
-"""An effect in the shape found by a fit, where its class has only one shape."""
+"""An effect in the shape found by a fit."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""An effect in a fit: how its term becomes numbers, words and a simulated effect, and what it changes in traces and
-views.
+"""An effect in a fit: its term as numbers, words and simulated effect; its changes of traces and views.
 
-Defaults suit an effect of one column, proportional to its size.
+Defaults suit one column, proportional to the size.
 """
 
 from __future__ import annotations
@@ -108,7 +107,7 @@ class InFits:
 
     @classmethod
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
-        """A term's sizes (k,), with what was undone in the traces or asked of the law."""
+        """A term's sizes (k,), with what traces or law already hold."""
         return np.array(term.sizes)
 
     @classmethod
@@ -144,7 +143,7 @@ class InFits:
 
     @classmethod
     def undone_s(cls, term: Term, placed: Placed) -> FloatArray | float:
-        """How much later placed edges were shown than traces with the term undone say, (m,) s."""
+        """Delay of placed edges against traces with the term undone, (m,) s."""
         return 0.0
 
     @classmethod
@@ -159,7 +158,7 @@ class InFits:
 
     @classmethod
     def log_prior_of(cls, theta: Theta) -> float:
-        """Log prior of a setting found by a refit among all possible ones, where its columns do not have it."""
+        """Log prior of a setting found by a refit, where its columns do not have it."""
         return 0.0
 
     @classmethod

@@ -23,7 +23,6 @@ def effects_of_other_packages(known: Collection[str]) -> Iterator[type[Effect]]:
 
 
 def _problem(effect: object, taken: Collection[str]) -> str:
-    """What keeps an object from being an effect, or empty."""
     if not (isinstance(effect, type) and issubclass(effect, Effect)):
         return "it is no subclass of draglag.simulation.effects.Effect"
     missing = [name for name in ("id", "meaning", "parameters") if not getattr(effect, name, None)]

@@ -47,20 +47,20 @@ class Prediction(Effect):
         return each_contact(events, lambda t_s, xy_mm: _extrapolated(t_s, xy_mm, self.value, self.window_s))
 
     def stamped_late_s(self) -> float:
-        """Drags show early by the horizon, which a fit has in its law and the simulation adds again."""
+        """The horizon: a fit has it in its law, and the simulation adds it again."""
         return -self.value
 
     @classmethod
     def columns_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """Drags earlier by the horizon h, and outside of curves by h d + h²/2 times the acceleration, d half the window
-        of the velocity: size h is the whole at theta = (h, window)."""
+        """Drags earlier by the horizon h, and h d + h²/2 times the acceleration outside of curves, d half the
+        velocity's window: size h is the whole at theta = (h, window)."""
         horizon_s, window_s = (*theta, WINDOW_S)[:2]
         late = column(np.full(view.speed.size, -1.0))
         return Signature(latency=late, offset=column(-0.5 * (window_s + horizon_s) * view.a_across), theta=theta)
 
 
 def _window_start(t_s: FloatArray, window_s: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
-    """The path a window ago: event before, share of the way to the next, span in time; (n,)."""
+    """A window ago, (n,): event before, share of the way to the next, span in time."""
     at_s = np.maximum(t_s - window_s, t_s[0])
     begin = np.clip(np.searchsorted(t_s, at_s, side="right") - 1, 0, max(t_s.size - 2, 0))
     after = np.minimum(begin + 1, t_s.size - 1)

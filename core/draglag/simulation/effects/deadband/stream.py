@@ -1,7 +1,7 @@
 """Positions that stand still until the stylus has moved by a width: a deadband.
 
-Its rival repeats positions at random, with a share for each run. Under a deadband no repeated position lies a width
-behind the stylus, and no step is shorter.
+Its rival repeats positions at random. Under a deadband no repeated position lies a width behind the stylus, and no step
+is shorter.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
 
 
 def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
-    """Distance of the stylus from each repeated position, on a straight way to the next; lengths of all steps; mm."""
+    """Distance from each repeated position to the stylus, on a straight way; lengths of all steps; mm."""
     step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
     fresh = np.flatnonzero(np.append(True, step > 0))
     repeats = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
@@ -110,8 +110,7 @@ def _of_share(stood: int, moved: int) -> float:
 def _possible(
     widths_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float, at_random: float
 ) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Whether each width (k,) may beat random repeats: surely shorter steps count against it, standing events at most
-    nothing."""
+    """Whether widths (k,) may beat random repeats: only surely shorter steps count."""
     shorter = np.searchsorted(np.sort(moved_mm), widths_mm - SURELY * rounding_mm)
     return np.asarray(shorter * np.log(2 * P_OUTLIER) > at_random)
 

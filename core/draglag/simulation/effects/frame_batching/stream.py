@@ -66,10 +66,7 @@ def _exact_grid(touches: list[TouchTrace]) -> bool:
 
 
 def spread(touch: TouchTrace, size: int) -> TouchTrace:
-    """The trace with frames of a batch a frame apart, the last at its stamp.
-
-    Of an incomplete batch, where it is unknown which are missing, only the last frame is kept.
-    """
+    """The trace with a batch's frames a frame apart, the last at its stamp; of an incomplete batch only the last."""
     if touch.t_s.size < 3:
         return touch
     ends = ends_of_batches(touch.t_s)

@@ -77,7 +77,7 @@ def _delay_s(term: Term) -> float:
 def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
     """Twice the log-likelihood of steady runs' edges with the law asked at each option's speed, (k,).
 
-    Law and all else are adjusted linearly at fixed delay. −inf where too few edges can be placed.
+    All else is adjusted linearly. −inf where too few edges can be placed.
     """
     components = fit.white.components
     own = LaggingLaw.id

@@ -35,8 +35,8 @@ def filled_losses(
 ) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Filled contact losses: straight, evenly spaced stretches that the noise forbids.
 
-    uneven_ages: of positions: only straightness is evidence, and has to last longer. resolution_mm: of quantised
-    coordinates: their lines bend less than the noise, and have to be likelier than by chance.
+    uneven_ages: only straightness is evidence, and has to last longer. resolution_mm: of quantised coordinates, whose
+    lines bend too, and have to be likelier than by chance.
     """
     least = 4 if uneven_ages else 3
     n_events = sum(run.touch.t_s.size for run in runs)
@@ -117,9 +117,9 @@ def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:
 
 
 def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
-    """By run, the mean square bend (n,) mm² usual over all runs at each inner event's speed.
+    """By run, the mean square bend (n,) mm² usual at each inner event's speed.
 
-    A filter that averages longer for a slow stylus makes straight lines at one speed; contact is lost at any.
+    A filter that averages longer at low speed makes lines, too, but at one speed.
     """
     bends, speeds = {}, {}
     for index, touch in enumerate(touches):
@@ -146,8 +146,8 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
 
 
 def _even(t_s: np.ndarray) -> np.ndarray:
-    """1 at inner events (n,) a frame from both neighbours, else 0: about a burst any path bends. All 0 where a clock
-    coarser than the frames makes most stamps equal."""
+    """1 at inner events (n,) a frame from both neighbours, else 0: about a burst any path bends. All 0 under a clock
+    coarser than the frames."""
     frame_s = float(np.median(np.diff(t_s)))
     if frame_s <= 0:
         return np.zeros(max(t_s.size - 2, 0))

@@ -1,7 +1,6 @@
-"""The interval of a plateau's speed by its likelihood profile, the rest of the law at its best.
+"""The interval of a plateau's speed, by profile likelihood.
 
-Between the fastest run below and the slowest above, the rates decide whether the law bends: the curvature at the best
-point alone understates the error.
+Between the fastest run below and the slowest above, curvature at the best point alone understates the error.
 """
 
 from __future__ import annotations
@@ -19,10 +18,9 @@ N_LAW = 6  # parameters of Eq. 5 with a plateau
 
 
 def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
-    """95 % interval of the fit's plateau speed, at least that from the curvature at its best.
+    """95 % interval of the plateau speed, at least that from curvature.
 
-    Scatter between runs is estimated from the residual degrees of freedom: Student's t, and corrected for what the law
-    has taken up.
+    The scatter between runs is estimated: Student's t, corrected for what the law has taken up.
     """
     best = fit.law.plateau_mm_s
     n_runs = np.unique(fit.run_index).size

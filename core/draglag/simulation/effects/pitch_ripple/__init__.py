@@ -127,5 +127,4 @@ def _ripple(view: View, setting: Setting) -> Signature:
 
 
 def _undone_in(runs: tuple[RunData, ...]) -> Lattice | None:
-    """The lattice undone in traces, if any."""
     return next((one for one in (runs[0].undone if runs else ()) if isinstance(one, Lattice)), None)

@@ -1,7 +1,6 @@
-"""The electrodes' lattice in the touch streams: a ripple seen, and undone, event by event.
+"""The electrodes' lattice in touch streams: a ripple seen, and undone, event by event.
 
-At drag speeds it is quicker than any hand: thousands of events deviate by it from a smooth path. Edges show only its
-part across the beam.
+At drag speeds it is quicker than any hand, so thousands of events show it; edges show only its part across the beam.
 """
 
 from __future__ import annotations
@@ -112,8 +111,7 @@ def _waves(xy_mm: FloatArray, pitch_mm: float) -> FloatArray:
 
 
 def _power(runs: Sequence[FloatArray]) -> FloatArray:
-    """Explained square of the events' deviations by waves of each pitch along x or y, (pitches,), approximate but
-    fast."""
+    """Explained square of events' deviations by waves of each pitch, (pitches,), approximate but fast."""
     kernel = -savgol_coeffs(WINDOW, DEGREE)
     kernel[WINDOW // 2] += 1
     turns = np.linspace(0, 0.5, 257)
@@ -150,7 +148,7 @@ def _on_grid(at_mm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def _fitted(runs: Sequence[tuple[FloatArray, FloatArray]], pitch_mm: float) -> tuple[FloatArray, float]:
-    """Sizes (4, 2), and the explained square of deviations of events (shown, path each) from a smooth path."""
+    """Sizes (4, 2), and the explained square of events' deviations from a smooth path."""
     normal, moment = 1e-9 * np.eye(4), np.zeros((4, 2))
     for shown, path in runs:
         columns, off = _deviation_from_path(_waves(path, pitch_mm)), _deviation_from_path(shown)

@@ -1,4 +1,4 @@
-"""A ripple in the electrodes' pitch: thousands of events show what a hundred edges cannot."""
+"""A ripple in the electrodes' pitch, found in the touch events."""
 
 from __future__ import annotations
 

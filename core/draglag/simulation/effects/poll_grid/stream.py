@@ -1,8 +1,7 @@
 """Touch events that wait for the host's next poll: stamps on a jittering grid that frames fill in a beat.
 
-Rivals, by likelihood: a rounding clock is exactly on the grid; a panel whose frames are the grid fills it by chance or
-in a fixed pattern (a step depends on the one before alone). Under polls frame i comes with the first tick after i
-periods of the panel.
+Rivals, by likelihood: a rounding clock, exactly on the grid; a panel whose frames are the grid, filled by chance or in
+a fixed pattern. Under polls frame i comes with the first tick after i periods of the panel.
 """
 
 from __future__ import annotations
@@ -190,7 +189,6 @@ def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
 
 
 def _beat_in(windows: Sequence[IntArray]) -> tuple[float, float]:
-    """``_beat`` of stretches without missing frames."""
     frame = _apart(windows)
     by_beat = max(sum(_of_beat(w, frame, jitter) for w in windows) for jitter in JITTERS)
     return by_beat - _of_neighbours(windows), frame

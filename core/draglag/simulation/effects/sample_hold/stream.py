@@ -40,7 +40,7 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def of_the_bus(loop: StreamEffect, repeat: float) -> StreamEffect:
-    """A loop as polls of the bus, if each position is reported once and at a bus' usual interval.
+    """A loop as polls of the bus, if positions do not repeat and the interval is a bus'.
 
     repeat: share of repeated positions: a poll without a new report sends none.
     """
@@ -61,10 +61,9 @@ def loop_in(streams: Streams) -> StreamEffect | None:
 
 
 def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
-    """A host loop that writes the last event at each tick: even stamps, and positions that repeat or advance unevenly.
+    """A host loop that writes the last event at each tick: even stamps, positions that repeat or advance unevenly.
 
-    A loop faster than the touch repeats positions; a slower one skips one event or two. step_mm: of the coordinates; a
-    slow drag repeats coarse ones anyhow.
+    step_mm: of the coordinates; a slow drag repeats coarse ones anyhow.
     """
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
     period_s = float(np.median(intervals))

@@ -1,8 +1,8 @@
 """The age of held positions, undone: a frame clock seen through a slower or faster host loop.
 
 At tick j the newest frame has the age p_f · frac(α j − φ): p_f the frames' period, α = p_t / p_f less whole frames, φ
-the run's phase. A position lags along the path by age times speed; so α is the line shared by the runs' deviations, and
-φ where the sawtooth fits.
+the run's phase. Positions lag along the path by age × speed: α is the line shared by the runs' deviations, φ where the
+sawtooth fits.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def _ticks(t_s: FloatArray, period_s: float) -> IntArray:
 
 
 def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
-    """How far events are ahead of a local path on the ticks; None for a run too short."""
+    """Events' time ahead of a local path, on the ticks; None for a run too short."""
     if touch.t_s.size < 10 * WINDOW:
         return None
     tick = _ticks(touch.t_s, period_s)

@@ -151,7 +151,6 @@ class SecondFilterMode(Effect):
 
 
 def _mode(view: View, setting: Setting) -> Signature:
-    """More latency above a speed or an acceleration, or in stretches of the session."""
     if setting.timed:
         on = setting.within(view.since_start_s, view.latency_s)
     else:

@@ -1,4 +1,4 @@
-"""A second filter: above a speed, or in stretches that edges or touch events show."""
+"""A second filter: above a speed, or in stretches that edges or events show."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NEAR = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """One refit for every way in which edges or events show a second filter."""
+    """One refit for every way in which a second filter shows."""
     skips = find_skips(as_shown(before.runs))
     switching = find_switching(before)
     step = find_step(before.runs, latency_of_terms(before)) if before.law.plateau_mm_s <= 0 else None
@@ -55,8 +55,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def shown_by_edges(before: Fit) -> bool:
-    """Whether single edges' latencies lie on two lasting levels, or touch events skip and stand still as by an
-    intermittent filter."""
+    """Whether edges' latencies lie on two lasting levels, or events skip and stand still."""
     found = find_switching(before)
     return (found is not None and found.gain > 0) or find_skips(as_shown(before.runs)) is not None
 
@@ -74,7 +73,7 @@ def open_mm(placed: Placed, term: Term) -> FloatArray:
 
 
 def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
-    """A fit with an intermittent filter, without edges next to a switch that show a mean of both filters."""
+    """The fit without edges next to a switch that show a mean of both filters."""
     mode = next(t for t in fit.terms if t.effect == OWN)
     mixed = of_neither(fit, _setting(mode))
     if not mixed.any():
@@ -98,7 +97,7 @@ def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step:
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
-    """The fit with an intermittent filter, its times settled along with the law."""
+    """The fit with an intermittent filter, its times settled with the law."""
     fit, law, setting, size_s = None, None, switching.setting, switching.size_s
     for _ in range(ROUNDS):
         only = away(before.placed, setting, size_s)
@@ -115,7 +114,7 @@ def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None
 
 
 def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
-    """The fit with a second filter undone in the traces; its remaining lateness is fitted and undone until small."""
+    """The fit with a second filter undone in the traces until little lateness remains."""
     fit, setting = None, skips.setting
     for _ in range(ROUNDS):
         law, last = (None, before) if fit is None else (fit.law, fit)

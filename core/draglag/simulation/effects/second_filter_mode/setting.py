@@ -24,8 +24,7 @@ class By(IntEnum):
 @dataclass(frozen=True)
 class Setting:
     """by: what switches it. above: a speed, mm/s, or an acceleration, mm/s²; for times shown, the lateness undone in
-    the traces, s. times_s: stretches from–to of the session, one increasing row, in the stylus' time or when the panel
-    shows it."""
+    the traces, s. times_s: one increasing row from–to, session time of the stylus, or of the trace if shown."""
 
     above: float
     by: By

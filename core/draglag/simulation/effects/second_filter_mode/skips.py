@@ -1,6 +1,6 @@
 """An intermittent filter in touch events: the trace stands still when it takes over, and skips as far when it ends.
 
-One lateness for all runs, whatever their speed; a tracker finds the likeliest switches.
+One lateness for all runs; a tracker finds the likeliest switches.
 """
 
 from __future__ import annotations
@@ -107,11 +107,9 @@ def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
-    """Typical skip against neighbouring events, s, in runs that also stand still; None without, or where all are at one
-    place, direction or speed.
+    """Typical skip, s, in runs that also stand still; None without, or if all are at one place, direction or speed.
 
-    Spares tracking, which takes seconds. A start from rest looks like a skip, a stop like a standstill; both are
-    excluded.
+    Spares tracking, which takes seconds. Starts from rest look like skips, stops like standstills; both are excluded.
     """
     skips, standstills, at = [], 0, []
     for data in runs:
@@ -152,8 +150,8 @@ def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:
 
 
 def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[float] | FloatArray) -> float:
-    """Share of a run's switches within ``ALIKE`` of its events by place, direction or speed, weighted over runs: if
-    high, that is what switches.
+    """Share of switches within ``ALIKE`` of a run's events by place, direction or speed, which if high is what
+    switches.
 
     at: indices of each run's switching events.
     """

@@ -1,4 +1,4 @@
-"""A law with a step, from the runs' own latencies: a second filter above some speed.
+"""A law with a step, from the runs' latencies: a second filter above some speed.
 
 Eq. 5 bends until it nearly hides a step: only a fit that begins with one finds it.
 """

@@ -1,7 +1,7 @@
-"""An intermittent filter, whatever switches it: two levels of latency found from the edges alone.
+"""An intermittent filter in the edges: two levels of latency, whatever switches them.
 
-A two-state hidden Markov model, solved for all sizes of the jump at once: an edge has the run's own level or one later
-by the jump, and states last for seconds.
+A two-state hidden Markov model for all sizes of the jump at once: an edge has the run's level or one later by the jump,
+and states last for seconds.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ def find_switching(fit: Fit) -> Switching | None:
 
 
 def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
-    """The times re-estimated with the law of a fit that contains the switching: only by it a run that never switches
-    shows its level."""
+    """The times re-estimated with the law of a fit with the switching: a run that never switches shows its level only
+    by it."""
     placed, late_s, sd_s, usable = _latencies(fit)
     late_s = late_s + size_s * within(setting.times_s, placed.since_start_s)
     spans = []
@@ -138,7 +138,7 @@ def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
 def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
     """Starting law of a refit, through each run's level in a fit with the switching. Raises EstimateError.
 
-    The runs' own estimates are of one level each, and a law begun there stays there.
+    Runs' own estimates mix levels, and a law begun there stays.
     """
     placed, late_s, _, usable = _latencies(fit)
     less_s = np.zeros(len(fit.runs))
@@ -165,8 +165,8 @@ def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
 
 
 def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
-    """Edges (m,) away from a switch by time or speed: near it a position is an average of both filters', and a trace
-    that stands still or jumps by ``size_s`` shows a wrong speed."""
+    """Edges (m,) away from a switch by time or speed, where positions are averages of both filters' and a trace that
+    stands still or jumps by ``size_s`` shows a wrong speed."""
     if setting.by is By.SPEED:
         unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
         unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
@@ -183,8 +183,7 @@ def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
 
 
 def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
-    """Outlying edges (m,) next to a switch: its time between two passes is unknown, and windows across it mix both
-    filters."""
+    """Outlying edges (m,) next to a switch, whose time between two passes is unknown."""
     placed, late_s, _, usable = _latencies(fit)
     out = np.zeros(len(placed), bool)
     for k in range(len(fit.runs)):
@@ -210,9 +209,9 @@ def fit_lever(fit: Fit) -> FloatArray:
 
 def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
     """Deviance saved by two levels (runs, sizes), and each edge's probability of the later one (runs, sizes, m of the
-    longest run), given runs' times, latencies and standard deviations, s.
+    longest run), from times, latencies and standard deviations, s.
 
-    Runs are padded with simultaneous edges without information, so that all take each step together.
+    Runs are padded with uninformative edges, so that all take each step together.
     """
     longest = max(t_s.size for t_s, _, _ in runs)
     t_s, late_s, sd_s = np.zeros((3, len(runs), longest))

@@ -1,7 +1,6 @@
 """A tracker of all runs' touch events at once, with two levels of lateness and a switch at any event.
 
-A Kalman filter of constant speed and turn with random acceleration; the likeliest few histories of switches are kept
-(beam search).
+Kalman filters of constant speed and turn; the likeliest few histories of switches are kept (beam search).
 """
 
 from __future__ import annotations
@@ -120,7 +119,7 @@ def track_histories(
 
 
 def _shown_velocity(tracks: Tracks) -> np.ndarray:
-    """Initial velocities, (n − 1, runs) mm/s, over enough events that a skip matters little."""
+    """Initial velocities, (n − 1, runs) mm/s, hardly changed by one skip."""
     event = np.arange(1, tracks.t_s.shape[0])
     first = np.minimum(np.maximum(event - LOST, 0), tracks.t_s.shape[0] - 1 - LOST)
     last = np.maximum(event, LOST)
@@ -129,8 +128,8 @@ def _shown_velocity(tracks: Tracks) -> np.ndarray:
 
 
 def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
-    """Gains of position and velocity and variance of an innovation (both axes), (n − 1, 3, runs, g), whatever the
-    positions."""
+    """Gains of position and velocity, variance of an innovation (both axes), (n − 1, 3, runs, g); positions do not
+    matter."""
     noise = np.broadcast_to(2 * tracks.noise_mm2[:, None], unsteady.shape)
     power = 2 * unsteady
     pp, pv, vv = noise, np.zeros(unsteady.shape), np.full(unsteady.shape, 1e5)

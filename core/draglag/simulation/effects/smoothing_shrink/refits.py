@@ -17,7 +17,7 @@ ROUNDS = 4
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Its mean effect, and for both kinds the traces freed of it at the edges' time constant."""
+    """Its mean effect, and traces freed of either kind at the edges' time constant."""
     own = SmoothingShrink.id
     mean = refit(session, before, [*before.terms, Term(own, theta)])
     if mean is None:

@@ -54,8 +54,8 @@ class Sharpening:
 def _sharpened(
     t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float, even: bool
 ) -> tuple[FloatArray, FloatArray, csr_matrix]:
-    """A trace before a low-pass whose delay at rest is the law's, and how much each event (columns) moves each that is
-    left (rows).
+    """A trace before a low-pass whose delay at rest is the law's, and each event's weight (columns) in those left
+    (rows).
 
     Causal, first order: u = y + τ ẏ, stamped τ later. Even, with a pure delay, as a moving average: u = y − ½ τ² ÿ.
     """
@@ -67,8 +67,8 @@ def _sharpened(
 
 
 def _gain(fit: LocalFit, t_s: FloatArray, even: bool) -> float:
-    """Share of velocity, or acceleration (``even``), that local fits keep of so curved a path: windows wide enough for
-    the noise flatten a quick circle by percents."""
+    """Share of velocity, or acceleration (``even``), kept by local fits: wide windows flatten a quick circle by
+    percents."""
     v, judged = (fit.v_mm_s @ [1, 1j])[fit.ok], np.flatnonzero(fit.ok)
     if v.size < 2:
         return 1.0

@@ -96,9 +96,9 @@ class SpatialWarp(Effect):
 
     @classmethod
     def _amplitudes_alike(cls, found: FittedTerm) -> list[tuple[float, float]]:
-        """Intervals of the amplitude for every number of cycles that the edges do not exclude.
+        """Intervals of the amplitude for every number of cycles not excluded by the edges.
 
-        Runs that cover a part of the panel do not separate wide from narrow waves of very different amplitudes.
+        Runs on a part of the panel do not separate wide from narrow waves of very different amplitudes.
         """
         fit, own = found.fit, found.own
         waves = [cls.signature_at((float(cycles),), fit.view).columns(fit.view) for cycles in CYCLES]

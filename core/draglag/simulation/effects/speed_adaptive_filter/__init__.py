@@ -144,8 +144,7 @@ def _one_contact(t_s: FloatArray) -> np.ndarray:
 
 
 def _delays_s(view: View, setting: Setting) -> tuple[FloatArray, FloatArray]:
-    """The filter's delay at every edge by the trace's speed, (m,) s, and the share of the cut-off that is the one at
-    rest, (m,)."""
+    """The filter's delay at every edge, (m,) s, and the share of the cut-off that is the one at rest, (m,)."""
     traces = view.averaged
     cut_off = cut_off_hz(traces.t_s, traces.xy_mm, setting, first_of_contact(traces.t_s))
     delay_s = np.asarray(traces.rows @ (1 / (2 * np.pi * cut_off)))

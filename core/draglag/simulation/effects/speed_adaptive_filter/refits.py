@@ -1,4 +1,4 @@
-"""A speed-adaptive filter: traces freed of it at the setting that the edges ask for."""
+"""Traces freed of a speed-adaptive filter at the edges' setting."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Changes of both logarithms that the edges ask for, law and all else adjusted, (2,), and their standard
-    deviations, (2,); prior: other screens. The filter's term is the last."""
+    """Changes of both logarithms that the edges ask for, all else adjusted, (2,), and their standard deviations, (2,);
+    prior: other screens. The filter's term is the last."""
     white, prior, own = fit.white, fit.prior.copy(), slice(-2, None)
     prior[own] = OF_SCREENS_SD**-2
     a, b = white.apply(np.column_stack([fit.design[:, :-2], _columns(fit)])), white.apply(fit.residual_mm)
@@ -67,8 +67,8 @@ def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 
 def _columns(fit: Fit) -> FloatArray:
-    """Displacement of the edges per unit of each logarithm, (m, 2) mm: the lag behind raw positions, event by event,
-    with the events' noise, which the effect's own columns must not have."""
+    """Displacement of the edges per unit of each logarithm, (m, 2) mm, event by event: with their noise, which the
+    effect's own columns must not have."""
     traces, setting = fit.view.averaged, Setting(*fit.terms[-1].theta[:2])
     first = first_of_contact(traces.t_s)
     behind_mm = traces.xy_mm[:, 1] - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]

@@ -76,8 +76,8 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
 
 
 def _reaches_further(touches: list[TouchTrace]) -> float:
-    """How much further the stylus goes in longer intervals: 1 where frames are missing, 0 where stamps are coarse;
-    median over fast enough runs, 0 without any."""
+    """How much further the stylus goes in longer intervals: 1 with missing frames, 0 with coarse stamps; median over
+    fast enough runs, 0 without any."""
     shares = []
     for touch in touches:
         dt = np.diff(touch.t_s)
