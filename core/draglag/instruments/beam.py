@@ -15,7 +15,8 @@ from draglag.recording import FloatArray
 def sides(falling: np.ndarray, v_across: FloatArray) -> FloatArray:
     """Side of the beam at each edge: −1 top, +1 bottom, by kind of edge and direction of travel.
 
-    The centre approaches at light→dark and leaves at dark→light; counting edges instead fails at grazing passes.
+    Moving down, top at light→dark and bottom at dark→light; moving up, the reverse. Counting edges instead fails at
+    grazing passes.
 
     Args:
         falling: (m,) bool, True for light→dark. v_across: (m,) velocity across the beam, positive downwards.

@@ -20,8 +20,8 @@ def ages_remain(recorded: list[TouchTrace], even: list[TouchTrace], period_s: fl
 def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
     """Standard deviation of the positions' age, s: median over the faster half of fast enough runs, or 0.
 
-    Age moves positions along the path, not across: third differences' excess scatter along it, less that of the stamps.
-    Fast runs, where a deadband's ages vanish and a loop's do not.
+    Age moves positions along the path, not across it: the third differences' excess scatter along, less the stamps'.
+    Fast runs, because a deadband's ages vanish with speed and a loop's do not.
     """
     ages: list[tuple[float, float]] = []
     for touch in touches:
