@@ -1,7 +1,5 @@
-"""Sentences for people: rendered English that keeps its template, which is its id for translation, and its arguments.
-
-Arguments that are messages are translated likewise.
-"""
+"""Sentences for people: rendered English that keeps its template, which is its id for translation, and its
+arguments."""
 
 from __future__ import annotations
 

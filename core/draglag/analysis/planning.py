@@ -54,8 +54,7 @@ class PlannedPrecision:
 
 @dataclass(frozen=True)
 class Plan:
-    """Prediction for a whole protocol; ``curve_se_s`` (k,) at the speeds of its runs, None where they do not determine
-    Eq. 5."""
+    """Prediction for a protocol; ``curve_se_s`` (k,) at its runs' speeds, None if they do not determine Eq. 5."""
 
     protocol: str
     screen: str
@@ -190,7 +189,7 @@ def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray)
 
 
 def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> FloatArray | None:
-    """Standard error of Eq. 5 through the runs at ``speed``, with what differs from run to run."""
+    """Standard error of Eq. 5 through the runs, scatter between runs included."""
     good = [run for run in circles if np.isfinite(run.se_s)]
     form = FORMS[FORM]
     law = rig.law

@@ -121,8 +121,7 @@ class Analysis:
         return table_html(f"Analysis of {self.session}", keys, rows) + curve
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame, a row a run (``draglag.analysis.tables.RUN_COLUMNS``). Raises DraglagError without
-        pandas."""
+        """A pandas DataFrame, a row a run (``tables.RUN_COLUMNS``). Raises DraglagError without pandas."""
         from draglag.analysis.tables import RUN_COLUMNS, frame_of, run_rows
 
         return frame_of(run_rows(self), list(RUN_COLUMNS))
@@ -152,7 +151,7 @@ def has_constant_speed(run: Run) -> bool:
 
 @one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
-    """All estimates of a session. Bad runs carry flags, and ``problems`` says why.
+    """All estimates of a session; bad runs carry flags, and ``problems`` says why.
 
     Raises EstimateError for an unknown estimator or curve form.
     """
@@ -274,7 +273,7 @@ def _curve(
 
 
 def _with_common_shift(curve: CurveFit) -> CurveFit:
-    """The curve with the delay uncertainty common to all runs in its asymptote, the last value."""
+    """The curve with the delay uncertainty common to all runs in its asymptote."""
     covariance = curve.covariance.copy()
     covariance[-1, -1] += (1e3 * common_delay_u_s()) ** 2
     return replace(curve, covariance=covariance)
@@ -285,7 +284,7 @@ def _file_warnings(session: Session) -> list[str]:
 
 
 def _off_the_curve(curve: CurveFit | None) -> list[str]:
-    """A warning if runs scatter about their curve by more than speed can explain."""
+    """A warning if runs scatter about their curve more than speed explains."""
     if curve is None or curve.points is None or curve.between_runs_s < FAR_OFF_S:
         return []
     return [

@@ -72,7 +72,7 @@ class CurveFit:
         return float(stdtrit(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2))
 
     def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """L(v), s, at any speeds; an extrapolation outside ``speed_range_mm_s`` (see ``inside``)."""
+        """L(v), s; an extrapolation outside ``speed_range_mm_s`` (see ``inside``)."""
         speed = np.asarray(speed_mm_s, float)
         return 1e-3 * evaluated_ms(FORMS[self.form], self.values, speed.ravel()).reshape(speed.shape)
 
@@ -82,7 +82,7 @@ class CurveFit:
         return (speed >= self.speed_range_mm_s[0]) & (speed <= self.speed_range_mm_s[1])
 
     def band_s(self, speed_mm_s: FloatArray, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Pointwise confidence band of the curve (delta method), (low, high) in s."""
+        """Pointwise confidence band (delta method), (low, high) in s."""
         speed = np.atleast_1d(np.asarray(speed_mm_s, float))
         form = FORMS[self.form]
         jacobian = jacobian_ms(form, self.values, speed)

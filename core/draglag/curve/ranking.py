@@ -1,4 +1,4 @@
-"""Latency curves ranked by their mean latency over the speeds that all share."""
+"""Latency curves ranked by mean latency over shared speeds."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All curves, least latency first, over the shared speeds (low, high), mm/s."""
+    """All curves, least latency first, over shared speeds (low, high), mm/s."""
 
     speed_range_mm_s: tuple[float, float]
     places: tuple[Ranked, ...]

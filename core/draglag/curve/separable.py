@@ -85,7 +85,7 @@ Tried = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
-    """Levenberg–Marquardt on the logarithms of the shapes, the trial points of a step evaluated together."""
+    """Levenberg–Marquardt on the logarithms of the shapes, a step's trial points at once."""
     k = log_theta.size
     low, high = np.log(form.lower), np.log(form.upper)
     h = 1e-4

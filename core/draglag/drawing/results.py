@@ -39,7 +39,7 @@ def draw_curve(axes: Any, curve: CurveFit, label: str = "", colour: str = style.
 
 
 def draw_latency(axes: Any, analysis: Analysis) -> None:
-    """Latency against speed with 95 % intervals, the fitted curve with its band, tap medians (Fig. 5)."""
+    """Latency against speed with 95 % intervals, curve and band, tap medians (Fig. 5)."""
     runs = [run for run in analysis.runs if run.latency_s is not None and run.speed_mm_s is not None]
     sound = [run for run in runs if not run.flags]
     flagged = [run for run in runs if run.flags]
@@ -62,7 +62,6 @@ def draw_latency(axes: Any, analysis: Analysis) -> None:
 
 
 def _draw_runs(axes: Any, runs: list[RunEstimate], marker: str, colour: str, label: str) -> None:
-    """Latencies of runs, ms, against speed, mm/s, with 95 % intervals."""
     if runs:
         axes.errorbar(
             [run.speed_mm_s for run in runs],

@@ -1,4 +1,4 @@
-"""The look of all figures: Okabe–Ito colours, each with its own marker, legible in print and on screens."""
+"""The look of all figures: Okabe–Ito colours, each with its marker."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def house_style() -> Iterator[None]:
 
 
 def plain_log_ticks(axis: Any) -> None:
-    """Label a logarithmic axis, once all is drawn, with plain numbers: 20, 50, 100, 200, 500 …"""
+    """Label a logarithmic axis, once all is drawn, with plain numbers: 20, 50, 100 …"""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -89,7 +89,7 @@ def new_figure(width_in: float = 7.2, height_in: float = 4.2) -> Any:
 
 
 def themed(svg: str) -> str:
-    """The SVG for a page, inline or as an image: light on dark on a dark page, unchanged on paper."""
+    """The SVG for a page: light on dark on a dark page, unchanged on paper."""
     start = svg.index("<svg")
     drawing = svg[start:]
     for paper, (name, _) in _DARK.items():

@@ -215,7 +215,7 @@ def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float |
 
 
 def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
-    """The run with edges mapped by all comparisons, also later ones; unchanged without any. Edges keep their order."""
+    """The run with edges mapped by all comparisons; unchanged without any. Edges keep their order."""
     return remapped_within(run, also)[0]
 
 

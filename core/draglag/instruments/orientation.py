@@ -1,4 +1,4 @@
-"""Whether touches are mirrored, as on a touchscreen turned after its calibration."""
+"""Whether touches are mirrored, as by a touchscreen turned after calibration."""
 
 from __future__ import annotations
 

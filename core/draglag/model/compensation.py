@@ -1,4 +1,4 @@
-"""A latency law applied to recorded touch data: when, and so where, the stylus was."""
+"""A latency law applied to recorded touch data."""
 
 from __future__ import annotations
 

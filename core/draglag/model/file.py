@@ -277,7 +277,7 @@ def left_unexplained(model: LatencyModel) -> str:
 
 
 def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
-    """The model over its measured range as columns (n,): speed_mm_s, latency_s, low_s, high_s (95 % band)."""
+    """The model over its measured range, (n,) each: speed_mm_s, latency_s, low_s, high_s (95 % band)."""
     low, high = model.speed_range_mm_s
     speed = np.unique(np.geomspace(max(low, 1e-3), max(high, 2e-3), n))
     band = model.curve.band_s(speed)

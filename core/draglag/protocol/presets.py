@@ -128,10 +128,7 @@ def _line_of(text: str, location: Sequence[int | str]) -> int:
 
 
 def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tuple[_Model, str]:
-    """(model, text) of one TOML file or preset.
-
-    Raises DataError that names the file, the line and what was expected there.
-    """
+    """(model, text) of one TOML file or preset. Raises DataError: file, line, what was expected."""
     label, text = _text_of(name_or_path, folder)
     data = parse_toml(text, label)
     try:

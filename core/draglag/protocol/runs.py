@@ -33,7 +33,7 @@ Speed = Annotated[Positive, Field(le=20_000)]  # mm/s; no hand is faster than so
 
 
 class RunPlan(Strict):
-    """One ``[[runs]]`` table: a kind of target and its numbers, for one or several speeds."""
+    """One ``[[runs]]`` table: a kind of target and its numbers, for one or more speeds."""
 
     kind: Literal["circle", "chirp", "multisine", "step"]
     speed_mm_s: Speed | None = None
@@ -69,7 +69,7 @@ class RunPlan(Strict):
 
 
 class TapPlan(Strict):
-    """Taps timed by the WALT before, after, or before and after the runs."""
+    """Taps timed by the WALT, before or after the runs, or both."""
 
     count: Annotated[int, Field(ge=1, le=10000)] = 100
     when: Literal["start", "end", "both"] = "end"
@@ -77,7 +77,7 @@ class TapPlan(Strict):
 
 
 class ClockCheck(Strict):
-    """Comparisons of the host's clock with each device's, before and after the runs."""
+    """Comparisons of host and device clocks, before and after the runs."""
 
     duration_s: Positive = 10.0
     interval_s: Positive = 1.0
@@ -112,7 +112,7 @@ class Protocol(Strict):
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run to record; ``note``: where the plan had to give way to the screen."""
+    """One run to record; ``note``: where it gave way to the screen."""
 
     id: str
     target: Target

@@ -1,4 +1,4 @@
-"""The figures of a report, each a function from estimates to a matplotlib figure."""
+"""The figures of a report."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TITLE_LETTERS = 60  # that go on a line above a small figure
 
 
 def latency_figure(analysis: Analysis) -> Any:
-    """Latency against speed with 95 % intervals, the fitted curve with its band, tap medians (Fig. 5)."""
+    """Latency against speed with 95 % intervals, curve and band, tap medians (Fig. 5)."""
     figure = style.new_figure()
     axes = figure.add_subplot()
     draw_latency(axes, analysis)
@@ -25,7 +25,7 @@ def latency_figure(analysis: Analysis) -> Any:
 
 
 def alignment_figure(run: Run, alignment: Alignment, title: str, session: Session) -> Any:
-    """The touch path of one run, its edges before and after the correction, and the two lines (Fig. 4)."""
+    """One run's touch path, its edges before and after correction, and the two lines (Fig. 4)."""
     figure = style.new_figure(5.6, 4.2)  # two stand side by side on the page
     axes = figure.add_subplot()
     axes.plot(run.touch.x_mm, run.touch.y_mm, color=style.GREY, linewidth=0.5, alpha=0.7, label="touch path")
@@ -62,7 +62,7 @@ def alignment_figure(run: Run, alignment: Alignment, title: str, session: Sessio
 
 
 def width_figure(analysis: Analysis, session: Session) -> Any:
-    """Stylus width from the lines' distance against speed, with the true width (Fig. 7)."""
+    """Stylus width from the lines against speed, with the true width (Fig. 7)."""
     figure = style.new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     runs = [run for run in analysis.runs if run.stylus_diameter_mm is not None and run.speed_mm_s is not None]

@@ -1,4 +1,4 @@
-"""The gap report as a self-contained page: verdict, steps, residuals before and after."""
+"""The gap report as a self-contained page."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _check_table(report: GapReport) -> str:
 
 
 def _said(session: Session, report: GapReport) -> list[str]:
-    """The verdict, the curve's form, alternatives, and the gap in numbers, as paragraphs."""
+    """The verdict, alternatives, and the gap in numbers, as paragraphs."""
     assert report.last is not None
     body = [f'<p class="verdict">{escape(verdict_in_words(report))}</p>']
     body += [f"<p>{escape(words)}</p>" for words in (law_in_words(report.law), also_in_words(report)) if words]
@@ -183,7 +183,7 @@ def _table(report: GapReport) -> str:
 
 
 def _small_print(step: Step) -> tuple[str, str]:
-    """The evidence with its p value, and the run that would separate the effect from its confounders."""
+    """The evidence with its p value, and the run that would separate confounders."""
     p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
     run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
     return f"{step.evidence}; p\u00a0{p}", f"to separate them: {run}" if step.indistinguishable_from and run else ""

@@ -1,4 +1,4 @@
-"""Figures of a gap report: gap by step, residuals and their distribution, curves."""
+"""Figures of a gap report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session's figures for a paper: PDF and SVG in one- and two-column widths."""
+"""A session's figures for a paper, one and two columns wide."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session simulated again, drawn over the measured one, before and after each step of the gap report."""
+"""A session simulated again, drawn over the measured one."""
 
 from __future__ import annotations
 
@@ -75,7 +75,6 @@ def limits_in(values: FloatArray) -> FloatArray:
 
 
 def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str, str, str]]) -> None:
-    """Measured as points with intervals, simulated as a line in a band."""
     measured = series[0][0]
     assert measured is not None
     limits = limits_of(measured, covariate)
@@ -101,7 +100,6 @@ def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str
 
 
 def _models(before: Replay, after: Replay) -> list[tuple[Replay, str, str, str]]:
-    """Simulation, colour, marker and name: one if nothing was added, else two."""
     if before is after:
         return [(before, BLUE, "o", "simulated")]
     return [(before, ORANGE, "^", "simulated, before"), (after, BLUE, "o", "simulated, after")]
@@ -118,7 +116,7 @@ def edges_figure(before: Replay, after: Replay) -> Any:
 
 
 def _draw_light(top: Any, before: Replay, models: Any) -> None:
-    """Light on the sensor at two crossings of the most deviating run, measured and by each model."""
+    """Light on the sensor at two crossings of the most deviating run, measured and by model."""
     k = _most_deviating_run(before)
     own = np.flatnonzero(before.run == k)
     name = before.runs[k].id
@@ -203,7 +201,7 @@ def residuals_figure(before: Replay, after: Replay) -> Any:
 
 
 def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
-    """Residual of each step against what it follows: measured, simulated without and with it; None without steps."""
+    """Residual of each step against its covariate: measured, simulated without and with it; None without steps."""
     steps = [
         (k, s.effect, effect_class(s.effect).follows if effect_class(s.effect).follows in AXES else "speed")
         for k, s in enumerate(report.steps)
@@ -225,7 +223,7 @@ def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
 
 
 def latencies_figure(before: Replay, after: Replay) -> Any:
-    """Latency against speed, with 95 % intervals: every run measured and simulated, by one estimator."""
+    """Latency of runs against speed with 95 % intervals, measured and simulated, by one estimator."""
     figure = new_figure(7.2, 5.0)
     axes, under = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     measured = before.latencies_ms()
@@ -250,7 +248,7 @@ def latencies_figure(before: Replay, after: Replay) -> Any:
 
 
 def spread_figure(before: Replay, after: Replay) -> Any:
-    """Distribution of the residuals under the present model: measured, and simulated with noise before and after."""
+    """Distribution of residuals under the present model: measured, simulated with noise before and after."""
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     reach = 1.1 * float(np.quantile(np.abs(before.measured.residual_mm), 0.99)) + 1e-6

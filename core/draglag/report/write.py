@@ -1,4 +1,4 @@
-"""A report of one session: a self-contained report.html, and its figures as SVG and PNG."""
+"""A report of one session: report.html, self-contained, and its figures."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
 
 
 def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
-    """Symbol, value with half its 95 % interval, and unit of every coefficient."""
+    """Symbol, value ± half interval, and unit of every coefficient."""
     from markupsafe import Markup, escape
 
     if curve is None:

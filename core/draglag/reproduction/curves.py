@@ -1,4 +1,4 @@
-"""Table 2: one sweep on one simulated screen, coefficients with the published ones."""
+"""Table 2 from simulated sweeps, with the published coefficients."""
 
 from __future__ import annotations
 

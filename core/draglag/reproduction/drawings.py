@@ -1,4 +1,4 @@
-"""Figures of the reproduction, of comparisons and of the tracking response."""
+"""Figures of reproduction, comparisons and tracking response."""
 
 from __future__ import annotations
 
@@ -147,7 +147,6 @@ def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]], order: Ranki
 
 
 def _in_colours(curves: Sequence[tuple[str, CurveFit, Source]]) -> Any:
-    """All curves in one picture, and below it their differences from the first."""
     from draglag.curve.compare import curve_difference
 
     both = style.new_figure(7.2, 6.4)

@@ -1,4 +1,4 @@
-"""Coverage of the paper's values by Table 2's intervals over many seeds: 1 in 20 should miss."""
+"""Coverage of the paper's values by Table 2's intervals over many seeds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Tally:
-    """Intervals that hold the paper's value, of the ``judged`` seeds whose data determine the coefficient."""
+    """Intervals that hold the paper's value, of ``judged`` seeds that determine the coefficient."""
 
     screen: str
     name: str

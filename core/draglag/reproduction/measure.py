@@ -1,4 +1,4 @@
-"""The paper's screens, simulated and measured as published, with the published numbers."""
+"""The paper's screens, simulated and measured as published."""
 
 from __future__ import annotations
 

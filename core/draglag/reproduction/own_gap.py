@@ -1,4 +1,4 @@
-"""The gap workflow on the paper's own gap: Eq. 5 lacks the plateau of Screen 2 below 100 mm/s in Fig. 5."""
+"""The paper's own gap: Eq. 5 lacks the plateau of Screen 2 below 100 mm/s in Fig. 5."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class OwnGap:
 
 
 def own_gap(seed: int = 3, protocol: Protocol | None = None, progress: Progress | None = None) -> OwnGap:
-    """The gap workflow on Screen 2, simulated with the plateau of Fig. 5, its whole library allowed."""
+    """The gap workflow on Screen 2, simulated with that plateau."""
     effects = (LowSpeedPlateau(PLATEAU_MM_S),)
     session = simulate_session("screen-2", protocol or load_protocol("latency-sweep"), effects=effects, seed=seed)
     report = close_gap(session, progress=progress)
@@ -97,7 +97,7 @@ def gap_words(found: OwnGap) -> Iterator[str]:
 
 
 def gap_figures(found: OwnGap) -> Iterator[tuple[str, str, Any]]:
-    """Name, caption and figure: the gap step by step, and simulated against measured."""
+    """Name, caption and figure: gap by step, simulated against measured."""
     from draglag.report import replayed
     from draglag.report.gap_figures import waterfall
 

@@ -1,4 +1,4 @@
-"""The reproduction as a page: published and reproduced results, and their differences in words."""
+"""The reproduction as a page: published and reproduced results."""
 
 from __future__ import annotations
 

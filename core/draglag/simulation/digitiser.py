@@ -22,7 +22,7 @@ Stream = Callable[[str], np.random.Generator]
 
 @dataclass(frozen=True)
 class Reporting:
-    """When and where the digitiser reports each point of the motion, (n,)."""
+    """When and where each point of the motion is reported, (n,)."""
 
     latency_s: FloatArray
     x_mm: FloatArray
@@ -56,7 +56,7 @@ def arrival(t_s: FloatArray, latency_s: FloatArray) -> FloatArray:
 
 
 def scan(rig: Rig, k: Kinematics, report: Reporting, rng: np.random.Generator) -> FloatArray:
-    """Session times of the digitiser's scans: its rate, a random phase, jitter; whole µs."""
+    """Session times of scans: a rate, a random phase, jitter; whole µs."""
     period = 1 / rig.touch_rate_hz
     first, last = k.session_s[0], k.session_s[-1]
     n = int((last - first) / period) + 1
@@ -83,7 +83,7 @@ def _lost(rig: Rig, t_s: FloatArray, rng: np.random.Generator) -> tuple[FloatArr
 
 
 def touch_events(rig: Rig, k: Kinematics, report: Reporting, effects: Sequence[Effect], stream: Stream) -> TouchEvents:
-    """The run's touch events in session time, after noise, contact loss and effects."""
+    """The run's touch events in session time, with noise, contact loss and effects."""
     stamps = scan(rig, k, report, stream("scan"))
     tau = arrival(k.session_s, report.latency_s)
     grid = np.arange(len(tau), dtype=float)

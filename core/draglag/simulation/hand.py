@@ -1,4 +1,4 @@
-"""A person who follows a target with a stylus: late, off by millimetres, not quite round, trembling."""
+"""A person who follows a target with a stylus."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz:
 
 
 def follow(target: Target, human: Human, rng: np.random.Generator) -> Motion:
-    """The stylus's motion while ``human`` follows ``target``, on a 1 kHz grid over the whole run."""
+    """The stylus's motion while ``human`` follows ``target``, on a 1 kHz grid."""
     t = grid(target.duration_s)
     n = len(t)
     delay = human.lag_s + _band_noise(rng, n, None, 0.4, human.timing_sd_s)

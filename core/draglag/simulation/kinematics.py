@@ -1,4 +1,4 @@
-"""The stylus at every millisecond: made by a hand, measured by the rig."""
+"""The stylus at every millisecond."""
 
 from __future__ import annotations
 

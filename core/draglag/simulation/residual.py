@@ -1,4 +1,4 @@
-"""How an effect moves the residual of an edge, given what it sees of the session."""
+"""How an effect moves the residual of an edge."""
 
 from __future__ import annotations
 

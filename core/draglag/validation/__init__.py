@@ -1,1 +1,1 @@
-"""The paper's tests of a curve: misalignment removed (Eq. 4), and sanity checks."""
+"""The paper's tests of a curve."""

@@ -130,7 +130,7 @@ def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> lis
 
 
 def width_check(runs: Sequence[RunEstimate], known_mm: float) -> WidthCheck | None:
-    """Mean width over the runs that have one, its interval from their scatter; None with fewer than two."""
+    """Mean width over runs, its interval from their scatter; None with fewer than two."""
     widths = np.array([run.stylus_diameter_mm for run in runs if run.stylus_diameter_mm is not None], float)
     widths = widths[np.isfinite(widths)]
     if widths.size < 2:

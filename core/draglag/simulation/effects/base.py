@@ -37,7 +37,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Confounder:
-    """Another explanation (an effect's id, or words) of the same data, and the recording that separates them."""
+    """Another explanation (an effect's id, or words) and the recording that separates them."""
 
     effect_id: str
     why: str
@@ -59,7 +59,7 @@ class TouchEvents:
 
 
 def each_contact(events: TouchEvents, change: Callable[[FloatArray, FloatArray], FloatArray]) -> TouchEvents:
-    """Events with positions ``change(t_s, xy_mm)`` of each contact separately, (n,) and (n, 2)."""
+    """Events with positions ``change(t_s, xy_mm)``, (n,) and (n, 2), contact by contact."""
     xy = np.column_stack([events.x_mm, events.y_mm])
     bounds = np.flatnonzero(np.diff(events.contact_id)) + 1
     for own in np.split(np.arange(events.t_s.size), bounds):
@@ -173,11 +173,11 @@ class Effect(InFits):
         return speed_mm_s
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
-        """(n,) latency of every point of the motion, from what it would be."""
+        """(n,) latency, from what it would be."""
         return latency_s
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
-        """(n,) reported position of every point of the motion."""
+        """(n,) reported position."""
         return x_mm, y_mm
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
@@ -185,11 +185,11 @@ class Effect(InFits):
         return events
 
     def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) width of the stylus's shadow at every point of the motion."""
+        """(n,) width of the stylus's shadow."""
         return diameter_mm
 
     def distance(self, distance_mm: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) signed distance of every point of the motion from the beam, positive below it."""
+        """(n,) signed distance from the beam, positive below it."""
         return distance_mm
 
     def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
@@ -197,7 +197,7 @@ class Effect(InFits):
         return edges
 
     def laser_clock(self, t_s: FloatArray) -> FloatArray:
-        """(m,) reading of the laser's clock, believed to follow the host's, at session time t."""
+        """(m,) the laser's clock, believed to follow the host's, at session time t."""
         return t_s
 
     def stamped_late_s(self) -> float:
@@ -205,11 +205,11 @@ class Effect(InFits):
         return 0.0
 
     def true_intercept_mm(self, intercept_mm: float, slope: float, screen: Screen) -> float:
-        """The beam's true intercept, from that in the coordinates of a screen with the effect."""
+        """The beam's true intercept, from that on a screen with the effect."""
         return intercept_mm
 
     def longest_wait_s(self, frame_s: float) -> float:
-        """Longest wait of an event, s, given one every ``frame_s``: taps and drags may wait differently."""
+        """Longest wait of an event, s, given one every ``frame_s``; taps and drags may differ."""
         return 0.0
 
     def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
@@ -234,7 +234,7 @@ class Effect(InFits):
 
     @classmethod
     def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:
-        """Times (n,) of events before the effect, from the events alone; None where undetermined."""
+        """Times (n,) of events before the effect; None where events do not determine them."""
         return None
 
     @classmethod

@@ -60,7 +60,7 @@ class UndoneTrace:
 
 
 class Undoing(Protocol):
-    """What is undone of an effect in the traces; equal to another that does the same."""
+    """What is undone of an effect in the traces; equal if it does the same."""
 
     place: ClassVar[int]
     """Order of undoing, smallest first."""
@@ -92,7 +92,7 @@ class InFits:
 
     @classmethod
     def own_module(cls) -> ModuleType:
-        """The module ``refitted_by``, imported late: it builds on the fit, which builds on the effects."""
+        """The module ``refitted_by``, imported late."""
         return import_module(cls.refitted_by)
 
     @classmethod
@@ -138,7 +138,7 @@ class InFits:
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
-        """What to undo of it in the traces, if anything, and the term then left."""
+        """What to undo of it in the traces, if anything, and the remaining term."""
         return None, term
 
     @classmethod
@@ -163,5 +163,5 @@ class InFits:
 
     @classmethod
     def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:
-        """The setting after a step to these sizes, for effects whose setting follows their size."""
+        """The setting after a step to these sizes, if it follows them."""
         return theta

@@ -13,8 +13,7 @@ GROUP = "draglag.effects"
 
 
 def effects_of_other_packages(known: Collection[str]) -> Iterator[type[Effect]]:
-    """Effects of installed packages by entry point name; unusable ones are left out with a warning. known: ids
-    taken."""
+    """Effects of installed packages by entry point name; unusable ones give a warning. known: ids taken."""
     taken = set(known)
     for _, found in brought(GROUP, "effect", lambda name, effect: _problem(effect, taken)):
         effect = cast(type[Effect], found)

@@ -1,4 +1,4 @@
-"""A latency by acceleration, from several sizes and windows, for the trace hides it."""
+"""A latency by acceleration, which the trace hides: from several sizes and windows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def judged(placed: Placed, term: Term) -> np.ndarray:
-    """Edges (m,) away from a trace's ends: acceleration needs events before and after."""
+    """Edges (m,) away from a trace's ends, where acceleration is known."""
     at_s = placed.t_s + placed.latency_s
     ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
     return np.asarray((at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S))

@@ -116,7 +116,7 @@ def _possible(
 
 
 def _of_width(width_mm: float, stood_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
-    """Log-likelihood that standing events lay within the width of the stylus, and moved ones did not."""
+    """Log-likelihood of standing events within the width of the stylus, moved ones beyond."""
     moved = (1 - P_OUTLIER) * ndtr((moved_mm[moved_mm < 2 * width_mm] - width_mm) / rounding_mm) + P_OUTLIER
     stood = max(
         float(np.sum(np.log((1 - P_OUTLIER) * ndtr((width_mm - stood_mm) / off) + P_OUTLIER))) for off in OFF_PATH_MM

@@ -25,7 +25,7 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def batches_in(streams: Streams) -> StreamEffect | None:
-    """Frames delivered together, unless in the groups of a host's polls."""
+    """Frames delivered together, unless by a host's polls."""
     return None if streams.of(polls_in) is not None else batches(streams.touches)
 
 

@@ -34,7 +34,7 @@ ROUNDS = 2
 
 
 def shown_by_traces(before: Fit) -> bool:
-    """Whether the speed of another moment fits the edges better than moments of sound panels."""
+    """Whether another moment's speed fits better than those of sound panels."""
     found = delay_profile(before, [*USUAL, *FEW])
     return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > MIN_DEVIANCE)
 

@@ -68,7 +68,7 @@ def _counts(runs: list[_Groups]) -> tuple[int, int]:
 
 
 def _grouped(run: Run, diameter_mm: float) -> _Groups:
-    """Transitions in groups too close for a stylus of that diameter at the run's highest speed."""
+    """Transitions in groups too close for such a stylus at the run's highest speed."""
     t = np.sort(run.laser.t_s)
     near_s = min(0.3 * diameter_mm / max(_fastest(run), 1.0), 0.006)
     starts = np.append(True, ~(np.diff(t) < near_s))

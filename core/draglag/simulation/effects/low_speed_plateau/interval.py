@@ -36,7 +36,7 @@ def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
 
 
 def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:
-    """Twice the log-likelihood, up to a constant, of each plateau speed (k,); laws of one rate included."""
+    """Twice the log-likelihood, up to a constant, of each plateau speed (k,)."""
     placed, use = fit.placed, fit.use
     v_n = placed.v_mm_s[use, 1] * placed.stretch[use]
     n_law = N_LAW if fit.law.plateau_mm_s > 0 else N_LAW - 1

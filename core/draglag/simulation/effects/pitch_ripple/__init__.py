@@ -118,7 +118,7 @@ class PitchRipple(Effect):
 
 
 def _ripple(view: View, setting: Setting) -> Signature:
-    """One pitch, columns alone or rows too; an edge sees the events' displacements averaged."""
+    """One pitch, columns alone or rows too, averaged at the edges."""
     places = [view.averaged.x_mm, view.averaged.y_mm][: 2 if setting.rows else 1]
     phase = 2 * np.pi / setting.pitch_mm * np.column_stack(places)
     seen = view.averaged.rows @ np.column_stack([np.sin(phase), np.cos(phase)])

@@ -14,7 +14,7 @@ LEAST_MM = 0.1  # of amplitude, in the touch events: twice the size of interest
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """The ripple of the touch events, undone in the traces; none if they show none."""
+    """The events' ripple, undone in the traces; none if there is none."""
     lattice = lattice_in(as_shown(before.runs))
     if lattice is None:
         return []
@@ -27,6 +27,6 @@ def possible_in(before: Fit) -> bool:
 
 
 def shown_by_traces(before: Fit) -> bool:
-    """Whether the touch events show a relevant ripple, even if little of it is across the beam."""
+    """Whether touch events show a relevant ripple, even if little is across the beam."""
     lattice = lattice_in(as_shown(before.runs))
     return lattice is not None and float(abs(lattice.sizes_mm).max()) > LEAST_MM

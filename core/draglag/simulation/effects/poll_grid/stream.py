@@ -183,7 +183,7 @@ def _apart(windows: Sequence[IntArray]) -> float:
 
 
 def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
-    """Stretches between missing frames, if frames are that many ticks apart."""
+    """Stretches between missing frames."""
     parts = np.split(tick, np.flatnonzero(np.diff(_frames(tick, frame)) > 1) + 1)
     return [part for part in parts if part.size >= FEWEST]
 
@@ -228,7 +228,7 @@ def _of_neighbours(windows: Sequence[IntArray]) -> float:
 
 
 def _even_again(touch: TouchTrace, period_s: float, frame_s: float) -> bool:
-    """Whether stamps lie within a period of the even frames that replace them."""
+    """Whether stamps lie within a period of their replacements."""
     if touch.t_s.size < 100:
         return True
     wait_s = touch.t_s - unpolled(touch, period_s, frame_s).t_s

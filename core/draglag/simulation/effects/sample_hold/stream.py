@@ -1,4 +1,4 @@
-"""Detector of a host's sample-and-hold loop: stamps on its ticks, positions that repeat or are of uneven age."""
+"""Detector of a host's sample-and-hold loop: positions that repeat or are of uneven age."""
 
 from __future__ import annotations
 

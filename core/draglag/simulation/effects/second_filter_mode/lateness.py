@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lateness:
-    """A lateness, s, in stretches from–to of session time, to be subtracted from touch stamps."""
+    """A lateness, s, in stretches from–to of session time, to be taken off touch stamps."""
 
     size_s: float
     times_s: tuple[float, ...]

@@ -61,7 +61,7 @@ def shown_by_edges(before: Fit) -> bool:
 
 
 def judged(placed: Placed, term: Term) -> np.ndarray:
-    """Edges (m,) away from switches, where positions are averages of both filters'."""
+    """Edges (m,) away from switches, where positions are averages."""
     return away(placed, _setting(term), term.sizes[0] if term.sizes else 0.0)
 
 
@@ -83,8 +83,7 @@ def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
 
 
 def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step: Step | None) -> Fit | None:
-    """A filter above the likeliest speed: near the one of single edges, or between the two runs whose latencies
-    part."""
+    """A filter above the likeliest speed: single edges', or between two runs whose latencies part."""
     law, speeds = before.law, list[float]()
     if setting is not None and setting.by is By.SPEED:
         speeds = [v * setting.above for v in NEAR]

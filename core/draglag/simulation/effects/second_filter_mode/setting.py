@@ -47,7 +47,7 @@ class Setting:
 
     @property
     def shown(self) -> bool:
-        """Whether the touch events show its times, and it is undone in the traces."""
+        """Whether its times are the touch events', and it is undone in the traces."""
         return self.by is By.TIME_SHOWN
 
     @property
@@ -55,10 +55,10 @@ class Setting:
         return self.by in (By.TIME, By.TIME_SHOWN)
 
     def within(self, own_s: FloatArray, latency_s: FloatArray) -> np.ndarray:
-        """Whether session times (m,) of the stylus, shown a latency later, lie in the stretches."""
+        """Whether the stylus' session times (m,), shown a latency later, lie in the stretches."""
         return within(self.times_s, own_s + (latency_s if self.shown else 0.0))
 
 
 def within(times_s: tuple[float, ...], at_s: FloatArray) -> np.ndarray:
-    """Whether times (m,) lie in one of the stretches from–to, given as one increasing row, s."""
+    """Whether times (m,) lie in a stretch from–to of an increasing row, s."""
     return np.asarray(np.searchsorted(np.array(times_s), at_s) % 2 == 1)

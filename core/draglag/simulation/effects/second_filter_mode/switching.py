@@ -54,7 +54,7 @@ class Switching:
 
 
 def find_switching(fit: Fit) -> Switching | None:
-    """The best two-level latency through a fit's placed edges, or None if one level does as well."""
+    """The best two-level latency through a fit's edges, or None if one level suffices."""
     placed, late_s, sd_s, usable = _latencies(fit)
     edges, steady = [], []
     for k, data in enumerate(fit.runs):
@@ -151,7 +151,7 @@ def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
 
 
 def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
-    """Lateness of every placed edge relative to the fit and its standard deviation, s, and whether usable."""
+    """Placed edges' lateness relative to the fit and its standard deviation, s; whether usable."""
     placed = fit.placed
     lever = fit_lever(fit)
     variance = placed.touch_variance_mm2 + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2

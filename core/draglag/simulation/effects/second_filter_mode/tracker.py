@@ -40,7 +40,7 @@ class Tracks:
 
 
 def stack_runs(runs: Sequence[RunData]) -> Tracks:
-    """The runs padded to the longest with simultaneous events of no weight."""
+    """The runs padded to the longest with events of no weight."""
     n = max(data.t_s.size for data in runs)
     shape = n, len(runs)
     t_s, z_mm, live, rate = np.zeros(shape), np.zeros(shape, complex), np.zeros(shape, bool), np.zeros(shape)

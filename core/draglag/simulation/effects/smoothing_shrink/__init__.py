@@ -50,7 +50,7 @@ class SmoothingShrink(Effect):
         return 2 * self.value
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
-        """A first-order low-pass both ways: the gain of one of the full time constant, without its delay."""
+        """A first-order low-pass both ways: the gain of the full time constant, no delay."""
         one_way = self.value / np.sqrt(2)
         if one_way == 0:
             return x_mm, y_mm

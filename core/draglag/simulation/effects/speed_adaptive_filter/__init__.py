@@ -122,7 +122,7 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def log_prior_of(cls, theta: Theta) -> float:
-        """Of the setting among those of screens, times the share that the edges leave (Laplace's approximation)."""
+        """Of the setting among screens', times the share left by the edges (Laplace's approximation)."""
         setting = Setting(*theta)
         off = setting.logs_from(USUAL) / OF_SCREENS_SD
         left = np.maximum(setting.unsure, LEAST_UNSURE) / OF_SCREENS_SD

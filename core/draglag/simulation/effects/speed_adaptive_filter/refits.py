@@ -81,7 +81,7 @@ def _with_setting(fit: Fit, setting: Setting) -> Fit:
 
 
 def _worse(fit: Fit, before: Fit) -> bool:
-    """Whether edges lie farther off than without the filter, or at the setting before."""
+    """Whether edges lie farther off than without the filter, or than before."""
     both = fit.use & before.use
     return log_likelihood_on(fit, both) < log_likelihood_on(before, both)
 
@@ -95,7 +95,7 @@ def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
 
 
 def _mean_delays_s(before: Fit, setting: Setting) -> FloatArray:
-    """The filter's mean delay at the edges of each run, by the trace's speed, (runs,) s."""
+    """The filter's mean delay at each run's edges, (runs,) s."""
     out = np.zeros(len(before.runs))
     for k, data in enumerate(as_shown(before.runs)):
         cut_off = cut_off_hz(data.t_s, data.xy_mm, setting, first_of_contact(data.t_s))
