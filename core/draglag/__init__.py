@@ -1,9 +1,8 @@
 """draglag: how far a touchscreen lags behind a dragged stylus, as a function of drag speed.
 
-``import draglag as dl`` offers what ``__all__`` lists (``draglag.face``), imported when it is first used. The library
-behind it reads in the order the data flows: ``recording`` (what was measured), ``store`` and ``exchange`` (files),
-``path`` and ``instruments`` (what it means), ``latency`` and ``curve`` (the estimates), ``validation`` and ``model``
-(their use), ``simulation`` and ``gap`` (where model and measurement differ), ``analysis`` (all estimates in order).
+``import draglag as dl`` offers ``__all__`` (``draglag.face``), imported at first use. Behind it, in the order of the
+data: ``recording``, ``store`` and ``exchange`` (files), ``path`` and ``instruments``, ``latency`` and ``curve``
+(estimates), ``validation`` and ``model``, ``simulation`` and ``gap``, ``analysis``.
 """
 
 from __future__ import annotations
@@ -91,7 +90,7 @@ __all__ = [
 if not TYPE_CHECKING:  # a type checker sees the names above, and no others
 
     def __getattr__(name: str) -> object:
-        """A name of the public face, or the version, looked up at its first use (PEP 562)."""
+        """A name of the public face, or the version, looked up at first use (PEP 562)."""
         if name in _HOMES:
             from importlib import import_module
 

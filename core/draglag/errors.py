@@ -1,4 +1,4 @@
-"""The one error that reaches people: what is wrong, and what to do about it."""
+"""The errors that reach people: problem and remedy."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ def one_line(text: str) -> str:
 
 
 class DraglagError(Exception):
-    """The data or the rig says no.
+    """A problem with data or rig.
 
     Args:
         problem: one plain sentence: what is wrong and where (file, line, run).
-        remedy: what to do about it; empty where nothing sensible can be said.
+        remedy: what to do about it, or empty.
 
-    Both are literals or made by ``message``. Attributes ``problem``, ``remedy`` and ``message`` (the whole) are
-    messages that end with a stop; ``str(error)`` is the whole, rendered.
+    Both are literals or made by ``message``. Attributes ``problem``, ``remedy`` and ``message`` (both) are messages
+    that end with a stop; ``str(error)`` is ``message``, rendered.
     """
 
     problem: Message
@@ -58,7 +58,7 @@ class EstimateError(DraglagError):
 
 
 def message_of(error: BaseException) -> Message:
-    """What an exception says: the message of one of draglag's, or that it was raised with; else its text."""
+    """An exception's message, if it has one; else its text as a message."""
     if isinstance(error, DraglagError):
         return error.message
     given = error.args[0] if len(error.args) == 1 else None
@@ -66,7 +66,7 @@ def message_of(error: BaseException) -> Message:
 
 
 def cause(error: OSError) -> Message:
-    """Why the system did not do something, in its own words."""
+    """The system's reason for an error."""
     return phrase(error.strerror or str(error))
 
 

@@ -1,8 +1,7 @@
 """What ``import draglag as dl`` offers: a session read, analysed, drawn, compared and written, a line each.
 
-Everything here leads to the rooms of the library, which have more. Times are s, positions mm, speeds mm/s; latencies
-are s in Python (``latency_s``) and ms where people read (columns, figures). What goes wrong with data is a
-``DataError`` or an ``EstimateError`` in one sentence.
+Times in s, positions mm, speeds mm/s; latencies s in Python (``latency_s``), ms in columns and figures. Bad data raise
+``DataError`` or ``EstimateError``.
 """
 
 from __future__ import annotations
@@ -31,9 +30,7 @@ if TYPE_CHECKING:
 
 
 def read(path: str | Path) -> Session:
-    """The session in a file (``.h5``) or in an exchange folder (or its ``session.json``).
-
-    Raises DataError where it cannot be read.
+    """The session in a file (``.h5``) or an exchange folder (or its ``session.json``). Raises DataError.
 
     >>> import draglag as dl
     >>> session = dl.read("session.h5")
@@ -51,7 +48,7 @@ def read(path: str | Path) -> Session:
 
 
 def write(session: Session, path: str | Path) -> Path:
-    """The session file that the session was written to. Raises DataError; nothing is overwritten.
+    """The session file written. Raises DataError; nothing is overwritten.
 
     >>> import draglag as dl
     >>> dl.write(dl.read("session.h5"), "copy.h5").name
@@ -76,13 +73,13 @@ def analyze(
     """Latency of every run with its interval, the curve of latency against speed, taps and validation.
 
     Args:
-        estimator: "efficient", "paper" (Eq. 1-3 as published), or the name of one that another package brings.
-        update_rate_hz: emulate a loop that holds the last event; None takes the kernel's own stamps.
+        estimator: "efficient", "paper" (Eq. 1-3 as published), or another package's.
+        update_rate_hz: emulate a loop that holds the last event; None: the kernel's stamps.
         window_s: latencies searched.
         form: "best" or a name of ``draglag.curve.FORMS``. tie_asymptote: hold a7 at the median release tap.
-        exclude: run id → reason. include: ids of runs to take in although they went wrong, or "all".
+        exclude: run id → reason. include: ids of runs to keep although they went wrong, or "all".
 
-    Runs that give no latency carry flags; nothing is raised for them. Raises EstimateError for an unknown name.
+    Runs without a latency carry flags. Raises EstimateError for an unknown name.
 
     >>> import draglag as dl
     >>> analysis = dl.analyze(dl.read("session.h5"))
@@ -109,13 +106,13 @@ def find_gap(
     without: Collection[str] = (),
     include: Collection[str] = (),
 ) -> GapReport:
-    """Where a session disagrees with the model, by which effects, how probably so, and what remains.
+    """Where a session disagrees with the model, by which effects, how probably, and what remains; takes some seconds.
 
     Args:
-        max_effects: effects to add at most; None for as many as ``draglag gap`` adds.
-        without: ids of effects that may not be named. include: ids of runs to take in although they went wrong.
+        max_effects: effects to add at most; None: as many as ``draglag gap`` adds.
+        without: ids of effects not to name. include: ids of runs to keep although they went wrong.
 
-    A session without enough data has no verdict, and ``missing`` says why. Takes some seconds.
+    With too few data there is no verdict, and ``missing`` says why.
 
     >>> import draglag as dl
     >>> report = dl.find_gap(dl.read("session.h5"))
@@ -138,13 +135,13 @@ def simulate(
     effects: Mapping[str, float] | Sequence[Effect] = (),
     seed: int = 0,
 ) -> Session:
-    """A session of a simulated screen; the same arguments give the same data.
+    """A session of a simulated screen, reproducible from its arguments.
 
     Args:
         screen, protocol: presets (``screen_names``, ``protocol_names``) or TOML files.
-        effects: id → size, as ``draglag simulate --help`` lists them, or effects of your own. seed: of hand and noise.
+        effects: id → size (``draglag simulate --help``), or effects of your own. seed: of hand and noise.
 
-    Raises DataError for what is not known.
+    Raises DataError for unknown names.
 
     >>> import draglag as dl
     >>> dl.simulate("screen-1", seed=3).runs[0].protocol
@@ -159,7 +156,7 @@ def simulate(
 
 
 def screen_names() -> list[str]:
-    """Names of the screens that come with draglag.
+    """Names of draglag's screens.
 
     >>> import draglag as dl
     >>> "screen-1" in dl.screen_names()
@@ -171,7 +168,7 @@ def screen_names() -> list[str]:
 
 
 def protocol_names() -> list[str]:
-    """Names of the protocols that come with draglag.
+    """Names of draglag's protocols.
 
     >>> import draglag as dl
     >>> "latency-sweep" in dl.protocol_names()
@@ -189,7 +186,7 @@ def fit_curve(
     *,
     form: str = "best",
 ) -> CurveFit:
-    """The curve of latency against speed through points of one's own.
+    """The curve of latency against speed through given points.
 
     Args:
         speed_mm_s, latency_s: (n,) each. se_s: standard error of the latencies, (n,) or one for all.
@@ -219,9 +216,9 @@ def fit_curve(
 
 
 def compare(first: Analysis | CurveFit, second: Analysis | CurveFit) -> CurveDifference:
-    """By how much the second curve lies above the first, at the speeds both were measured at.
+    """Second curve less first, at speeds covered by both.
 
-    Raises EstimateError where an analysis has no curve or they share no speeds.
+    Raises EstimateError if an analysis has no curve or they share no speeds.
 
     >>> import draglag as dl
     >>> analysis = dl.analyze(dl.read("session.h5"))
@@ -273,9 +270,9 @@ def compensate(
 
 
 def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "netcdf", "mat"] = "csv") -> Path:
-    """The folder or file that the session was written to for other programs. Nothing is overwritten.
+    """The folder or file written for other programs. Nothing is overwritten.
 
-    Raises DataError; for netCDF also where h5netcdf is not installed.
+    Raises DataError; for netCDF also without h5netcdf.
 
     >>> import draglag as dl
     >>> dl.export(dl.read("session.h5"), "session.mat", to="mat").name
@@ -298,9 +295,9 @@ def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "n
 
 
 def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Path:
-    """The page ``report.html`` that was written into a folder, with its figures.
+    """The page ``report.html`` written into a folder, with its figures.
 
-    Raises DataError; DraglagError where matplotlib is not installed.
+    Raises DataError; DraglagError without matplotlib.
 
     >>> import draglag as dl
     >>> session = dl.read("session.h5")

@@ -1,8 +1,5 @@
-"""Sentences for people that carry what they were made of: an English template, which is their id, and its arguments.
-
-A message is the rendered English sentence, so whatever takes text takes it. Who speaks another language looks the
-template up and fills the translation with the same arguments; an argument that is a message is translated likewise.
-"""
+"""Sentences for people: rendered English that keeps its template, which is its id for translation, and its
+arguments."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ _LAST_PLACE = re.compile(r"(?<!{){(\w+)}$")
 class Message(str):
     """A rendered sentence. ``template`` has places in braces (``{run}``, ``{latency:.1f}``), ``arguments`` fill them.
 
-    Arguments are messages, texts and numbers; of anything else the text is kept. So a message crosses processes.
+    Arguments are messages, texts and numbers, anything else its text: so a message crosses processes.
     """
 
     template: str
@@ -36,31 +33,28 @@ class Message(str):
 
 
 def message(template: str, /, **arguments: object) -> Message:
-    """A sentence from its English template, a literal, and what stands in its places."""
+    """A sentence from its English template, a literal, and its arguments."""
     return Message(template, arguments)
 
 
 def phrase(text: str) -> Message:
-    """A text as a message: one that is none yet is its own id, without places."""
+    """A text as a message: its own id, without places, unless a message already."""
     return text if isinstance(text, Message) else Message(text.replace("{", "{{").replace("}", "}}"), {})
 
 
 def joined(separator: str, parts: Iterable[str]) -> Message:
-    """Several sentences or names, one after the other, each of them still a message."""
+    """Sentences or names one after the other, each still a message."""
     arguments = {f"part{number}": part for number, part in enumerate(parts, 1)}
     return Message(separator.join(f"{{{name}}}" for name in arguments), arguments)
 
 
 def chained(template: str, parts: Iterable[str]) -> str:
-    """The parts with words between them, from a template as ``{before} or {next}``; a single part is itself."""
+    """The parts with words between them, by a template such as ``{before} or {next}``."""
     return reduce(lambda before, part: Message(template, {"before": before, "next": part}), parts)
 
 
 def cleaned(text: str, clean: Callable[[str], str]) -> Message:
-    """The message with its texts changed by ``clean``, those within its arguments as well.
-
-    The template too, as that of a phrase is a text from anywhere.
-    """
+    """The message with its texts, template and arguments included, changed by ``clean``."""
     if not isinstance(text, Message):
         return phrase(clean(text))
     arguments: dict[str, object] = {}
@@ -72,7 +66,7 @@ def cleaned(text: str, clean: Callable[[str], str]) -> Message:
 
 
 def without_stop(text: str) -> Message:
-    """The message without stops and blanks at its end, so that a sentence can go on."""
+    """The message without final stops and blanks, so that a sentence can go on."""
     wanted = text.rstrip(". ")
     if wanted == text or not isinstance(text, Message):
         return phrase(text if wanted == text else wanted)
@@ -85,7 +79,7 @@ def without_stop(text: str) -> Message:
 
 
 def packed(value: Any) -> Any:
-    """The value for JSON, with every message in it as an object of template and arguments (``unpacked``)."""
+    """The value for JSON, every message in it an object of template and arguments (``unpacked``)."""
     if isinstance(value, Message):
         return {"template": value.template, "arguments": packed(value.arguments)}
     if isinstance(value, Mapping):
@@ -96,5 +90,5 @@ def packed(value: Any) -> Any:
 
 
 def unpacked(made: dict[str, Any]) -> Any:
-    """What ``packed`` made of a message, and every other object unchanged: the object_hook of ``json.loads``."""
+    """A packed message, or any other object unchanged: the object_hook of ``json.loads``."""
     return Message(made["template"], made["arguments"]) if made.keys() == {"template", "arguments"} else made

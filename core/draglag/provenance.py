@@ -1,4 +1,4 @@
-"""Where numbers and figures come from: which session, of what date, measured or simulated, by which version."""
+"""The source of numbers and figures: session, date, measured or simulated, version."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NAMED = 3  # sessions that fit by name into one line below a figure
 
 @dataclass(frozen=True)
 class Source:
-    """What a figure was drawn from. ``started_utc``: ISO 8601, or empty where the session does not say."""
+    """What a figure was drawn from. ``started_utc``: ISO 8601, or empty if unknown."""
 
     session: str
     started_utc: str
@@ -35,8 +35,8 @@ def source_of(session: Session) -> Source:
 
 
 def joint_source(sources: Sequence[Source]) -> Source:
-    """Several sessions as the source of one figure: simulated where one of them is; dated where all are of one day;
-    by their number where their names do not fit into a line."""
+    """Several sessions as one source: simulated if any is; dated if all are of one day; a count if names exceed a
+    line."""
     days = {source.started_utc[:10] for source in sources}
     date = sources[0].started_utc if len(days) == 1 else ""
     names = ", ".join(s.session for s in sources) if len(sources) <= NAMED else f"{len(sources)} sessions"
@@ -44,7 +44,7 @@ def joint_source(sources: Sequence[Source]) -> Source:
 
 
 def is_simulated(devices: Mapping[str, str]) -> bool:
-    """Whether any device of a session is the simulator, or the session says that it is simulated.
+    """Whether a device or the session itself is simulated.
 
     Args:
         devices: role → address and description, as in ``Session.devices``.

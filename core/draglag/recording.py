@@ -1,7 +1,7 @@
-"""What was measured: the raw data of one session, as frozen dataclasses of numpy arrays.
+"""The raw data of one session, as frozen dataclasses of numpy arrays.
 
-Times are seconds on the host's monotonic clock unless a name says ``device``; positions are millimetres on the
-screen with y growing downwards. Arrays are one-dimensional and never changed after recording.
+Times are s on the host's monotonic clock unless named ``device``; positions mm on the screen, y downwards. Arrays are
+one-dimensional.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _no_gaps() -> FloatArray:
 
 @dataclass(frozen=True)
 class Screen:
-    """The panel under test: its active area in mm and its picture in pixels."""
+    """The panel under test: active area in mm, picture in pixels."""
 
     name: str
     width_mm: float
@@ -77,11 +77,11 @@ class AxisInfo:
 
 @dataclass(frozen=True)
 class TouchCalibration:
-    """The targets somebody touched to learn where a touchscreen's units lie, and the affine fitted to them.
+    """Touched targets and the affine fitted to them.
 
     Attributes:
-        x_raw, y_raw: (n,) where the touchscreen reported the touches, device units.
-        x_mm, y_mm: (n,) where the targets were.
+        x_raw, y_raw: (n,) reported touches, device units.
+        x_mm, y_mm: (n,) the targets.
         matrix: (2, 3) device units → mm, rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
         device: name of the touchscreen.
         made_utc: ISO 8601.
@@ -105,10 +105,10 @@ class TouchTrace:
     Attributes:
         t_s, x_mm, y_mm: (n,) kernel stamp and mapped position.
         contact_id: (n,) the kernel's tracking id; a change marks a new contact.
-        x_raw, y_raw: (n,) device units, or empty where none were reported.
+        x_raw, y_raw: (n,) device units, or empty.
         device_t_s: (n,) the digitiser's own stamps (MSC_TIMESTAMP), or empty.
-        gaps_s: (k, 2) from–to of stretches that are known to be incomplete (buffer overflow, unplugged).
-        dropped: events the kernel or we are known to have lost.
+        gaps_s: (k, 2) from–to of stretches known to be incomplete (buffer overflow, unplugged).
+        dropped: events known to be lost.
     """
 
     t_s: FloatArray
@@ -135,7 +135,7 @@ class LaserTrace:
         device_t_s: (m,) the sensor interface's own stamp, or empty.
         epoch: (m,) counts restarts of the device clock, or empty for one epoch.
         gaps_s: (k, 2) from–to of stretches in which edges may be missing.
-        missed: edges known to be missing (by parity of level against edges, or by the device's own count).
+        missed: edges known to be missing (parity of level against edges, or the device's own count).
     """
 
     t_s: FloatArray
@@ -152,8 +152,8 @@ class LaserTrace:
 class ClockBounds:
     """A device clock seen from the host: ``device_s[k]`` happened between ``host_min_s[k]`` and ``host_max_s[k]``.
 
-    An exchange with a round trip gives both bounds at once; a one-sided observation leaves the other infinite.
-    ``epoch[k]`` counts restarts of the device clock: pairs of different epochs share no offset.
+    A one-sided observation leaves the other bound infinite. ``epoch[k]`` counts restarts of the device clock: different
+    epochs share no offset.
     """
 
     stream: str
@@ -167,7 +167,7 @@ class ClockBounds:
 
 @dataclass(frozen=True)
 class DisplayTrace:
-    """What the participant saw: target position at each drawn frame, and the frames that came too late."""
+    """What the participant saw: target position at each drawn frame, and the late frames."""
 
     t_s: FloatArray
     x_mm: FloatArray
@@ -192,7 +192,7 @@ class Taps:
     Attributes:
         physical_s, registered_s: (n,) host clock.
         down: (n,) 1 = touch, 0 = release.
-        rejected: reason → count of taps that were seen but not used.
+        rejected: reason → count of unused taps.
     """
 
     physical_s: FloatArray
@@ -205,10 +205,8 @@ class Taps:
 
 @dataclass(frozen=True)
 class Run:
-    """One uninterrupted recording of one target.
-
-    ``target`` holds the parameters of the target (see ``draglag.protocol.targets``), enough to draw it again.
-    """
+    """One uninterrupted recording of one target, whose parameters (``draglag.protocol.targets``) suffice to draw it
+    again."""
 
     id: str
     protocol: str
@@ -230,7 +228,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Session:
-    """All runs, taps and clock checks of one screen on one day."""
+    """All runs, taps and clock checks of one screen on one occasion."""
 
     name: str
     screen: Screen
@@ -260,7 +258,6 @@ class Session:
     __repr__ = brief
 
     def _repr_html_(self) -> str:
-        """The session as a notebook shows it: its runs, a row each."""
         head = ["run", "protocol", "speed mm/s", "duration s", "touch events", "edges", "outcome"]
         rows = [
             (r.id, r.protocol, r.nominal_speed_mm_s, r.duration_s, len(r.touch.t_s), len(r.laser.t_s), r.outcome)
@@ -273,7 +270,7 @@ _Trace = TypeVar("_Trace", TouchTrace, LaserTrace, ClockBounds, Taps, DisplayTra
 
 
 def concatenate(parts: Sequence[_Trace]) -> _Trace:
-    """Join traces of one stream in the order given: arrays end to end, counts added, the rest from the first part.
+    """Traces of one stream joined in the order given: arrays end to end, counts added, the rest of the first.
 
     Raises ValueError on an empty sequence.
     """

@@ -1,4 +1,4 @@
-"""Results as a notebook or a prompt shows them: a line for people, a small table in HTML, no thousands of numbers."""
+"""Results as a notebook or a prompt shows them: a line, or a small HTML table."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ LONGEST = 60  # letters of one value
 
 
 def brief(record: Any) -> str:
-    """``repr`` of a dataclass: its numbers and words, of arrays and lists only how many there are; empty ones are left
-    out."""
+    """``repr`` of a dataclass: numbers and words, lengths of arrays and lists; empty ones left out."""
     parts = [
         f"{spec.name}={words}"
         for spec in fields(record)
@@ -49,14 +48,14 @@ def _is_large(values: Iterable[object]) -> bool:
 
 
 def table_html(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A titled table; every cell is escaped, numbers are rounded to four digits, None is a dash."""
+    """A titled table: cells escaped, numbers to four digits, None a dash."""
     cells = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
     lines = "".join("<tr>" + "".join(f"<td>{html.escape(_cell(cell))}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<p><b>{html.escape(title)}</b></p><table><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>"
 
 
 def matched(value: float, half_interval: float) -> str:
-    """Value ± half its interval: that with two digits, the value to the same place."""
+    """Value ± half interval: the latter with two digits, the value to the same place."""
     if not (math.isfinite(value) and math.isfinite(half_interval)) or half_interval <= 0.0:
         return f"{value:.4g}"
     place = 1 - math.floor(math.log10(half_interval))

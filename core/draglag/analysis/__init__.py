@@ -1,4 +1,4 @@
-"""A session's estimates in the order of the method, as tables, and their precision predicted from a protocol."""
+"""A session's estimates, their tables, and predicted precision."""
 
 from draglag.analysis.session import (
     Analysis,

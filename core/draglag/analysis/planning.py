@@ -1,8 +1,6 @@
-"""How sure a protocol will be of L(v), before anyone draws a circle.
+"""Precision of L(v) predicted from a protocol.
 
-How well a latency can be known follows from the bound; what the analysis will print is rehearsed with the simulated
-participant: no formula knows what the estimator pays for a hand whose spectrum it has to learn, for a law that is steep
-where the speed is uneven, for contact losses and for the clock.
+Latency errors follow from the bound; intervals from simulated runs, as no formula has the estimator's own losses.
 """
 
 from __future__ import annotations
@@ -27,11 +25,11 @@ REHEARSALS = 10  # of each circle: intervals differ by some 20 % from run to run
 
 @dataclass(frozen=True)
 class PlannedPrecision:
-    """What one run will give.
+    """Predicted precision of one run.
 
     Attributes:
         se_s: standard error of the latency by the bound and the tremor at the edges.
-        half_interval_s: half the 95 % interval that the analysis will print, the mean of a few rehearsals.
+        half_interval_s: half the 95 % interval of the analysis, mean of a few rehearsals.
     """
 
     id: str
@@ -56,10 +54,7 @@ class PlannedPrecision:
 
 @dataclass(frozen=True)
 class Plan:
-    """Prediction for a whole protocol; the curve's standard error at the speeds of its runs, (k,) each.
-
-    ``curve_se_s`` is None where the runs cannot determine Eq. 5.
-    """
+    """Prediction for a protocol; ``curve_se_s`` (k,) at its runs' speeds, None if they do not determine Eq. 5."""
 
     protocol: str
     screen: str
@@ -92,13 +87,13 @@ def plan(
     progress: Callable[[float, str], None] | None = None,
     known: MutableMapping[str, PlannedPrecision] | None = None,
 ) -> Plan:
-    """Predicted precision of every circle of a protocol on a screen, and of the curve through them.
+    """Predicted precision of a protocol's circles on a screen, and of the curve through them.
 
     Args:
-        protocol, screen: presets, or objects of one's own; the screen's law and noise are assumed.
-        human: who will drag; the simulated participant if None.
-        progress: called before each run with the share done and the run's id; may raise to end the work.
-        known: predictions of earlier calls, used and added to, so that an edit costs only the runs it changed.
+        protocol, screen: presets or objects; the screen's law and noise are assumed.
+        human: the simulated participant if None.
+        progress: called before each run with the share done and the run's id; may raise to stop.
+        known: earlier predictions, used and added to, so that an edit costs only changed runs.
 
     Raises DataError for unknown presets or targets that do not fit.
     """
@@ -167,7 +162,7 @@ def _precision(run: PlannedRun, rig: Rig, human: Human) -> PlannedPrecision:
 
 
 def _rehearsed_half_s(run: PlannedRun, rig: Rig, human: Human) -> float | None:
-    """Half the interval that the analysis gives simulated runs, on average, s; None where most of them have none."""
+    """Mean half interval over simulated runs, s; None if most have none."""
     rng = np.random.default_rng(round(1000 * (run.nominal_speed_mm_s or 0.0)))
     halves_s = []
     for _ in range(REHEARSALS):
@@ -180,10 +175,9 @@ def _rehearsed_half_s(run: PlannedRun, rig: Rig, human: Human) -> float | None:
 
 
 def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray) -> float:
-    """Standard deviation of the mean speed that tremor gives the edges of a run, mm/s.
+    """Standard deviation of a run's mean speed by tremor at its edges, mm/s.
 
-    Where the law is steep every edge has a latency of its own, and a run has only so many edges. The two edges of one
-    crossing share their tremor as far as the time between them lets them; a hand's timing parts crossings.
+    The two edges of a crossing share tremor according to the time between them; crossings are independent.
     """
     low_hz, high_hz = HandSpectrum().tremor_hz
     f_hz = np.linspace(low_hz, high_hz, 41)[:, None]
@@ -195,7 +189,7 @@ def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray)
 
 
 def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> FloatArray | None:
-    """Standard error of Eq. 5 through the runs at ``speed``, with what differs from run to run."""
+    """Standard error of Eq. 5 through the runs, scatter between runs included."""
     good = [run for run in circles if np.isfinite(run.se_s)]
     form = FORMS[FORM]
     law = rig.law

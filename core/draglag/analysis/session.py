@@ -1,4 +1,4 @@
-"""A session's estimates, in the order the method makes them: runs → curve → taps → validation."""
+"""A session's estimates in the order of the method: runs → curve → taps → validation."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ class AnalysisOptions:
     """How to analyse.
 
     Attributes:
-        estimator: "efficient", "paper", or a name that another package brings.
+        estimator: "efficient", "paper", or another package's.
         update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
         window_s: latencies searched. form: a name of ``draglag.curve.FORMS`` or "best".
         tie_asymptote: hold a7 at the median release tap (the paper's "corrected"). exclude: run id → reason.
-        include: ids of runs that belong in the curve in spite of how they went ("all": every run).
+        include: ids of runs to keep in the curve however they went ("all": every run).
     """
 
     estimator: str = "efficient"
@@ -62,9 +62,9 @@ class AnalysisOptions:
 
 @dataclass(frozen=True)
 class Analysis:
-    """All estimates of one session. ``curve`` is None with too few speeds. ``excluded``: run id → why not in the curve.
+    """All estimates of one session. ``curve``: None with too few speeds. ``excluded``: run id → why not in the curve.
 
-    ``problems`` says what failed, ``warnings`` what the clocks do to the figures.
+    ``problems``: what failed; ``warnings``: what clocks and files do to the figures.
     """
 
     session: str
@@ -86,7 +86,7 @@ class Analysis:
         return self.curve is not None and run.id not in self.excluded and _usable(run)
 
     def to_dict(self) -> dict[str, object]:
-        """The design's ``analyze --json`` (section 5)."""
+        """The JSON of ``analyze --json`` (design, section 5)."""
         return {
             "session": self.session,
             "simulated": self.source is not None and self.source.simulated,
@@ -113,7 +113,6 @@ class Analysis:
         return f"Analysis({self.session!r}: {known} of {len(self.runs)} runs with a latency, {curve})"
 
     def _repr_html_(self) -> str:
-        """The runs as a notebook shows them, and the curve."""
         from draglag.analysis.tables import run_rows
 
         keys = ["run", "speed_mm_s", "latency_ms", "latency_low_ms", "latency_high_ms", "n_edges", "flags"]
@@ -122,28 +121,22 @@ class Analysis:
         return table_html(f"Analysis of {self.session}", keys, rows) + curve
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame with a row for each run: the columns of ``draglag.analysis.tables.RUN_COLUMNS``.
-
-        Raises DraglagError where pandas is not installed.
-        """
+        """A pandas DataFrame, a row a run (``tables.RUN_COLUMNS``). Raises DraglagError without pandas."""
         from draglag.analysis.tables import RUN_COLUMNS, frame_of, run_rows
 
         return frame_of(run_rows(self), list(RUN_COLUMNS))
 
     def to_xarray(self) -> Any:
-        """An xarray Dataset: runs along ``run``, the curve and its band along ``speed_mm_s``, each with ``units``.
+        """An xarray Dataset: runs along ``run``, curve and band along ``speed_mm_s``, with ``units``.
 
-        Raises DraglagError where xarray is not installed.
+        Raises DraglagError without xarray.
         """
         from draglag.analysis.tables import dataset_of
 
         return dataset_of(self)
 
     def plot(self, ax: Any = None) -> Any:
-        """The matplotlib axes that runs, curve and taps are drawn on (Fig. 5): those given, or new ones.
-
-        Raises DraglagError where matplotlib is not installed.
-        """
+        """Matplotlib axes (given or new) with runs, curve and taps (Fig. 5). Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_latency, own_axes
 
         axes = own_axes(ax)
@@ -152,13 +145,13 @@ class Analysis:
 
 
 def has_constant_speed(run: Run) -> bool:
-    """Whether one latency describes the run; chirp, multi-sine and step runs go to the validation instead."""
+    """Whether one latency describes the run; chirp, multi-sine and step runs serve validation."""
     return run.protocol in CONSTANT_SPEED
 
 
 @one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
-    """Estimate everything a session holds. Never raises for bad runs: they carry flags, and ``problems`` says why.
+    """All estimates of a session; bad runs carry flags, and ``problems`` says why.
 
     Raises EstimateError for an unknown estimator or curve form.
     """
@@ -212,7 +205,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
 
 
 def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]]:
-    """Eq. 4 averaged over the repeats of each protocol, as the paper's Table 3 has it."""
+    """Eq. 4 averaged over the repeats of each protocol (the paper's Table 3)."""
     out: list[dict[str, object]] = []
     for protocol in dict.fromkeys(item.protocol for item in validation):
         same = [item for item in validation if item.protocol == protocol]
@@ -229,12 +222,12 @@ def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]
 
 
 def _excluded(session: Session, estimates: Sequence[RunEstimate], options: AnalysisOptions) -> dict[str, str]:
-    """Run id → why it is not in the curve (or the validation): by hand, or for how it went unless included by hand."""
+    """Run id → why not in curve and validation."""
     return {**why_excluded(session.runs, estimates, options.include), **options.exclude}
 
 
 def _usable(estimate: RunEstimate) -> bool:
-    """Whether an estimate can be a point of a curve: finite standard error, inside the window."""
+    """Finite standard error, inside the window."""
     return bool(
         estimate.latency_s is not None
         and estimate.curve_se_s
@@ -244,7 +237,7 @@ def _usable(estimate: RunEstimate) -> bool:
 
 
 def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:
-    """The runs that may carry the curve."""
+    """The curve's points."""
     good = [
         (e.speed_mm_s, e.latency_s, e.curve_se_s, e.speed_se_mm_s or 0.0, e.speed_sd_mm_s or 0.0)
         for e in estimates
@@ -280,19 +273,18 @@ def _curve(
 
 
 def _with_common_shift(curve: CurveFit) -> CurveFit:
-    """A curve whose asymptote, the last of its values, includes the delay uncertainty that all runs share."""
+    """The curve with the delay uncertainty common to all runs in its asymptote."""
     covariance = curve.covariance.copy()
     covariance[-1, -1] += (1e3 * common_delay_u_s()) ** 2
     return replace(curve, covariance=covariance)
 
 
 def _file_warnings(session: Session) -> list[str]:
-    """What reading the session's file found to be wrong with it."""
     return [note.text for note in session.notes if note.level == "warning" and note.source == "file"]
 
 
 def _off_the_curve(curve: CurveFit | None) -> list[str]:
-    """A sentence where runs lie so far off their curve that something else than speed must move them."""
+    """A warning if runs scatter about their curve more than speed explains."""
     if curve is None or curve.points is None or curve.between_runs_s < FAR_OFF_S:
         return []
     return [

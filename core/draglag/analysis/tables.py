@@ -1,4 +1,4 @@
-"""Results as tidy tables: plain rows first, pandas and xarray where they are asked for."""
+"""Results as tidy tables: plain rows, pandas, xarray."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CURVE_POINTS = 100  # of the curve in arrays: as smooth as a screen shows
 
 
 def run_rows(analysis: Analysis) -> list[dict[str, Any]]:
-    """One row of ``RUN_COLUMNS`` for each run with a speed of its own."""
+    """One row of ``RUN_COLUMNS`` a run of constant speed."""
     rows = []
     for run in analysis.runs:
         low, high = run.latency_ci95_ms or (None, None)
@@ -43,7 +43,7 @@ def run_rows(analysis: Analysis) -> list[dict[str, Any]]:
 
 
 def frame_of(rows: list[dict[str, Any]], columns: list[str]) -> Any:
-    """The rows as a pandas DataFrame. Raises DraglagError where pandas is not installed."""
+    """The rows as a pandas DataFrame. Raises DraglagError without pandas."""
     need("pandas")
     import pandas
 
@@ -55,10 +55,7 @@ def frame_of(rows: list[dict[str, Any]], columns: list[str]) -> Any:
 
 
 def dataset_of(analysis: Analysis) -> Any:
-    """An xarray Dataset: runs along ``run``, the curve with its band along ``speed_mm_s``; each with units.
-
-    Raises DraglagError where xarray is not installed.
-    """
+    """The Dataset of ``Analysis.to_xarray``. Raises DraglagError without xarray."""
     need("xarray")
     import xarray
 

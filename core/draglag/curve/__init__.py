@@ -1,4 +1,4 @@
-"""Latency against speed: Eq. 5 and its rivals, fitted, judged and carried with their uncertainty."""
+"""Latency against speed: Eq. 5 and its rivals."""
 
 from draglag.curve.fit import CurveFit, fit_best, fit_form
 from draglag.curve.forms import FORMS, Form

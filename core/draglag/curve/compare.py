@@ -1,4 +1,4 @@
-"""How two latency curves differ, with a band, and whether the difference is more than noise."""
+"""Difference of two latency curves, with a band and a test."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ SPEEDS_MM_S = (50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 800.0, 1000
 
 @dataclass(frozen=True)
 class CurveDifference:
-    """Second curve minus first at speeds both were measured at: (k,) each, with a pointwise 95 % band.
+    """Second curve minus first at speeds covered by both, (k,) each, with a pointwise 95 % band.
 
-    ``p_value``: that the greatest standardised difference over the speeds is chance (Bonferroni over the speeds).
+    ``p_value``: of the greatest standardised difference (Bonferroni over the speeds).
     """
 
     speed_mm_s: FloatArray
@@ -48,10 +48,7 @@ class CurveDifference:
         return f"CurveDifference(RMS {rms_ms:.2f} ms from {low:.0f} to {high:.0f} mm/s, p = {self.p_value:.2g})"
 
     def plot(self, ax: Any = None) -> Any:
-        """The matplotlib axes that the difference and its 95 % band are drawn on: those given, or new ones.
-
-        Raises DraglagError where matplotlib is not installed.
-        """
+        """Matplotlib axes (given or new) with difference and 95 % band. Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_difference, own_axes
 
         axes = own_axes(ax)
@@ -62,9 +59,9 @@ class CurveDifference:
 def curve_difference(
     first: CurveFit, second: CurveFit, speeds_mm_s: FloatArray | None = None
 ) -> CurveDifference | None:
-    """Difference over the speeds both curves cover (the given ones, or a table of round ones); None if they share none.
+    """Difference over speeds (given, or round ones) covered by both curves; None if they share none.
 
-    The half widths of both bands add in quadrature: the sessions are independent.
+    Half widths of the bands add in quadrature: sessions are independent.
     """
     low = max(first.speed_range_mm_s[0], second.speed_range_mm_s[0])
     high = min(first.speed_range_mm_s[1], second.speed_range_mm_s[1])

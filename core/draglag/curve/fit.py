@@ -1,4 +1,4 @@
-"""L(v) fitted to the runs of a session: every form, its uncertainty, and the choice among them."""
+"""L(v) fitted to a session's runs: forms, uncertainty, choice."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CurveFit:
         values: shape parameters then amplitudes, in the order of the form's names (ms, s/mm, mm/s, mm).
         covariance: of ``values``; zero rows for parameters at a bound.
         rms_s: RMS of L − L̂ over the points, unweighted (the paper's Table 2).
-        between_runs_s: scatter of runs about the curve beyond their own standard errors.
+        between_runs_s: scatter of runs about the curve beyond their standard errors.
         tied_asymptote_s: the tap latency a7 was fixed at, or None.
     """
 
@@ -64,15 +64,15 @@ class CurveFit:
 
     @property
     def half_intervals(self) -> Mapping[str, float]:
-        """Half the 95 % interval of every parameter, as the band of the curve has it."""
+        """Half the 95 % interval of every parameter."""
         return {name: self._reach(0.95) * error for name, error in self.standard_errors.items()}
 
     def _reach(self, level: float) -> float:
-        """Half an interval in standard errors, for so many runs and parameters."""
+        """Half an interval in standard errors (Student's t)."""
         return float(stdtrit(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2))
 
     def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """L(v), s, at any speeds. Outside ``speed_range_mm_s`` this extrapolates: see ``inside``."""
+        """L(v), s; an extrapolation outside ``speed_range_mm_s`` (see ``inside``)."""
         speed = np.asarray(speed_mm_s, float)
         return 1e-3 * evaluated_ms(FORMS[self.form], self.values, speed.ravel()).reshape(speed.shape)
 
@@ -82,7 +82,7 @@ class CurveFit:
         return (speed >= self.speed_range_mm_s[0]) & (speed <= self.speed_range_mm_s[1])
 
     def band_s(self, speed_mm_s: FloatArray, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Pointwise confidence band of the curve (delta method), (low, high) in s."""
+        """Pointwise confidence band (delta method), (low, high) in s."""
         speed = np.atleast_1d(np.asarray(speed_mm_s, float))
         form = FORMS[self.form]
         jacobian = jacobian_ms(form, self.values, speed)
@@ -92,7 +92,7 @@ class CurveFit:
         return 1e-3 * (middle - reach), 1e-3 * (middle + reach)
 
     def to_dict(self) -> dict[str, object]:
-        """The design's JSON of the curve (section 5)."""
+        """The JSON of the curve (design, section 5)."""
         return {
             "form": self.form,
             "parameters": dict(self.parameters),
@@ -116,16 +116,12 @@ class CurveFit:
         )
 
     def _repr_html_(self) -> str:
-        """The coefficients as a notebook shows them."""
         half = self.half_intervals
         rows = [(name, value, half[name]) for name, value in self.parameters.items()]
         return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "± (95 %)"], rows)
 
     def plot(self, ax: Any = None) -> Any:
-        """The matplotlib axes that the curve and its 95 % band are drawn on: those given, or new ones.
-
-        Raises DraglagError where matplotlib is not installed.
-        """
+        """Matplotlib axes (given or new) with curve and 95 % band. Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_curve, own_axes
 
         axes = own_axes(ax)
@@ -136,12 +132,10 @@ class CurveFit:
 def fit_form(
     points: CurvePoints, form_name: str, tied_asymptote_s: float | None = None, tied_se_s: float = 0.0
 ) -> CurveFit:
-    """Fit one form. ``tied_asymptote_s`` holds a7 at the tap latency (the paper's "corrected" row of Table 2).
+    """Fit one form. Raises EstimateError with fewer points than parameters.
 
-    ``tied_se_s``: standard error of that latency, which the covariance then holds: a7's own, and what it does to the
-    coefficients that are fitted around it.
-
-    Raises EstimateError with fewer points than parameters.
+    ``tied_asymptote_s`` holds a7 at the tap latency (the "corrected" row of the paper's Table 2); ``tied_se_s``, its
+    standard error, is propagated into the covariance.
     """
     form = FORMS[form_name]
     if tied_asymptote_s is not None and "a7_ms" not in form.names:
@@ -181,9 +175,8 @@ def fit_best(
     forms: Sequence[str] = tuple(FORMS),
     tied_se_s: float = 0.0,
 ) -> CurveFit:
-    """Fit every form the points can carry and choose: Eq. 5 unless a rival is clearly better on both counts.
+    """The best fit: Eq. 5, unless a rival's AICc is lower by more than 6 and its held-out error no larger.
 
-    A rival replaces Eq. 5 when its AICc is lower by more than 6 and its held-out error is no larger.
     Raises EstimateError with fewer than ``FEWEST_SPEEDS`` different speeds.
     """
     n_speeds = distinct_speeds(points.speed_mm_s)

@@ -1,4 +1,4 @@
-"""The shapes L(v) can take. Each is linear in its amplitudes and non-linear in at most three shape parameters."""
+"""The forms of L(v), linear in amplitudes, with at most three shape parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Form:
     Attributes:
         shape_names: JSON names of the shape parameters θ, with unit.
         amplitude_names: JSON names of the non-negative amplitudes, in ms unless the name says otherwise.
-        columns: (θ (g, k), v (n,) mm/s) → (g, n, p), for g settings at once: L = columns @ amplitudes.
+        columns: (θ (g, k), v (n,) mm/s) → (g, n, p) for g settings: L = columns @ amplitudes.
         grid: (g, k) starting points. lower, upper: (k,) bounds of θ.
     """
 

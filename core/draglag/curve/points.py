@@ -12,12 +12,11 @@ from draglag.shown import brief
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """Latency of each run: speed_mm_s (n,), latency_s (n,), se_s (n,) standard error.
+    """Latency of each run: speed_mm_s, latency_s, its standard error se_s, (n,) each.
 
-    ``speed_se_mm_s`` (n,) is the standard error of the speed, None where it is not known: on a steep curve it moves
-    a run off the curve as much as an error of its latency does. ``speed_sd_mm_s`` (n,) is how much the speed varied
-    from edge to edge, None for not at all: where the curve bends, a run's latency is the mean of L over its speeds,
-    which is not L of the mean speed.
+    ``speed_se_mm_s`` (n,): standard error of the speed, None if unknown; on a steep curve it matters as much.
+    ``speed_sd_mm_s`` (n,): spread of the speed over edges, None for none; on a bent curve the mean of L is not L of the
+    mean.
     """
 
     speed_mm_s: FloatArray
@@ -32,14 +31,14 @@ class CurvePoints:
         return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep], speed_se, speed_sd)
 
     def with_speed_error(self, slope_s_per_mm_s: FloatArray) -> CurvePoints:
-        """The same points with the error of their speeds, times the curve's slope, added to ``se_s``."""
+        """The points with the error of their speeds, times the curve's slope, added to ``se_s``."""
         if self.speed_se_mm_s is None:
             return self
         return replace(self, se_s=np.hypot(self.se_s, slope_s_per_mm_s * self.speed_se_mm_s))
 
     @property
     def speeds_mm_s(self) -> tuple[FloatArray, ...]:
-        """Speeds (n,) whose mean latency a run shows: one standard deviation to either side, exact to third order."""
+        """Speeds (n,) to average L over: one standard deviation to either side, exact to third order."""
         if self.speed_sd_mm_s is None:
             return (self.speed_mm_s,)
         reach = np.minimum(self.speed_sd_mm_s, 0.5 * self.speed_mm_s)
@@ -52,7 +51,7 @@ SAME_SPEED = 1.1  # runs whose speeds are closer than a tenth repeat one speed: 
 
 
 def distinct_speeds(speed_mm_s: FloatArray) -> int:
-    """How many different speeds there are among (n,) mm/s."""
+    """Number of different speeds among (n,) mm/s."""
     count, start = 0, 0.0
     for speed in np.sort(speed_mm_s).tolist():
         if count == 0 or speed > SAME_SPEED * start:

@@ -1,4 +1,4 @@
-"""Many latency curves in order: each one's mean latency over the speeds that all share, and how sure its place is."""
+"""Latency curves ranked by mean latency over shared speeds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Ranked:
-    """One curve's mean latency, s, with its 95 % interval, and its rank (1: least latency) with its own."""
+    """One curve's mean latency, s, and rank (1: least latency), each with its 95 % interval."""
 
     name: str
     mean_s: float
@@ -42,7 +42,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All curves, least latency first, over the speeds (low, high), mm/s, that they share."""
+    """All curves, least latency first, over shared speeds (low, high), mm/s."""
 
     speed_range_mm_s: tuple[float, float]
     places: tuple[Ranked, ...]
@@ -52,10 +52,9 @@ class Ranking:
 
 
 def ranking(curves: Sequence[tuple[str, CurveFit]]) -> Ranking:
-    """The curves in order of their mean latency over the speeds that all share.
+    """The curves by mean latency over the speeds all share. Raises EstimateError without any.
 
-    An interval of ranks holds 95 % of the ranks that a curve has when every mean is drawn from its own error; screens
-    that cannot be distinguished share such an interval. Raises EstimateError where no speed is shared by all.
+    Intervals hold 95 % of the ranks when means are drawn from their errors: indistinguishable screens share one.
     """
     low = max(curve.speed_range_mm_s[0] for _, curve in curves)
     high = min(curve.speed_range_mm_s[1] for _, curve in curves)

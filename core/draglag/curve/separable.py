@@ -1,7 +1,6 @@
-"""Separable weighted least squares for L(v): a grid over the shapes, non-negative amplitudes, then a polish.
+"""Separable weighted least squares for L(v): a grid over shapes, non-negative amplitudes, then a polish.
 
-A general optimiser from one start is wrong in about one case in twelve and does not say so; on the grid every start
-is tried, and the amplitudes at each are exact.
+A general optimiser from one start silently fails in one case of twelve.
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ Tried = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
-    """Levenberg–Marquardt on the logarithms of the shapes; all trial points of a step are evaluated together."""
+    """Levenberg–Marquardt on the logarithms of the shapes, a step's trial points at once."""
     k = log_theta.size
     low, high = np.log(form.lower), np.log(form.upper)
     h = 1e-4
@@ -112,7 +111,7 @@ def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
 def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None) -> tuple[FloatArray, FloatArray]:
     """Non-negative least squares for many designs at once: (g, n, p) → cost (g,), amplitudes (g, p).
 
-    With at most three columns every active set is tried, which is exact. A tied asymptote is the last column's value.
+    Tries every active set, which is exact for at most three columns. A tied asymptote fixes the last amplitude.
     """
     g, _, p = columns.shape
     fixed = 0.0

@@ -1,4 +1,4 @@
-"""What a form's parameters are called where people read them."""
+"""Symbols and units of a form's parameters, for readers."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ SYMBOLS = {
     "a7_ms": ("a7", "ms"), "plateau_mm_s": ("v0", "mm/s"), "corner_speed_mm_s": ("vc", "mm/s"),
     "inverse_beta_mm": ("b", "mm"), "l0_ms": ("L0", "ms"),
 }  # fmt: skip
-"""Parameter of a form → symbol, of which all but the first letter is a subscript, and unit."""
+"""Parameter → symbol (a letter and its subscript) and unit."""
 
 
 def symbol_html(parameter: str) -> tuple[str, str]:
-    """Symbol, as HTML, and unit; of a form of another package its parameter's name without a unit."""
+    """Symbol, as HTML, and unit; of an unknown parameter its name without a unit."""
     if parameter not in SYMBOLS:
         return parameter, ""
     symbol, unit = SYMBOLS[parameter]

@@ -1,1 +1,1 @@
-"""Results on matplotlib axes, in one style; knows the results by their types alone."""
+"""Results on matplotlib axes, in one style."""

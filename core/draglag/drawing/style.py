@@ -1,4 +1,4 @@
-"""One look for every figure: Okabe–Ito colours, each with a shape of its own, legible in print and on a screen."""
+"""The look of all figures: Okabe–Ito colours, each with its marker."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _SETTINGS: dict[str, Any] = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw inside this."""
+    """Context in which to draw."""
     import matplotlib as mpl
 
     with mpl.rc_context(_SETTINGS):
@@ -68,7 +68,7 @@ def house_style() -> Iterator[None]:
 
 
 def plain_log_ticks(axis: Any) -> None:
-    """Label a logarithmic axis, once all is drawn, with plain numbers: 20, 50, 100, 200, 500 …"""
+    """Label a logarithmic axis, once all is drawn, with plain numbers: 20, 50, 100 …"""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -79,7 +79,7 @@ def plain_log_ticks(axis: Any) -> None:
 
 
 def new_figure(width_in: float = 7.2, height_in: float = 4.2) -> Any:
-    """An empty figure with an off-screen canvas; no pyplot, no global state."""
+    """An empty figure with an off-screen canvas, without pyplot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -89,7 +89,7 @@ def new_figure(width_in: float = 7.2, height_in: float = 4.2) -> Any:
 
 
 def themed(svg: str) -> str:
-    """A drawing for a page, inline or as an image: on a dark page it is drawn light on dark, on paper as it is."""
+    """The SVG for a page: light on dark on a dark page, unchanged on paper."""
     start = svg.index("<svg")
     drawing = svg[start:]
     for paper, (name, _) in _DARK.items():
@@ -109,7 +109,7 @@ MARK_PT, MARK_SHARE = 38.0, 0.2  # size of the letters of SIMULATED, and their m
 
 
 def sign(figure: Any, source: Source) -> None:
-    """Write at a figure's foot what it was drawn from, and SIMULATED across it where that is so."""
+    """Write its source at a figure's foot, and SIMULATED across it if simulated."""
     figure.supxlabel(source.line(), x=0.995, ha="right", fontsize=6.5, color=GREY)
     if source.simulated:  # its margins hold legends and titles
         size_pt = min(MARK_PT, MARK_SHARE * 72 * figure.get_figheight())
@@ -118,7 +118,7 @@ def sign(figure: Any, source: Source) -> None:
 
 
 def save(figure: Any, folder: Any, name: str, source: Source) -> str:
-    """Write ``name``.svg and ``name``.png, signed with their source; returns the SVG's text for embedding."""
+    """Write ``name``.svg and ``name``.png, signed with their source; returns the SVG for embedding."""
     import io
 
     sign(figure, source)

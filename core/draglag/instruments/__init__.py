@@ -1,1 +1,1 @@
-"""Device clocks, the beam's two lines, calibration and orientation of the touchscreen, and taps."""
+"""Device clocks, the beam, calibration and orientation of the touchscreen, taps."""

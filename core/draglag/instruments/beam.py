@@ -1,6 +1,6 @@
-"""The beam: which side of it the stylus centre is on at an edge, and the two parallel lines the edges lie on.
+"""The beam, y = slope · x + intercept: sides of the stylus, two parallel lines of edges.
 
-The line's equation is y = slope · x + intercept; y grows downwards, so the *top* line has the smaller intercept.
+y grows downwards: the *top* line has the smaller intercept.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from draglag.recording import FloatArray
 
 
 def sides(falling: np.ndarray, v_across: FloatArray) -> FloatArray:
-    """Side of the beam at each edge: −1 top, +1 bottom, from the kind of edge AND the direction of travel.
+    """Side of the beam at each edge: −1 top, +1 bottom, by kind of edge and direction of travel.
 
-    At a light→dark edge the centre approaches the beam, at a dark→light edge it leaves it; so moving down (v > 0) it
-    is at the top when the light goes and at the bottom when it returns. Holds for grazing passes too, which counting
-    edges would get wrong.
+    Moving down, top at light→dark and bottom at dark→light; moving up, the reverse. Counting edges instead fails at
+    grazing passes.
 
     Args:
         falling: (m,) bool, True for light→dark. v_across: (m,) velocity across the beam, positive downwards.
@@ -37,10 +36,10 @@ class Lines:
 
 
 def fit_lines(x_mm: FloatArray, y_mm: FloatArray, side: FloatArray, shared_slope: bool) -> tuple[Lines, FloatArray]:
-    """Least-squares lines through the top and the bottom edges, and the residual of every edge (mm, along y).
+    """Least-squares lines through top and bottom edges, and every edge's residual (mm, along y).
 
-    ``shared_slope=False`` is the paper's Eq. 2; ``True`` uses that both lines are parallel by construction.
-    Raises ValueError where a side has no edge.
+    ``shared_slope=False`` is the paper's Eq. 2; ``True`` uses that the lines are parallel. Raises ValueError if a side
+    has no edge.
     """
     top = side < 0
     if not top.any() or top.all():
@@ -69,7 +68,7 @@ def _slope(x_mm: FloatArray, y_mm: FloatArray) -> float:
 
 
 def stylus_diameter_mm(lines: Lines, x_from_mm: float, x_to_mm: float) -> float:
-    """Eq. 3: mean perpendicular distance of five equidistant points of the top line to the bottom line, mm."""
+    """Eq. 3: mean distance of five equidistant points of the top line from the bottom line, mm."""
     x_mm = np.linspace(x_from_mm, x_to_mm, 5)
     y_mm = lines.slope_top * x_mm + lines.intercept_top_mm
     distance = np.abs(lines.intercept_bottom_mm + lines.slope_bottom * x_mm - y_mm)

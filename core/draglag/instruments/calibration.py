@@ -1,7 +1,6 @@
-"""From a touchscreen's units to mm: a six-parameter affine fitted to touched targets, with its residuals.
+"""From a touchscreen's units to mm: an affine fit to touched targets.
 
-Raw events never see rotation, mirroring or the system's own calibration, and the kernel's resolution is often
-wrong; touching targets whose places are known settles all of it.
+Raw events know no rotation or mirroring, and the kernel's resolution is often wrong.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class AffineFit:
     Attributes:
         matrix: (2, 3) rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
         residual_mm: (n, 2) touched minus target, in the order of the targets.
-        rms_mm: root of the mean squared distance, for the degrees of freedom that are left.
+        rms_mm: RMS distance, by the degrees of freedom left.
         scale_mm: (x, y) mm per device unit along the screen's axes.
     """
 
@@ -58,16 +57,16 @@ def fit_affine(
     y_mm: FloatArray,
     largest_residual_mm: float = LARGEST_RESIDUAL_MM,
 ) -> AffineFit:
-    """Least squares over touched targets.
+    """Least-squares map from touched targets.
 
     Args:
-        x, y: (n,) where the touchscreen reported the touches, device units.
-        x_mm, y_mm: (n,) where the targets were.
-        largest_residual_mm: a fit that leaves a target further off is refused.
+        x, y: (n,) touches, device units.
+        x_mm, y_mm: (n,) targets.
+        largest_residual_mm: largest distance accepted.
 
     Raises:
         DataError: columns of different lengths or not numbers.
-        EstimateError: fewer than 5 targets, targets (or touches) along one line, or a target too far off.
+        EstimateError: fewer than 5 targets, targets (or touches) along one line, or one too far off.
     """
     raw, places = np.column_stack([x, y]).astype(np.float64), np.column_stack([x_mm, y_mm]).astype(np.float64)
     if raw.shape != places.shape or not np.isfinite(raw).all() or not np.isfinite(places).all():
@@ -106,13 +105,13 @@ def fit_affine(
 
 
 def px_to_mm(screen: Screen, x_px: FloatArray, y_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places on the screen's picture (device pixels, from its upper left corner) in mm."""
+    """Device pixels, from the screen's upper left corner, to mm."""
     x_scale, y_scale = screen.mm_per_px
     return np.asarray(x_px) * x_scale, np.asarray(y_px) * y_scale
 
 
 def target_places(width_mm: float, height_mm: float, count: int = 9) -> tuple[FloatArray, FloatArray]:
-    """Where to show 5 or 9 targets: corners, middle (and edges), a tenth of the screen from its border, mm.
+    """Places of 5 or 9 targets, mm: corners, middle (and edges), a tenth of the screen from its border.
 
     Raises DataError on another count.
     """

@@ -1,9 +1,8 @@
-"""Device clocks on the host's clock: offset and drift from bounds, with what remains uncertain.
+"""Device clocks on the host's clock: offset and drift from bounds, with their uncertainty.
 
-Every exchange with a device bounds its stamp from one side or both: ``host_min ≤ host(device) ≤ host_max``. Over
-one epoch (no restart of the device clock) a quartz is a straight line, so the lines that satisfy all bounds form a
-convex polygon in the plane of offset and drift (the feasible band). Its corners give the extremes of everything
-asked later, and its centre the estimate; nothing is assumed about where within a round trip the truth lies.
+An exchange bounds a stamp: ``host_min ≤ host(device) ≤ host_max``. Within an epoch a quartz is a straight line, and the
+lines within all bounds form a convex polygon in offset and drift: its corners give extremes, its centre the estimate.
+Where within a round trip the truth lies is not assumed.
 """
 
 from __future__ import annotations
@@ -32,14 +31,12 @@ class EpochClock:
     """One epoch of a device clock: ``host = device + offset_s + drift · (device − reference_s)``.
 
     Attributes:
-        reference_s: the device time at which the offset is given.
-        offset_s, drift: the centre of the feasible band (drift in s/s).
-        drift_interval: the drifts that the bounds allow.
-        corners: (k, 2) corners of the band, offset relative to ``offset_s`` and drift.
-        first_s, last_s: device times between which bounds were seen.
-        n_bounds: how many exchanges there were.
-        slack_s: how far the bounds had to be widened before any line fitted; 0 where they agree.
-        uneven_s: what that adds to every half-width: the slack and the width of an exchange.
+        offset_s, drift: centre of the feasible polygon (drift in s/s).
+        drift_interval: drifts within the bounds.
+        corners: (k, 2) of the polygon: offset relative to ``offset_s``, drift.
+        first_s, last_s: device times of the first and last bounds.
+        slack_s: least widening of the bounds for a line to fit, usually 0.
+        uneven_s: what that adds to every half width: slack and width of an exchange.
     """
 
     epoch: int
@@ -56,7 +53,7 @@ class EpochClock:
 
     @property
     def fast_ppm(self) -> float:
-        """By how much the device's clock runs fast against the host's, parts per million; negative where slow."""
+        """How fast the device's clock runs against the host's, ppm; negative where slow."""
         return -1e6 * self.drift
 
     @property
@@ -64,7 +61,7 @@ class EpochClock:
         return -1e6 * self.drift_interval[1], -1e6 * self.drift_interval[0]
 
     def to_host(self, device_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Host times and their half-widths, (n,) → (n,), (n,) s: the truth is within if the clock is a line."""
+        """Host times and half widths, (n,) → (n,), (n,) s, if the clock is a line."""
         span = np.asarray(device_s, np.float64) - self.reference_s
         host = self.reference_s + self.offset_s + span * (1.0 + self.drift)
         spread = self.corners[:, :1] + (self.corners[:, 1:] - self.drift) * span.reshape(1, -1)
@@ -79,13 +76,11 @@ class ClockFit:
     epochs: Mapping[int, EpochClock] = field(default_factory=dict)
 
     def map_to_host(self, device_s: FloatArray, epoch: IntArray | int = 0) -> tuple[FloatArray, FloatArray]:
-        """Host times of device stamps and their uncertainty.
+        """Host times of device stamps and their half widths, (n,) s each. Raises DataError for an epoch without bounds.
 
         Args:
             device_s: (n,) stamps of the device.
             epoch: (n,) the epoch of each, or one for all.
-
-        Returns (n,) host times and (n,) half-widths, s. Raises DataError for an epoch without bounds.
         """
         device_s = np.atleast_1d(np.asarray(device_s, np.float64))
         epochs = np.broadcast_to(np.asarray(epoch, np.int64), device_s.shape)
@@ -106,10 +101,10 @@ class ClockFit:
 
 
 def fit_clock(bounds: ClockBounds | Sequence[ClockBounds]) -> ClockFit:
-    """Fit the bounds of one stream, epoch by epoch. One-sided rows have an infinite other side.
+    """The clock of one stream; one-sided rows have an infinite other side.
 
-    An epoch that is not bounded from both sides is left out. Raises DataError on bounds of several streams,
-    without rows, or with stamps that are not numbers.
+    Epochs not bounded from both sides are left out. Raises DataError on several streams, no rows, or stamps that are
+    not numbers.
     """
     parts = [bounds] if isinstance(bounds, ClockBounds) else list(bounds)
     if not parts:
@@ -135,7 +130,7 @@ def fit_clock(bounds: ClockBounds | Sequence[ClockBounds]) -> ClockFit:
 
 
 def fit_clocks(bounds: Iterable[ClockBounds]) -> dict[str, ClockFit]:
-    """Every stream of a collection of bounds, by its name."""
+    """Stream → its clock."""
     streams: dict[str, list[ClockBounds]] = {}
     for part in bounds:
         if len(part.device_s):
@@ -144,16 +139,13 @@ def fit_clocks(bounds: Iterable[ClockBounds]) -> dict[str, ClockFit]:
 
 
 def rate_words(fast_ppm: float, digits: int = 1) -> Message:
-    """A clock's rate against the host's in words, the same everywhere: "24.4 ppm fast"."""
+    """A clock's rate against the host's in words: "24.4 ppm fast"."""
     ppm = f"{abs(fast_ppm):.{digits}f}"
     return message("{ppm} ppm fast", ppm=ppm) if fast_ppm >= 0 else message("{ppm} ppm slow", ppm=ppm)
 
 
 def clock_warnings(fit: ClockFit, of_width: bool = True) -> list[str]:
-    """Plain sentences about what the operator should know of a clock; empty where all is well.
-
-    ``of_width``: also that its time is not known well enough.
-    """
+    """Warnings about a clock; ``of_width``: also that its time is too uncertain."""
     said: list[str] = []
     for clock in fit.epochs.values():
         which = message("The {stream} clock", stream=fit.stream)
@@ -193,7 +185,7 @@ def clock_warnings(fit: ClockFit, of_width: bool = True) -> list[str]:
 
 
 def laser_clock(run: Run, also: Sequence[ClockBounds] = ()) -> ClockFit | None:
-    """The clock of a run's laser edges from the run's own comparisons and others of the session, or None."""
+    """The laser's clock from comparisons of run and session, or None."""
     parts = [part for part in (*run.sync, *also) if part.stream == "laser" and len(part.device_s)]
     return fit_clock(parts) if parts else None
 
@@ -214,20 +206,16 @@ def remapped_within(run: Run, also: Sequence[ClockBounds] = ()) -> tuple[Run, fl
 
 
 def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float | None:
-    """By how much the clocks may shift every latency of a run, a half-width in s.
+    """Half width of the shift of a run's latencies by clocks, s; more edges do not reduce it.
 
-    0.0 where the edges carry no device stamps (they were stamped on the host's clock); None where they do but no
-    comparison covers them. ``also``: comparisons from outside the run (``Session.clocks``). It is a bound on a
-    shift common to all edges, so it adds to the ends of an interval and does not shrink with more edges.
+    0.0 for edges stamped on the host's clock; None for device stamps without comparisons. ``also``: comparisons outside
+    the run (``Session.clocks``).
     """
     return remapped_within(run, also)[1]
 
 
 def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
-    """The run with its edges mapped again with all comparisons at hand, rather than those known while recording.
-
-    Returned unchanged where there is nothing to map with. Edges stay in the order they were in.
-    """
+    """The run with edges mapped by all comparisons; unchanged without any. Edges keep their order."""
     return remapped_within(run, also)[0]
 
 
@@ -274,7 +262,7 @@ def _fit_epoch(epoch: int, device: FloatArray, low: FloatArray, high: FloatArray
 
 
 def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
-    """Corners of the upper or lower convex hull of points, (k, 2), by x (Andrew's monotone chain)."""
+    """Corners (k, 2) of the upper or lower convex hull, by x (Andrew's monotone chain)."""
     sign = -1.0 if upper else 1.0
     good = np.isfinite(y)
     x, y = x[good], sign * y[good]
@@ -316,10 +304,7 @@ def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
 
 
 def _feasible(floor: FloatArray, ceiling: FloatArray, slack: float) -> FloatArray:
-    """Corners (offset, drift) of the lines between floor and ceiling: a box, cut by one half-plane a bound.
-
-    Without corners where no line fits.
-    """
+    """Corners (offset, drift) of the lines between floor and ceiling; empty if none fits."""
     reach = 1.0 + float(np.abs(np.concatenate([floor[:, 1], ceiling[:, 1]])).max())
     reach += LARGEST_DRIFT * float(np.abs(np.concatenate([floor[:, 0], ceiling[:, 0]])).max())
     b = LARGEST_DRIFT
@@ -354,7 +339,7 @@ def _cut(polygon: list[Corner], across: float, along: float, limit: float) -> li
 
 
 def _centre(polygon: FloatArray) -> tuple[float, float]:
-    """Centre of area of a convex polygon; the mean of its corners where it has none."""
+    """Centroid of a convex polygon; the mean of its corners if its area is zero."""
     middle = polygon.mean(axis=0)
     scale = np.ptp(polygon, axis=0)
     if (scale <= 0).any():

@@ -1,4 +1,4 @@
-"""Is the touchscreen the same way round as the picture on it? Turned after its calibration, it mirrors every trace."""
+"""Whether touches are mirrored, as by a touchscreen turned after calibration."""
 
 from __future__ import annotations
 
@@ -26,14 +26,13 @@ _LAGS_S = np.linspace(0.0, 0.4, 21)
 
 
 def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: Screen) -> Orientation | None:
-    """How the touches of a run are mirrored against its target; None where they are not, or the data do not decide.
+    """How a run's touches are mirrored against its target; None if not, or undecided.
 
-    Decided only where the touches are far from the target at any plausible lag and close to one mirror image of it: a
-    target that is its own image (through the middle of the screen) and a hand elsewhere decide nothing.
+    Decided only if touches are far from the target at any plausible lag and close to one mirror image.
 
     Args:
-        touch: events of the run, any number; those before ``start_s`` are left out.
-        target: what was shown; it began to move at ``start_s`` on the same clock.
+        touch: events; those before ``start_s`` are left out.
+        target: began to move at ``start_s`` on the same clock.
     """
     t_s = touch.t_s - start_s
     usable = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
@@ -54,7 +53,7 @@ def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: S
 
 
 def _distance_mm(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, target: Target) -> float:
-    """Median distance from the target at the lag that fits best."""
+    """Median distance from the target at the best lag."""
     distance_mm = []
     for lag_s in _LAGS_S:
         there_x, there_y = target.position_mm(np.clip(t_s - lag_s, 0.0, target.duration_s))

@@ -1,4 +1,4 @@
-"""Tap latency from the WALT: medians, split into touch and release (the paper, Section III.B)."""
+"""Tap latency from the WALT: medians of touch and release (the paper, Section III.B)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ LONGEST_S = 0.2  # the public tool's limit: later events belong to something els
 class TapSummary:
     """Latency of one kind of tap event.
 
-    ``ci95_s``: distribution-free interval of the median (order statistics), each half-width h widened to √(h² + b²) by
-    the bound b = ``clock_uncertainty_s`` of what the WALT's clock may shift all taps by.
+    ``ci95_s``: of the median by order statistics, each half width h widened to √(h² + b²) by the WALT clock's bound b =
+    ``clock_uncertainty_s``.
     """
 
     n: int
@@ -31,7 +31,7 @@ class TapSummary:
 
     @property
     def median_se_s(self) -> float:
-        """Standard error of the median: its interval by ranks is nearly normal for the 100 taps of a session."""
+        """Standard error of the median, from its interval (nearly normal for 100 taps)."""
         return (self.ci95_s[1] - self.ci95_s[0]) / (2 * 1.96)
 
     def to_dict(self) -> dict[str, object]:
@@ -48,10 +48,7 @@ class TapSummary:
 
 
 def summarise_taps(taps: Taps | None, clock_uncertainty_s: float = 0.0) -> dict[str, TapSummary]:
-    """Summaries of "touch" and "release" events; kinds without a usable tap are left out.
-
-    ``clock_uncertainty_s``: half-width of what the clock of the taps leaves open.
-    """
+    """Summaries of usable "touch" and "release" events; ``clock_uncertainty_s``: half width by the taps' clock."""
     if taps is None:
         return {}
     out = {}

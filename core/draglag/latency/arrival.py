@@ -1,11 +1,7 @@
-"""How late single reports arrive: polled buses and busy hosts hold some back longer than others.
+"""Delays of single reports by a polled bus or a busy host, seen in the stamps.
 
-A digitiser scans evenly; a bus that is polled every millisecond, or every eight, and the host's scheduling put off each
-report by an amount of its own. The trace shows the stylus where it was by that much earlier, so it belongs to the
-latency of the edges it falls on, and the mean over few edges keeps some of it. Stamps show it up to a constant: how far
-each lies from an even rhythm. But where the scans themselves are uneven the stamps are right as they are; the positions
-show which: a late report lags behind the path by speed times lateness. So each stamp is set back by the share of its
-lateness that the positions confirm, which rids the path of its noise, and the edges get back what they met.
+They are part of the latency of nearby edges. Where scans themselves are uneven the stamps are right; positions decide:
+a late report lags behind the path by speed × lateness.
 """
 
 from __future__ import annotations
@@ -32,15 +28,15 @@ LEAST_S = 1e-6  # of lateness: what a stamp of 1 us cannot show is none
 
 @dataclass(frozen=True)
 class Arrival:
-    """Lateness of events at t_s (n,), whose stamps are set back already: late_s (n,), of mean 0, and what of it stamps
-    do not show, a standard deviation, s."""
+    """Lateness late_s (n,), mean 0, of events at t_s (n,), from which it is taken out; unobserved_s: standard deviation
+    of what stamps do not show."""
 
     t_s: FloatArray
     late_s: FloatArray
     unobserved_s: float
 
     def at_edges(self, at_s: FloatArray) -> tuple[float, float, float]:
-        """Mean lateness of the trace at times (m,), its standard error, and how much it scatters by chance, s."""
+        """Mean lateness at times (m,), its standard error, its scatter by chance, s."""
         if not self.late_s.any():
             return 0.0, 0.0, 0.0
         k = np.clip(np.searchsorted(self.t_s, at_s, side="right") - 1, 0, self.t_s.size - 2)
@@ -52,8 +48,7 @@ class Arrival:
 
 
 def lateness_s(t_s: FloatArray) -> FloatArray:
-    """Lateness of each of the rising stamps (n,) on an even rhythm, s, mean 0 over each stretch without gaps;
-    0 where there is no rhythm to read."""
+    """Lateness of rising stamps (n,) on an even rhythm, s, mean 0 over each gapless stretch; 0 without a rhythm."""
     late_s = np.zeros(t_s.size)
     if t_s.size < FEWEST:
         return late_s
@@ -68,7 +63,7 @@ def lateness_s(t_s: FloatArray) -> FloatArray:
 
 
 def _lateness_of_stretch_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
-    """Stamps (n,) less the straight line through their slots, on both sides of a slip by lines of their own."""
+    """Stamps (n,) less a straight line in their slots, one on either side of a slip."""
     if t_s.size < FEWEST:
         return np.zeros(t_s.size)
     n = slot - slot.mean()
@@ -86,8 +81,8 @@ def _lateness_of_stretch_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> Fl
 
 
 def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
-    """The run with each stamp set back by its lateness, as far as the positions confirm it, and that lateness; its
-    smooth path, where that was needed to see that no stamp is set back."""
+    """The run with stamps moved back by the confirmed share of their lateness; that lateness; the path, if none moved
+    and one was made."""
     touch = ready.touch
     arrival_s = _arrival_s(ready)
     every_s = lateness_s(arrival_s)
@@ -113,7 +108,6 @@ def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
 
 
 def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
-    """The share of the lateness (n,) by which the positions lag behind the path."""
     place_mm, v_mm_s = path.with_velocity(ready.touch.t_s)
     shown_mm = v_mm_s * late_s[:, None]
     shown_mm = shown_mm - path.like(shown_mm).at(ready.touch.t_s)  # the path follows what is slow
@@ -121,7 +115,7 @@ def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
 
 
 def _arrival_s(ready: Prepared) -> FloatArray:
-    """Stamps of all that came: two reports of one poll share theirs, and still are two. Of batches, the last ones."""
+    """Stamps of all reports, also of those that share one; of batches only the last."""
     events = ready.run.touch
     arrival_s = np.sort(events.t_s[np.isfinite(events.t_s) & np.isfinite(events.x_mm) & np.isfinite(events.y_mm)])
     return arrival_s if ready.touch.t_s.size > (1 - BATCHED) * arrival_s.size else ready.touch.t_s

@@ -1,6 +1,6 @@
-"""Systematic errors of a latency: what is corrected, what widens the interval (GUM, type B evaluation).
+"""Systematic errors of a latency: corrected, or in the interval (GUM, type B; docs/precision.md).
 
-All act on every edge of a run alike, so that more edges do not average them away. docs/precision.md explains each row.
+They act on every edge alike: more edges do not average them away.
 """
 
 from __future__ import annotations
@@ -17,11 +17,7 @@ COVERAGE_FACTOR = 1.96  # expanded (95 %) over standard uncertainty of a normal 
 
 @dataclass(frozen=True)
 class Contribution:
-    """One cause that makes edges late, and so latencies too small.
-
-    A delay of ``delay_s`` with standard uncertainty ``delay_u_s``, and a displacement of the edge along the motion of
-    ``way_mm`` with ``way_u_mm``, which costs way / speed.
-    """
+    """One cause of late edges: a delay, or a displacement ``way_mm`` along the motion, which costs way / speed."""
 
     name: str
     delay_s: float = 0.0
@@ -44,24 +40,24 @@ BUDGET = (
 
 @dataclass(frozen=True)
 class Systematic:
-    """Correction (added to a latency) and its standard uncertainty, s."""
+    """Correction to add to a latency, and its standard uncertainty, s."""
 
     correction_s: float
     u_s: float
 
 
 def systematic(lateness_s_per_mm: float, budget: Sequence[Contribution] = BUDGET) -> Systematic:
-    """Correction and standard uncertainty of a run whose edges come that many seconds late for each mm of way."""
+    """Correction and standard uncertainty at this lateness per mm of displacement."""
     correction_s = sum(c.delay_s + c.way_mm * lateness_s_per_mm for c in budget)
     variance = sum(c.delay_u_s**2 + (c.way_u_mm * lateness_s_per_mm) ** 2 for c in budget)
     return Systematic(float(correction_s), float(np.sqrt(variance)))
 
 
 def lateness_s_per_mm(estimate: RunEstimate) -> float:
-    """By how much a displacement along the motion of 1 mm shifts the latency of a run, s/mm.
+    """Latency per mm of displacement along the motion, s/mm: ⟨|v|⟩/⟨v²⟩, v across the beam (least squares weighs by
+    v²).
 
-    The residual of an edge is the velocity across the beam times the shift in time: least squares weighs each edge by
-    the square of it. 0.0 where the run has no alignment.
+    Without an alignment 1 / speed; 0.0 without a speed.
     """
     if estimate.alignment is None:
         return 1.0 / estimate.speed_mm_s if estimate.speed_mm_s else 0.0
@@ -71,10 +67,9 @@ def lateness_s_per_mm(estimate: RunEstimate) -> float:
 
 
 def with_systematics(estimate: RunEstimate, correct: bool = True) -> RunEstimate:
-    """The estimate corrected for the budget, its interval and standard errors widened by what stays unknown.
+    """The estimate corrected for the budget, its interval and standard errors widened.
 
-    ``correct=False`` leaves the value as published methods have it: the upper end of the interval then includes the
-    correction.
+    ``correct=False`` keeps the value, as published; the upper end then includes the correction.
     """
     if estimate.latency_s is None or estimate.latency_ci95_s is None:
         return estimate
@@ -94,7 +89,7 @@ def with_systematics(estimate: RunEstimate, correct: bool = True) -> RunEstimate
 
 
 def widened(estimate: RunEstimate, u_s: float) -> RunEstimate:
-    """Both standard errors with another, independent one added in quadrature."""
+    """The estimate with ``u_s`` added to its standard errors in quadrature."""
     mean, at_speed = (
         None if own is None else float(np.hypot(own, u_s)) for own in (estimate.latency_se_s, estimate.se_at_speed_s)
     )
@@ -102,5 +97,5 @@ def widened(estimate: RunEstimate, u_s: float) -> RunEstimate:
 
 
 def common_delay_u_s(budget: Sequence[Contribution] = BUDGET) -> float:
-    """Standard uncertainty of the delay that all runs share, whatever their speed: that of a curve's asymptote."""
+    """Standard uncertainty of the delay common to all runs, s: that of a curve's asymptote."""
     return float(np.sqrt(sum(c.delay_u_s**2 for c in budget)))

@@ -1,4 +1,4 @@
-"""What both estimators share: the picture of the edges, J without a shift, and the flags any estimate can carry."""
+"""What both estimators share: aligned edges, J without a shift, flags."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LITTLE_TRAVEL = 0.25
 
 
 def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_slope: bool = True) -> Alignment:
-    """Where each edge lies on the screen without and with its shift. Raises ValueError if one side is empty."""
+    """Each edge's place on the screen without and with its shift. Raises ValueError if a side is empty."""
     touch = ready.touch
     raw = [np.interp(edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
     at_s = edges.t_s + latency_s
@@ -44,9 +44,9 @@ def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_sl
 
 
 def cost_without_shift(ready: Prepared, edges: Edges, v_across_mm_s: FloatArray | None = None) -> float | None:
-    """J(0) / N of Eq. 4: one straight line a side through the uncorrected edges, mm².
+    """J(0) / N of Eq. 4, mm²: separate lines through the uncorrected edges; None if a side is empty.
 
-    v_across_mm_s: (m,) where it is known already.
+    ``v_across_mm_s``: (m,), if known already.
     """
     touch = ready.touch
     if v_across_mm_s is None:
@@ -66,7 +66,7 @@ def common_flags(
     window_s: tuple[float, float],
     extra: tuple[str, ...] = (),
 ) -> RunEstimate:
-    """Add the flags that follow from the estimate itself, and how far the circle's centre travelled."""
+    """The estimate with flags that follow from its figures, and the travel of the circle's centre."""
     flags = list(extra)
     if edges.t_s.size < FEW_EDGES:
         flags.append("few_edges")
@@ -98,7 +98,6 @@ def common_flags(
 
 
 def _flags_of_latency(estimate: RunEstimate, window_s: tuple[float, float]) -> list[str]:
-    """Flags of a latency at the end of the searched window, or without a useful standard error."""
     if estimate.latency_s is None:
         return []
     end_s = 0.004
@@ -108,9 +107,9 @@ def _flags_of_latency(estimate: RunEstimate, window_s: tuple[float, float]) -> l
 
 
 def _travel(ready: Prepared) -> float | None:
-    """How far the circle's centre went along the beam, in diameters; None for other targets.
+    """Travel of the circle's centre along the beam in diameters; None for other targets.
 
-    The circle itself is taken out by its harmonic: it need not have been gone round a whole number of times.
+    The rounds need not be whole: the circle's harmonic is fitted too.
     """
     run, touch = ready.run, ready.touch
     if not run.radius_mm or touch.t_s.size < 5:

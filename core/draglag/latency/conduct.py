@@ -1,7 +1,4 @@
-"""How a run went: its outcome, whether the laser saw the passes, whether the speed was the one asked for.
-
-Adds flags to an estimate; those of ``EXCLUDED`` keep the run out of the curve unless it is included by hand.
-"""
+"""Flags of how a run went; those in ``EXCLUDED`` keep it out of the curve."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ EXCLUDED = ("aborted", "device_lost", "failed", STANDSTILL, "laser_missing", "fa
 
 
 def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
-    """The estimate with the flags of how its run went, before those it has."""
+    """The estimate with the flags of its run's conduct put first."""
     flags = _outcome(run)
     share = _observed_passes(estimate, run)
     if share is not None and share < FEWEST_PASSES:
@@ -41,22 +38,23 @@ def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
 
 
 def excluded_because(estimate: RunEstimate) -> str:
-    """The flags that keep a run out of the curve, in words; empty where none does."""
+    """The excluding flags in words; empty if none."""
     return ", ".join(flag.replace("_", " ") for flag in estimate.flags if flag in EXCLUDED)
 
 
 def is_usable(estimate: RunEstimate) -> bool:
-    """Whether the run gives a latency that goes into the curve."""
+    """Whether the run's latency goes into the curve."""
     return estimate.latency_s is not None and not excluded_because(estimate)
 
 
 def why_excluded(
     runs: Iterable[Run], estimates: Iterable[RunEstimate], include: Collection[str] = ()
 ) -> dict[str, str]:
-    """Run id → why it stays out of curve, validation and gap, for the runs that do.
+    """Run id → reason, for runs left out of curve, validation and gap.
 
     Args:
-        estimates: with the flags of ``with_conduct``. include: ids of runs to take in all the same, or ``all``.
+        estimates: with the flags of ``with_conduct``.
+        include: ids of runs to keep all the same, or ``all``.
     """
     if "all" in include:
         return {}
@@ -68,7 +66,7 @@ def why_excluded(
 
 
 def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session, dict[str, str]]:
-    """The session without the runs that went wrong, and run id → why for those."""
+    """The session without the runs to leave out, and run id → reason for those."""
     steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
     estimates = [with_conduct(estimate_run(run, session.stylus.diameter_mm), run) for run in steady]
     excluded = why_excluded(session.runs, estimates, include)
@@ -78,7 +76,6 @@ def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session,
 
 
 def _outcome(run: Run) -> list[str]:
-    """The run's outcome where it is not complete, and whether the program stood still."""
     flags = [] if run.outcome == "complete" else [run.outcome]
     return flags + [STANDSTILL] * any(entry.source == STANDSTILL for entry in run.log)
 
@@ -88,7 +85,7 @@ def _ratio(one: float, other: float) -> float:
 
 
 def _halves(estimate: RunEstimate) -> float:
-    """Ratio of the mean speeds at the edges of both halves of the run; 1.0 where there are too few."""
+    """Ratio ≥ 1 of the halves' mean speeds; 1.0 with too few edges."""
     if estimate.alignment is None or estimate.alignment.edge_t_s.size < 8:
         return 1.0
     t_s, speed = estimate.alignment.edge_t_s, estimate.alignment.speed_mm_s
@@ -99,7 +96,7 @@ def _halves(estimate: RunEstimate) -> float:
 
 
 def _observed_passes(estimate: RunEstimate, run: Run) -> float | None:
-    """Edges of the laser over twice the passes of the touch trace across the beam; None where nothing says."""
+    """Laser edges over twice the trace's passes; None where unknown."""
     if estimate.alignment is None or not run.laser.t_s.size:
         return None
     lines = estimate.alignment.lines
@@ -110,6 +107,6 @@ def _observed_passes(estimate: RunEstimate, run: Run) -> float | None:
 
 
 def _crossings(off_mm: FloatArray, half_mm: float) -> int:
-    """How often a trace goes from one side of a strip to the other; what stays inside or grazes it does not count."""
+    """How often a trace crosses a strip; grazes do not count."""
     clear = off_mm[np.isfinite(off_mm) & (np.abs(off_mm) > half_mm)]
     return int(np.count_nonzero(np.diff(np.sign(clear))))

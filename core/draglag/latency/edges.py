@@ -1,4 +1,4 @@
-"""Edges fit for estimation: sorted, de-chattered, with what was rejected."""
+"""Laser edges fit for estimation: sorted, bounces removed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from draglag.recording import FloatArray, LaserTrace
 
 @dataclass(frozen=True)
 class Edges:
-    """t_s (m,), falling (m,) bool: True for light→dark. n_rejected: edges that no stylus can have made."""
+    """Edges at t_s (m,); falling (m,) bool: light→dark; n_rejected: edges no stylus made."""
 
     t_s: FloatArray
     falling: np.ndarray
@@ -22,11 +22,10 @@ class Edges:
 
 
 def clean_edges(laser: LaserTrace, stylus_diameter_mm: float, fastest_mm_s: float) -> Edges:
-    """Edges of a run without chatter.
+    """Edges of a run without bounces and glitches.
 
-    A stylus of diameter D at speed v keeps the sensor dark for D / v; transitions closer together than a third of
-    that at the fastest speed of the run are one edge that bounced (an odd number: the first one stands) or a glitch
-    (an even number: none stands).
+    Transitions closer than a third of diameter / fastest speed are one edge that bounced (odd number: the first stands)
+    or a glitch (even: none stands).
     """
     good = np.isfinite(laser.t_s)
     order = np.argsort(laser.t_s[good], kind="stable")

@@ -1,10 +1,8 @@
-"""Joint maximum likelihood over a run: the stylus' path, one slope, both lines, every edge by its own variance.
+"""Joint maximum likelihood over a run: path, one slope, both lines, each edge by its own variance.
 
-Around a latency L the touch trace says where the stylus was at each edge: a path smoothed by the run's own spectrum
-(``path``), and the tremor on it (``tremor``). The residual of edge i across the beam,
-y_i − slope · x_i − middle − side_i · half width, is linear in the line's coefficients and, by the velocity there, in
-a change of L; so Gauss–Newton on a handful of parameters converges in three or four steps. The covariance of the
-residuals follows from the smoother; whatever else scatters single edges (τ²) is found by restricted likelihood.
+Residuals y_i − slope · x_i − middle − side_i · half width are linear in the line and, by the velocity, in a change of
+L: Gauss–Newton takes three or four steps. Their covariance comes from the smoother; further scatter τ² of single edges
+from restricted likelihood.
 """
 
 from __future__ import annotations
@@ -39,7 +37,7 @@ LARGEST_SE_RATIO = 3.0  # a place this many times less sure than the median is n
 class Solution:
     """A converged fit. parameters: L (s), slope, middle (mm), half width (mm), dL/dln v (s).
 
-    tau_mm: scatter of single edges beyond what is known; calm: the probability that there is none.
+    ``tau_mm``: scatter of single edges beyond the known; ``p_no_scatter``: probability of none.
     """
 
     latency_s: float
@@ -70,7 +68,7 @@ class Solution:
 
 
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
-    """The latency of a run by joint maximum likelihood, with its interval and verdict."""
+    """The latency of a run by joint maximum likelihood, with interval and flags."""
     ready, arrival, smoothed = set_back(ready)
     track = track_of(ready, smoothed)
     coarse = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, track.path, track.losses_s)
@@ -107,20 +105,18 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
 
 
 def _without_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
-    """The solution from the edges outside the hand's pauses, and those inside."""
     others, pauses = without_pauses(ready, best.track, best.latency_s, best.parameters[1:4])
     without = _solved(others, best.latency_s, best.track) if pauses.t_s.size else None
     return (best, NONE) if without is None else (without, pauses)
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
-    """Minima whose robust cost is within a factor of the best: aliases of the circle's period among them."""
+    """Minima near the best, such as aliases of the circle's period."""
     best = coarse.cost_mm2[minima[0]]
     return [k for k in minima if coarse.cost_mm2[k] <= 6 * best + 0.05]
 
 
 def _solved(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
-    """``solve``; None too where the edges do not determine its parameters, as those of one line alone."""
     try:
         return solve(ready, latency_s, track)
     except np.linalg.LinAlgError:
@@ -128,7 +124,7 @@ def _solved(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
 
 
 def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
-    """Gauss–Newton from a starting latency; None where too few edges can be placed or it wanders off."""
+    """Gauss–Newton from a starting latency; None with too few edges or on divergence."""
     total = ready.edges.t_s.size
     edges = _placed(ready, latency_s, track)
     n_lost = total - edges.t_s.size
@@ -187,7 +183,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
 
 
 def _on_track(solution: Solution, track: Track) -> Solution:
-    """The solution that the same edges have on another track that is nowhere far from its own: one more step."""
+    """The solution on a nearby track, by one more step."""
     at_s = solution.edges.t_s + solution.latency_s
     xy_mm = track.at(at_s)
     design = _design(track, at_s, float(solution.parameters[1]), solution.side, xy_mm, solution.v_mm_s)
@@ -212,7 +208,6 @@ def _on_track(solution: Solution, track: Track) -> Solution:
 
 
 def _placed(ready: Prepared, latency_s: float, track: Track) -> Edges:
-    """The edges that lie in the trace, outside contact losses, where the path is known."""
     edges = ready.edges
     at_s = edges.t_s + latency_s
     keep = in_contact(ready.touch.t_s, at_s, track.losses_s)
@@ -223,7 +218,7 @@ def _placed(ready: Prepared, latency_s: float, track: Track) -> Edges:
 def _design(
     track: Track, at_s: FloatArray, slope: float, side: FloatArray, xy_mm: FloatArray, v_mm_s: FloatArray
 ) -> FloatArray:
-    """y = slope · x + middle + side · half − across · δL, columns δL, slope, middle, half, dL/dln v."""
+    """Columns δL, slope, middle, half, dL/dln v of y = slope · x + middle + side · half − across · δL."""
     across = v_mm_s[:, 1] - slope * v_mm_s[:, 0]
     speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
     ahead = track.uneven.at(at_s)
@@ -233,7 +228,7 @@ def _design(
 
 
 def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
-    """What scatters edges beyond what is known lasts tens of milliseconds: two edges of a fast crossing share it."""
+    """Covariance of the edges. Unexplained scatter lasts tens of ms: both edges of a fast crossing share it."""
     m = edge_t_s.size
     reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + INDEPENDENT_S) - np.arange(m)))
     row = np.arange(reach)[:, None] + np.arange(m)[None, :]
@@ -307,12 +302,10 @@ def _alignment(ready: Prepared, best: Solution) -> Alignment:
 
 
 def _by_tremor_s(best: Solution) -> tuple[float, float]:
-    """By how much tremor carries the trace ahead, s, and the scatter of the edges' mean latency for it, s.
+    """Advance of the trace by tremor, s, and the scatter of the edges' mean latency by it, s.
 
-    Where latency follows speed, each swing of the tremor is shown by as much sooner as it is fast: to first order
-    x(t − L(v + ν)) has the mean of −L'·ν² in it, an advance by −L'·⟨ν²⟩ / v in time. And each edge has a speed of its
-    own, which the trace does not show: so much of it is left in the mean of few edges. The estimate itself goes by the
-    path, so that this is no error of its own at the mean speed.
+    Where latency falls with speed, fast swings show sooner: x(t − L(v + ν)) has the mean −L'·ν², an advance −L'·⟨ν²⟩ /
+    v. Few edges do not average their unseen speeds; the latency at the mean speed is unaffected.
     """
     if best.track.tremor is None:
         return 0.0, 0.0

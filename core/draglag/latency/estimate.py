@@ -1,4 +1,4 @@
-"""The estimate of one run and the prepared data that estimators are given; no estimator itself."""
+"""The estimate of one run, and the data given to estimators."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ CONSTANT_SPEED = ("circle", "free")
 
 @dataclass(frozen=True)
 class Alignment:
-    """Edges on the screen, before and after the shift (the paper's Fig. 4).
+    """Edges on the screen before and after the shift (the paper's Fig. 4).
 
-    Attributes (m edges): edge_t_s; x_raw_mm, y_raw_mm (touch position at the edge); x_mm, y_mm (at t + L);
-    side (−1 top, +1 bottom); falling (light→dark); residual_mm (along y); latency_s used at each edge;
-    speed_mm_s at t + L; v_mm_s (m, 2) velocity there; lines.
+    Attributes (m edges): edge_t_s; x_raw_mm, y_raw_mm (touch position at the edge); x_mm, y_mm (at t + L); side (−1
+    top, +1 bottom); falling (light→dark); residual_mm (along y); latency_s used; speed_mm_s and v_mm_s (m, 2) at t + L;
+    lines.
     """
 
     edge_t_s: FloatArray
@@ -59,15 +59,14 @@ class Alignment:
 
 @dataclass(frozen=True)
 class RunEstimate:
-    """Latency of one run with its 95 % interval and its verdict; ``latency_s`` is None where there is none.
+    """Latency of one run with its 95 % interval and flags; ``latency_s`` None if there is none.
 
-    ``latency_s`` is the mean over the run's edges, with ``latency_se_s``. ``se_at_speed_s`` is its smaller error as the
-    latency at ``speed_mm_s``, which tremor does not scatter: what a curve is fitted by (None: the same).
-    ``speed_se_mm_s`` is the standard error of the mean speed, ``speed_sd_mm_s`` how much the speed varied from edge to
-    edge. ``flags`` is empty when all is well; see ``draglag.latency.flags.MEANING`` for the words.
-    ``clock_uncertainty_s`` is what the laser's clock may shift the latency by (the interval holds it); None where that
-    is not known. ``correction_s`` of systematic errors is in the latency already; ``systematic_s`` is the half width
-    (95 %) of what is left of them, clock included (``draglag.latency.budget``); the rest of the interval is random.
+    ``latency_s``, ``latency_se_s``: mean over the edges. ``se_at_speed_s``: smaller error, without tremor's scatter, of
+    the latency at ``speed_mm_s``, used for curves (None: the same). ``speed_se_mm_s``: of the mean speed;
+    ``speed_sd_mm_s``: spread over edges. ``flags``: empty if all is well (``draglag.latency.flags.MEANING``).
+    ``clock_uncertainty_s``: largest shift by the laser's clock, in the interval; None if unknown. ``correction_s``:
+    already in the latency; ``systematic_s``: half width (95 %) of the remaining systematic errors, clock included
+    (``draglag.latency.budget``).
     """
 
     id: str
@@ -97,12 +96,12 @@ class RunEstimate:
 
     @property
     def curve_se_s(self) -> float | None:
-        """Standard error by which the run weighs in a curve."""
+        """Standard error for the fit of a curve, s."""
         return self.latency_se_s if self.se_at_speed_s is None else self.se_at_speed_s
 
     @property
     def random_s(self) -> float | None:
-        """Half width (95 %) of the random part of the interval."""
+        """Random half width (95 %), s."""
         if self.latency_ci95_s is None:
             return None
         half_s = 0.5 * (self.latency_ci95_s[1] - self.latency_ci95_s[0])
@@ -117,7 +116,7 @@ class RunEstimate:
         return None if self.latency_ci95_s is None else (1e3 * self.latency_ci95_s[0], 1e3 * self.latency_ci95_s[1])
 
     def to_dict(self) -> dict[str, object]:
-        """The design's JSON of one run (section 5)."""
+        """The JSON of one run (design, section 5)."""
         return {
             "id": self.id,
             "protocol": self.protocol,
@@ -145,7 +144,7 @@ class RunEstimate:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run made ready for an estimator: usable touch events and clean edges."""
+    """A run ready for an estimator."""
 
     run: Run
     touch: TouchTrace
@@ -160,7 +159,7 @@ class Prepared:
 
 
 def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = None) -> Prepared:
-    """Usable events and clean edges of a run. Raises EstimateError when there is nothing to estimate from."""
+    """Usable events and clean edges of a run. Raises EstimateError with fewer than 20 events."""
     touch, stamps = last_of_batches(usable(run.touch)), "kernel"
     if touch.t_s.size < 20:
         raise EstimateError(

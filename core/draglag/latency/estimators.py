@@ -1,4 +1,4 @@
-"""The estimators of one run's latency by name: two of draglag's own, and those of other packages."""
+"""Estimators of a run's latency by name: draglag's two and those of other packages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from draglag.system.plugins import brought
 
 GROUP = "draglag.estimators"
 Estimator = Callable[[Prepared, RunEstimate, tuple[float, float]], RunEstimate]
-"""From a prepared run, the estimate without figures, and the latencies to search (s), to the estimate with figures."""
+"""(prepared run, estimate without figures, searched latencies in s) → estimate with figures."""
 
 OWN: dict[str, Estimator] = {"efficient": estimate_efficient, "paper": estimate_paper}
 
@@ -27,7 +27,7 @@ def estimator_names() -> list[str]:
 
 
 def estimator_of(name: str) -> Estimator:
-    """The estimator of that name. Raises EstimateError for one that nobody brings."""
+    """The estimator of that name. Raises EstimateError if there is none."""
     if name in OWN:
         return OWN[name]
     others = _of_other_packages()
@@ -53,7 +53,7 @@ def _problem(name: str, one: object) -> str:
 
 
 def _guarded(name: str, one: Estimator) -> Estimator:
-    """An estimator whose failure names it: a figure of another package must not be missed silently."""
+    """The estimator, its failures turned into an EstimateError that names it."""
 
     def estimate(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
         try:

@@ -1,4 +1,4 @@
-"""The share of the clock in a latency: edges mapped with all comparisons, intervals that include what these leave."""
+"""The clock's share in a latency: edges mapped with all comparisons, intervals widened for the rest."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REACH_S = 2.0
 
 
 def nearby(run: Run, clocks: Sequence[ClockBounds]) -> tuple[ClockBounds, ...]:
-    """Comparisons of a session that fall around a run: none where its own do, all of them where none is close."""
+    """The session's comparisons around a run: none if its own suffice, all if none is close."""
     own = [part for part in run.sync if part.stream == "laser" and len(part.device_s)]
     if own and len(run.laser.t_s):
         first_s = min(float(part.host_min_s.min()) for part in own) - REACH_S
@@ -50,12 +50,9 @@ def estimate_on_clock(
     update_rate_hz: float | None = None,
     window_s: tuple[float, float] = WINDOW_S,
 ) -> RunEstimate:
-    """``estimate_run`` on edges mapped with all comparisons around the run; the interval holds what they leave open.
+    """``estimate_run`` on edges mapped with all comparisons, the clock in the interval (``with_clock``).
 
-    Args:
-        clocks: comparisons of the session that are not in the run itself.
-
-    See ``with_clock`` for how the interval grows, ``estimate_run`` for the rest. Never raises for bad data.
+    ``clocks``: comparisons outside the run. Never raises for bad data.
     """
     around = nearby(run, clocks)
     try:
@@ -66,13 +63,10 @@ def estimate_on_clock(
 
 
 def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
-    """An estimate whose interval holds what the clock leaves open.
+    """The estimate with its interval widened by the clock's bound on a shift common to all edges.
 
-    ``bound_s`` (``draglag.instruments.clocks.latency_uncertainty_s``) bounds one shift common to all edges of the run,
-    which more edges do not average away. Each half-width h of the 95 % interval becomes √(h² + bound²): the bound is
-    taken whole, as if it were a half-width itself, since it is one that is never exceeded. The standard error, which
-    weighs the run in the curve, takes the shift as even between the bounds: √(se² + bound²/3). An unknown bound (None:
-    stamps of a clock that was never compared) widens nothing and is flagged.
+    A half width h becomes √(h² + bound²), as the bound is never exceeded; the standard error √(se² + bound²/3), uniform
+    between the bounds. None (clock never compared) widens nothing and is flagged.
     """
     if bound_s is None:
         return replace(estimate, clock_uncertainty_s=None, flags=(*estimate.flags, "clock_unknown"))
@@ -89,7 +83,7 @@ def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
 
 
 def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float:
-    """By how much the WALT's clock may shift all taps, a half-width in s; 0.0 where it was never compared."""
+    """Half width of all taps' shift by the WALT's clock, s; 0.0 if never compared."""
     parts = [part for part in clocks if part.stream == "walt" and len(part.device_s)]
     if taps is None or not parts or not len(taps.physical_s):
         return 0.0
@@ -108,7 +102,7 @@ def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float
 
 
 def warnings_of(session: Session, estimates: Sequence[RunEstimate], tap_bounds: Mapping[str, float]) -> list[str]:
-    """Plain sentences about the session's clocks, as far as they touch its figures; empty where all is well."""
+    """Warnings about clocks that affect the session's figures."""
     said: list[str] = []
     unsure = {e.id: e.clock_uncertainty_s for e in estimates if "clock_uncertain" in e.flags}
     if unsure:

@@ -1,4 +1,4 @@
-"""Eq. 1–2 as the paper has them: separate lines, raw events interpolated at t + L, Savitzky–Golay speed."""
+"""Eq. 1–2 as published: separate lines, raw events interpolated at t + L, Savitzky–Golay speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEPS_S = (1e-3, 1e-4, 1e-5)  # the search is narrowed to 10 µs, far below any 
 
 
 def estimate_paper(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
-    """Minimise Eq. 2 over the window; the interval comes from the curvature of J at its minimum."""
+    """The latency that minimises Eq. 2; interval from the curvature of J."""
     first = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, half_width_s=5 * ready.dt_s)
     low = first.minima()
     if not low:
@@ -57,7 +57,7 @@ def estimate_paper(ready: Prepared, blank: RunEstimate, window_s: tuple[float, f
 
 
 def _cost(ready: Prepared, latency_s: float) -> tuple[float, np.ndarray]:
-    """J(L) of Eq. 2 and which edges it could use; infinite where a side is empty."""
+    """J(L) of Eq. 2, mm² (infinite if a side is empty), and the edges used."""
     touch, edges = ready.touch, ready.edges
     at_s = edges.t_s + latency_s
     keep = in_contact(touch.t_s, at_s, contact_losses(touch.t_s))
@@ -74,7 +74,7 @@ def _cost(ready: Prepared, latency_s: float) -> tuple[float, np.ndarray]:
 
 
 def _speed_at(ready: Prepared, at_s: FloatArray) -> float:
-    """Mean Savitzky–Golay speed at the edges; short runs fall back to the path length over time."""
+    """Mean Savitzky–Golay speed at the edges; path length over time for short runs."""
     touch = ready.touch
     if (touch.t_s[-1] - touch.t_s[0]) / ready.dt_s > SAVGOL_WINDOW:
         t_s, _, _, speed = savitzky_golay(touch)

@@ -1,14 +1,9 @@
-"""Where the stylus went, from a run's touch events: a smoother matched to the run's own spectrum.
+"""The stylus' path from touch events, by a smoother matched to the run's spectrum.
 
-A hand that follows a circle moves at the circle's frequency, a little around it, and slowly about its centre; a few
-hertz above that the spectrum falls into the events' noise within an octave. Local polynomials cut too softly for so
-steep an edge. So the path is a penalised B-spline whose penalty leaves straight lines and the run's own rhythm
-alone, with its corner where the spectrum meets the noise: D²(D² + ω²)²(D² + 9ω²) p. The third harmonic is what a
-latency that depends on speed makes of an oval. The equations are banded: gaps, ends and
-uneven stamps are treated exactly, and the covariance of any set of its points follows from the same factor.
-
-What is left of the events is noise and whatever the hand did faster than the corner (tremor, 8 to 12 Hz).
-``Fast`` estimates the latter with Wiener's filter.
+Above the circle's frequency the spectrum falls into the noise within an octave, too steeply for local polynomials. So:
+a B-spline with penalty D²(D² + ω²)²(D² + 9ω²) p, which leaves straight lines, the run's rhythm ω and 3ω (an oval under
+a speed-dependent latency) alone; the corner is where spectrum meets noise. Banded equations treat gaps, ends and uneven
+stamps exactly. What remains is noise and tremor (``draglag.latency.tremor``).
 """
 
 from __future__ import annotations
@@ -36,9 +31,9 @@ class Path:
 
     Attributes:
         start_s, step_s: the knots. coefficients: (k, 2). factor: banded Cholesky factor of the normal equations.
-        noise_mm: standard deviation of an event, had it all over its band the noise it has below the corner.
-        noise_dof: degrees of freedom that this is known with.
-        dt_s: mean interval of the events. gather: (k, n) the splines at the events.
+        noise_mm: standard deviation of an event, were its noise everywhere as below the corner; noise_dof: its degrees
+            of freedom.
+        dt_s: mean event interval. gather: (k, n) splines at the events.
     """
 
     start_s: float
@@ -53,7 +48,7 @@ class Path:
     gather: csc_array = field(repr=False)
 
     def at(self, t_s: FloatArray, order: int = 0) -> FloatArray:
-        """Position (0), velocity (1) or acceleration (2) at times of any shape, (..., 2)."""
+        """Position (order 0), velocity (1) or acceleration (2) at times of any shape, (..., 2)."""
         position = (t_s - self.start_s) / self.step_s
         first = np.clip(position.astype(np.int64), 0, self.coefficients.shape[0] - 4)
         u = position - first
@@ -67,7 +62,7 @@ class Path:
         return np.asarray(out.view(np.float64).reshape(*t_s.shape, 2))
 
     def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity at times of any shape, (..., 2) each: ``at`` for both at once."""
+        """Position and velocity, (..., 2) each, at once."""
         position = (t_s - self.start_s) / self.step_s
         first = np.clip(position.astype(np.int64), 0, self.coefficients.shape[0] - 4)
         u = position - first
@@ -81,21 +76,21 @@ class Path:
 
     @cached_property
     def _powers(self) -> tuple[NDArray[np.complex128], ...]:
-        """Coefficients x + iy of the cubic of each interval, (k − 3,) for each power of the share of it."""
+        """Power coefficients x + iy of the cubics, (k − 3,) each."""
         whole = np.asarray(self.coefficients[:, 0] + 1j * self.coefficients[:, 1], np.complex128)
         a, b, c, d = (whole[j : whole.size - 3 + j] / 6 for j in range(4))
         return a + 4 * b + c, 3 * (c - a), 3 * (a - 2 * b + c), d - a + 3 * (b - c)
 
     def like(self, values: FloatArray) -> Path:
-        """The same smoother put on other values of the same events, (n, 2)."""
+        """The same smoother on other values (n, 2)."""
         return replace(self, coefficients=_solved(self.factor, self.gather @ values))
 
     def by_lag(self, lag_s: FloatArray) -> FloatArray:
-        """Covariance of the errors of one coordinate at two times that far apart, away from ends and gaps, mm²."""
+        """Autocovariance of one coordinate's error, mm², away from ends and gaps."""
         return looked_up(self._by_lag, lag_s / LAG_STEP_S)
 
     def excess_error(self, t_s: FloatArray, edge_of_s: FloatArray) -> FloatArray:
-        """By how much the error at times (m,) is larger than far from ends and gaps, whose times are edge_of_s (k,)."""
+        """Ratio (m,) of the error at t_s to that far from ends and gaps, at edge_of_s (k,)."""
         scale = np.ones(t_s.size)
         near = np.flatnonzero(np.abs(t_s[:, None] - edge_of_s[None, :]).min(1) < 1.0 / self.corner_hz)
         if near.size:
@@ -115,24 +110,23 @@ class Path:
 
     @cached_property
     def _kept(self) -> tuple[FloatArray, FloatArray]:
-        """What the smoother lets through of each frequency."""
         f_hz = np.arange(LAG_POINTS // 2 + 1) / (LAG_POINTS * LAG_STEP_S)
         return f_hz, self.keeps(f_hz)
 
     def keeps(self, f_hz: FloatArray) -> FloatArray:
-        """The share of each frequency that the smoother lets through."""
+        """The smoother's gain at each frequency."""
         at = penalty_at_corner(np.array([self.corner_hz]), self.rhythm_hz)
         return 1 / (1 + penalty(f_hz, self.rhythm_hz) / at)
 
     @property
     def speed_variance(self) -> float:
-        """Variance of the error of one component of the velocity, (mm/s)²."""
+        """Error variance of one component of the velocity, (mm/s)²."""
         f_hz, kept = self._kept
         return float(self.noise_mm**2 * 2 * self.dt_s * f_hz[1] * np.sum((2 * np.pi * f_hz) ** 2 * kept))
 
 
 def looked_up(table: FloatArray, position: FloatArray) -> FloatArray:
-    """Linear interpolation in a table that is zero beyond its end; positions ≥ 0 in steps of the table."""
+    """Linear interpolation in a table, zero beyond it; positions ≥ 0 in its steps."""
     position = np.minimum(position, table.size - 1.001)
     k = position.astype(np.int64)
     low = table[k]
@@ -140,7 +134,7 @@ def looked_up(table: FloatArray, position: FloatArray) -> FloatArray:
 
 
 def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
-    """A table of autocovariances, zero from INDEPENDENT_S on, still a covariance (Parzen's window)."""
+    """Autocovariances, zero from INDEPENDENT_S on, still positive semidefinite (Parzen's window)."""
     u = step_s * np.arange(int(INDEPENDENT_S / step_s) + 2) / INDEPENDENT_S
     window = np.where(u < 0.5, 1 - 6 * u**2 * (1 - u), 2 * np.maximum(1 - u, 0.0) ** 3)
     out = np.zeros(u.size)
@@ -150,7 +144,7 @@ def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
 
 
 def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[IntArray, list[FloatArray]]:
-    """Cubic B-splines on even knots: the first of four at each time, and their values."""
+    """Cubic B-splines on even knots: first of four at each time, and values."""
     position = (t_s - start_s) / step_s
     first = np.clip(position.astype(np.int64), 0, n - 4)
     u = position - first
@@ -162,15 +156,15 @@ def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[In
 
 
 def _solved(factor: FloatArray, values: FloatArray) -> FloatArray:
-    """Solutions (k, c) of the normal equations, by LAPACK itself: scipy's checks would take longer than a short run."""
+    """Solutions (k, c). LAPACK directly: scipy's checks cost more than a short run."""
     return np.asarray(dpbtrs(factor, values, lower=1)[0], float)
 
 
 def _factor(events: FloatArray, taps: FloatArray, strength: float, ridge: float) -> FloatArray:
-    """Cholesky factor, as bands, of the events' normal equations (k, n) with the penalty of these taps (k,).
+    """Banded Cholesky factor of the events' normal equations (k, n) with the penalty of taps (k,).
 
-    Over some twenty knots without an event the penalty alone, of the eighth order, is singular to double precision. It
-    then ends at both sides of such a hole, in which nothing is known anyhow, as it does at both ends of the trace.
+    Over some twenty knots without an event the eighth-order penalty is singular to double precision: it then ends at
+    both sides of the hole.
     """
     n = events.shape[1]
     try:
@@ -181,7 +175,7 @@ def _factor(events: FloatArray, taps: FloatArray, strength: float, ridge: float)
 
 
 def _penalised(events: FloatArray, taps: FloatArray, strength: FloatArray, ridge: float) -> FloatArray:
-    """Cholesky factor of the events' bands with a penalty of that strength (n − k + 1,) from each knot on."""
+    """Cholesky factor of bands with a penalty of strength (n − k + 1,) from each knot on."""
     bands = events.copy()
     for k in range(taps.size):
         for a in range(taps.size - k):
@@ -194,7 +188,7 @@ def _penalised(events: FloatArray, taps: FloatArray, strength: FloatArray, ridge
 
 
 def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power: float) -> Path:
-    """The penalised B-spline with that rhythm and corner. noise_power: mm²/Hz, one-sided, at the corner."""
+    """The penalised B-spline. noise_power: mm²/Hz, one-sided, at the corner."""
     step_s = 1 / (KNOTS_PER_PERIOD * corner_hz)
     t_s = events.t_s
     start_s = float(t_s[0])

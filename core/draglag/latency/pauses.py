@@ -1,9 +1,7 @@
-"""Edges that fall into a pause of the hand: each has a latency of its own, read off the trace directly.
+"""Edges in a pause of the hand, each with a latency of its own, read off the trace.
 
-Where latency falls with speed, an edge at a fraction of the run's speed may come tens of milliseconds later than the
-others. It weighs nothing in a fit (a shift in time hardly moves it), looks like an outlier there, or bends the slope;
-in the mean over all edges it counts as much as any. So it is left out of the fit: the lines that the others make are
-where it happened, and the trace says when it shows that place.
+It may be tens of ms longer than the others'. A fit hardly weighs such an edge or is bent by it, the mean counts it in
+full: so the others' lines say where it happened, the trace when that place shows.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ SLOWEST_MM_S = 10.0  # below it, noise alone crosses a line several times
 
 @dataclass(frozen=True)
 class Pauses:
-    """Edges in pauses: at t_s (k,), their latencies, and speeds there; se_s: standard error of each latency."""
+    """Edges in pauses: times, latencies, their standard errors, speeds, (k,) each."""
 
     t_s: FloatArray
     latency_s: FloatArray
@@ -34,7 +32,7 @@ class Pauses:
     speed_mm_s: FloatArray
 
     def mixed(self, mean_s: float, se_s: float, n: int) -> tuple[float, float]:
-        """Mean latency and its standard error over n other edges, of which both are given, and those in pauses."""
+        """Mean latency and its standard error with n other edges, whose mean_s and se_s are given."""
         share = n / (n + self.t_s.size)
         own_s = float(np.sqrt(np.sum(self.se_s**2))) / (n + self.t_s.size)
         pauses_s = float(self.latency_s.mean()) if self.t_s.size else 0.0
@@ -45,10 +43,11 @@ NONE = Pauses(*(np.empty(0),) * 4)
 
 
 def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatArray) -> tuple[Prepared, Pauses]:
-    """The run without the edges that fell into pauses, and those.
+    """The run without edges in pauses, and those.
 
     Args:
-        latency_s: of the others. line: slope, middle and half width of the lines they make, mm.
+        latency_s: of the others.
+        line: slope, middle and half width (mm) of their lines.
     """
     t_s, touch = ready.edges.t_s, ready.touch
     inside = in_contact(touch.t_s, t_s + latency_s, track.losses_s)
@@ -78,10 +77,10 @@ def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatA
 def _shown(
     t_s: FloatArray, off_mm: FloatArray, half_mm: float, edge_s: float, falling: bool, latency_s: float
 ) -> tuple[float, float] | None:
-    """After what time the trace (n,) across the beam shows where an edge happened, s, and how fast it goes there, mm/s.
+    """Time until the trace (n,) shows an edge, s, and its speed across the beam there, mm/s; None without a crossing.
 
-    The stylus enters the beam by its first rim and leaves it by its last one, so a line is crossed either way in one
-    direction only. Of several crossings the nearest to the others' latency counts; None without any.
+    The stylus enters by its first rim and leaves by its last: each line counts one way only. Of several crossings the
+    nearest to the others' latency counts.
     """
     first, end = np.searchsorted(t_s, edge_s + latency_s + np.array(REACH_S))
     best: tuple[float, float] | None = None

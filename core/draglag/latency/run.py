@@ -1,4 +1,4 @@
-"""From a run to its latency, by any estimator."""
+"""The latency of a run, by any estimator."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def estimate_run(
     update_rate_hz: float | None = None,
     window_s: tuple[float, float] = WINDOW_S,
 ) -> RunEstimate:
-    """Latency of a run whose speed is constant (Eq. 1). Never raises for bad data: the flags say what is wrong.
-
-    Raises EstimateError for an estimator that nobody brings, or one of another package that fails.
+    """Latency of a run at constant speed (Eq. 1); bad data give flags, not errors.
 
     Args:
-        estimator: "efficient" (joint maximum likelihood), "paper" (Eq. 2 on the raw events), or one of another package.
-        update_rate_hz: emulate a loop that takes the last event at this rate; None uses the kernel's stamps.
+        estimator: "efficient" (joint maximum likelihood), "paper" (Eq. 2 on raw events), or another package's.
+        update_rate_hz: emulate a loop that takes the last event at this rate; None: the kernel's stamps.
         window_s: latencies searched.
+
+    Raises EstimateError if the estimator is unknown, or another package's fails.
     """
     one = estimator_of(estimator)
     blank = RunEstimate(run.id, run.protocol, run.nominal_speed_mm_s, "kernel")

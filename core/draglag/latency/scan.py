@@ -1,4 +1,4 @@
-"""J(L) over a window of latencies: where its minima are, before anything is refined."""
+"""J(L) over a window of latencies, and its minima."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MANY_EDGES = 50
 
 @dataclass(frozen=True)
 class Scan:
-    """Robust cost per edge at each latency of the grid, mm²; infinite where too few edges can be placed."""
+    """Robust cost per edge at each latency, mm²; infinite where too few edges can be placed."""
 
     latency_s: FloatArray
     cost_mm2: FloatArray
@@ -41,11 +41,10 @@ def scan(
     half_width_s: float = 0.0,
     step_s: float = 0.004,
 ) -> Scan:
-    """Cost of Eq. 2 with one slope for both lines and sides from the direction of travel at t + L, over a grid.
+    """Cost of Eq. 2 over a grid, one slope for both lines, sides from the direction at t + L.
 
-    Two re-weighting passes keep spurious edges from choosing the minimum. Where the stylus' diameter is known, shifts
-    that set the two lines absurdly far apart are out: a quarter of a circle's period away all edges lie at the
-    circle's top and bottom, perfectly aligned.
+    Two re-weighting passes discount spurious edges. A known diameter excludes shifts that set the lines absurdly far
+    apart: a quarter of a circle's period off, all edges align.
     """
     latency_s = np.arange(window_s[0], window_s[1] + step_s / 2, step_s)
     # An odd stride keeps both kinds of edges; some sixty edges are enough to separate minima.
@@ -68,7 +67,7 @@ def scan(
 
 
 def _moved(touch: TouchTrace, at_s: FloatArray, half_width_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """x, y and the velocity along y at times of any shape, by a local cubic on an even grid."""
+    """x, y and velocity along y at times of any shape, by local cubics."""
     dt_s = sample_interval_s(touch.t_s)
     grid_s = np.arange(touch.t_s[0], touch.t_s[-1] + dt_s / 2, dt_s)
     reach = max(2, round(0.7 * half_width_s / dt_s))
@@ -86,7 +85,7 @@ def _moved(touch: TouchTrace, at_s: FloatArray, half_width_s: float) -> tuple[Fl
 
 
 def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) -> tuple[FloatArray, FloatArray]:
-    """Robust mean squared residual about two parallel lines, and how far the lower one is below, for every row."""
+    """Robust mean squared residual about two parallel lines, and their distance, per row."""
     weight = placed.astype(float)
     n = np.minimum(np.count_nonzero(placed, axis=1), placed.shape[1] - 1)
     above, below = side < 0, side > 0
@@ -109,6 +108,5 @@ def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) ->
 
 
 def _means(weight: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weighted means of every row."""
     total = np.maximum(weight.sum(1), 1e-12)
     return np.einsum("ln,ln->l", weight, x) / total, np.einsum("ln,ln->l", weight, y) / total

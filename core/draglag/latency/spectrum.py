@@ -1,4 +1,4 @@
-"""The spectrum of a run's touch events, and the corner at which its path falls into the noise."""
+"""The spectrum of a run's touch events, and the corner where its path falls into noise."""
 
 from __future__ import annotations
 
@@ -21,10 +21,8 @@ TOGETHER = 0.25  # of the interval: closer events were delivered together
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided power of one coordinate, mean of both: f_hz (k,), power (k,) mm²/Hz, and its median over its mean.
-
-    dt_s: the mean event interval.
-    """
+    """One-sided power of a coordinate, mm²/Hz, at f_hz (k,); dt_s: mean interval; ``median``: median over mean of
+    noise."""
 
     f_hz: FloatArray
     power: FloatArray
@@ -34,7 +32,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Events:
-    """Touch events on slots of an even grid: slot (n,), t_s (n,), xy_mm (n, 2), dt_s."""
+    """Touch events on slots of an even grid: slot, t_s (n,), xy_mm (n, 2), dt_s."""
 
     slot: IntArray
     t_s: FloatArray
@@ -50,10 +48,9 @@ class Events:
 
 
 def events_of(t_s: FloatArray, xy_mm: FloatArray, dt_s: float | None = None) -> Events:
-    """Events at increasing times t_s (n,), xy_mm (n, 2), numbered by the slots of an even grid (of dt_s, if known).
+    """Events t_s (n,), rising, and xy_mm (n, 2), numbered on an even grid (of dt_s, if given).
 
-    Of events that come together, as after a stall of the host, the last is in time and the others belong to the slots
-    before it.
+    Of events delivered together, as after a stall, the last is in time; others get the slots before it.
     """
     dt_s = sample_interval_s(t_s) if dt_s is None else dt_s
     last = np.append(np.diff(t_s) > TOGETHER * dt_s, True)
@@ -67,7 +64,7 @@ def events_of(t_s: FloatArray, xy_mm: FloatArray, dt_s: float | None = None) -> 
 
 
 def spectrum_of(events: Events) -> Spectrum:
-    """Welch's spectrum with windows whose side lobes are 92 dB down: the path is 80 dB above the noise."""
+    """Welch's spectrum, side lobes at −92 dB: the path is 80 dB above the noise."""
     late_s = events.t_s - events.t_s[0] - events.dt_s * events.slot
     # Stamps jitter: each event is slid along its velocity onto the grid.
     velocity = np.gradient(events.xy_mm, events.slot, axis=0) / events.dt_s
@@ -92,14 +89,14 @@ def spectrum_of(events: Events) -> Spectrum:
 
 @lru_cache(maxsize=16)
 def _window(m: int) -> tuple[FloatArray, FloatArray]:
-    """Blackman–Harris, periodic (Harris 1978, four terms, −92 dB), and a ramp: (m,) each."""
+    """Periodic Blackman–Harris (Harris 1978, four terms, −92 dB) and a ramp, (m,) each."""
     turn = np.linspace(-np.pi, np.pi, m + 1)[:-1]
     window = sum(a * np.cos(k * turn) for k, a in enumerate((0.35875, 0.48829, 0.14128, 0.01168)))
     return np.asarray(window), np.linspace(0, 1, m)
 
 
 def _slow(late_s: FloatArray) -> FloatArray:
-    """The stream's own slow rate: a running mean over 41 events."""
+    """Running mean over 41 events."""
     if late_s.size < 42:
         return np.full(late_s.shape, float(late_s.mean()))
     total = np.cumsum(np.pad(late_s, (21, 20), mode="edge"))
@@ -107,9 +104,9 @@ def _slow(late_s: FloatArray) -> FloatArray:
 
 
 def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
-    """The run's rhythm f₀ (0 where it has none), the corner of its path, Hz, and the noise there, mm²/Hz one-sided.
+    """The run's rhythm (0 if none), Hz, its path's corner, Hz, and the noise there, mm²/Hz one-sided.
 
-    The corner makes Mallows' estimate of the error least: what the filter takes from the path and leaves of the noise.
+    The corner minimises Mallows' estimate of path removed plus noise kept.
     """
     f, power = spectrum.f_hz, spectrum.power
     rhythm = _rhythm_hz(spectrum)
@@ -129,9 +126,9 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
 
 
 def corner_for_mean(spectrum: Spectrum, rhythm_hz: float, corner_hz: float, noise: float, places: float) -> float:
-    """The corner, Hz, that a mean over so many independent places is best known by: not below that of single places.
+    """The best corner, Hz, ≥ ``corner_hz``, for a mean over that many independent places.
 
-    What the filter takes from the path is harmonics of the rhythm, the same at every pass; noise is another at each.
+    Noise averages out; what the filter takes from the path does not.
     """
     corners, loss = _corners(spectrum, rhythm_hz)
     used = spectrum.f_hz < max(NOISE_UP_TO_HZ, 2.5 * rhythm_hz)
@@ -151,7 +148,7 @@ def _rhythm_hz(spectrum: Spectrum) -> float:
 
 
 def _corners(spectrum: Spectrum, rhythm_hz: float) -> tuple[FloatArray, FloatArray]:
-    """The corners to choose from, Hz, (c,), and what each takes off at the spectrum's frequencies, (c, k)."""
+    """Candidate corners (c,), Hz, and what each removes, (c, k)."""
     f = spectrum.f_hz
     start = max(1.15 * rhythm_hz, rhythm_hz + 2 * f[1], 3 * f[1])
     corners = start * (max(12.0, 3 * rhythm_hz) / start) ** np.linspace(0, 1, 30)
@@ -160,10 +157,10 @@ def _corners(spectrum: Spectrum, rhythm_hz: float) -> tuple[FloatArray, FloatArr
 
 
 def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
-    """Mean power of the noise below the corner, mm²/Hz, where the path hides it.
+    """Mean noise below the corner, mm²/Hz, where the path hides it.
 
-    A digitiser's own filter leaves noise that rises towards low frequencies; what is seen beyond the corner, on both
-    sides of tremor, is continued by a white and a first-order low-pass part.
+    Digitisers' filters leave noise that rises downwards: a white and a first-order low-pass part, fitted on both sides
+    of tremor, are extrapolated.
     """
     f, power = spectrum.f_hz, spectrum.power
     seen = ((f > 1.1 * corner_hz) & (f < NOISE_UP_TO_HZ)) | (f > QUIET_FROM_HZ)
@@ -193,12 +190,12 @@ def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
 
 
 def penalty(f_hz: FloatArray, rhythm_hz: float) -> FloatArray:
-    """Penalty by frequency: none at 0, at the rhythm, and at its third harmonic."""
+    """Penalty by frequency: zero at 0, the rhythm and its third harmonic."""
     third = f_hz**2 - 9 * rhythm_hz**2 if rhythm_hz > 0 else 1.0
     return np.asarray((f_hz**2 * (f_hz**2 - rhythm_hz**2) ** 2 * third) ** 2)
 
 
 def penalty_at_corner(corner_hz: FloatArray, rhythm_hz: float) -> FloatArray:
-    """The penalty at the corner; where the third harmonic is near, what goes on rising past it."""
+    """The penalty at the corner, kept rising past the third harmonic."""
     third = np.maximum(9 * rhythm_hz**2 - corner_hz**2, corner_hz**2 / 3) if rhythm_hz > 0 else 1.0
     return np.asarray((corner_hz**2 * (corner_hz**2 - rhythm_hz**2) ** 2 * third) ** 2)

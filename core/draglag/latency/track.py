@@ -1,4 +1,4 @@
-"""A run's movement as its touch trace shows it: a smooth path, tremor on it, and what uneven speed does to it."""
+"""A run's movement as its touch trace shows it."""
 
 from __future__ import annotations
 
@@ -16,15 +16,13 @@ from draglag.recording import FloatArray
 
 @dataclass(frozen=True)
 class Track:
-    """The run's movement as the touch trace shows it.
+    """Smooth path, tremor, and the effect of uneven speed.
 
     Attributes:
-        path: smoothed for single places: for velocities, and for what is noise.
-        mean_path: smoothed for the mean over the run's edges.
-        tremor: on ``mean_path``. None where it cannot be seen. with_tremor: whether it counts as movement.
-        uneven: by how much the trace is ahead for each unit of dL/dln v (mm/s): velocity times the logarithm of the
-            speed relative to ``usual_mm_s``, smoothed as the path is. Uneven speed puts harmonics of the rhythm on the
-            trace, which the smoother takes off again in part; unaccounted, that shifts all edges together.
+        path: smoothed for single places. mean_path: for the mean over the edges.
+        tremor: on ``mean_path``; None if unseen. with_tremor: whether it counts as movement.
+        uneven: advance of the trace per unit of dL/dln v (mm/s): velocity × ln(speed / ``usual_mm_s``), smoothed alike.
+            Its harmonics, partly smoothed away, would shift all edges together.
     """
 
     path: Path
@@ -44,7 +42,7 @@ class Track:
         return self.with_velocity(t_s)[0]
 
     def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position, with tremor if it counts, and velocity of the path, (m, 2) each."""
+        """Position, with tremor if it counts, and velocity, (m, 2) each."""
         xy_mm, v_mm_s = self.mean_path.at(t_s), self.path.at(t_s, 1)
         if self.tremor is not None and self.with_tremor:
             xy_mm = xy_mm + self.tremor.at(t_s)
@@ -52,7 +50,7 @@ class Track:
 
 
 def independent_places(path: Path, t_s: FloatArray) -> float:
-    """How many independent places know their mean as well as those of the path at rising times t_s (m,) know theirs."""
+    """Effective number of independent places among rising times t_s (m,)."""
     m, variance = t_s.size, float(path.by_lag(np.zeros(1))[0])
     shared = variance * max(m, 1)
     for k in range(1, m):
@@ -65,7 +63,7 @@ def independent_places(path: Path, t_s: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A run's touch events, their spectrum, and the smooth path that follows from both."""
+    """Touch events, their spectrum, and the smooth path from both."""
 
     events: Events
     spectrum: Spectrum
@@ -74,7 +72,7 @@ class Smoothed:
 
 
 def smoothed_of(ready: Prepared) -> Smoothed:
-    """The smooth path of a run's touch events, with what it was made from."""
+    """The smooth path of a run, and what it was made from."""
     events = events_of(ready.touch.t_s, ready.xy_mm)
     spectrum = spectrum_of(events)
     rhythm_hz, corner_hz, noise = corner_of(spectrum)
@@ -82,7 +80,7 @@ def smoothed_of(ready: Prepared) -> Smoothed:
 
 
 def track_of(ready: Prepared, smoothed: Smoothed | None = None) -> Track:
-    """The track of a run's touch events. ``smoothed``: of the same run, where it is known already."""
+    """The track of a run; ``smoothed``: of the same run, if known."""
     smoothed = smoothed or smoothed_of(ready)
     events, spectrum, path, noise = smoothed.events, smoothed.spectrum, smoothed.path, smoothed.noise
     rhythm_hz, corner_hz = path.rhythm_hz, path.corner_hz

@@ -1,8 +1,4 @@
-"""What the hand did faster than its path: Wiener's filter on what the path leaves of the touch events.
-
-Physiological tremor shows as a hump of 8 to 12 Hz over the events' noise, whose level on both sides is known. Each
-frequency is kept by its share of signal.
-"""
+"""Movement faster than the path (8 to 12 Hz), by Wiener's filter on the residual of the touch events."""
 
 from __future__ import annotations
 
@@ -25,11 +21,10 @@ FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4
 
 @dataclass(frozen=True)
 class Tremor:
-    """Estimated tremor on a fine grid, (g, 2) mm, and autocovariances by lag in the same steps, mm², (k,).
+    """Tremor on a fine grid, (g, 2) mm, and autocovariances by lag in its steps, mm², (k,).
 
-    ``unobserved``: of the estimate's own error. ``whole``: of the tremor, for those who leave it out.
-    ``speed2``: variance of one component of the tremor's velocity, (mm/s)². Both are from what lies across the motion:
-    a latency that depends on speed re-times the trace, and so magnifies what lies along it.
+    ``unobserved``: of the estimate's error; ``whole``: of the tremor; ``speed2``: variance of one velocity component,
+    (mm/s)². The last two are across the motion: a speed-dependent latency magnifies tremor along it.
     """
 
     start_s: float
@@ -40,20 +35,20 @@ class Tremor:
     speed2: float
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        """(m, 2) mm at times (m,)."""
+        """Tremor (m, 2) at times (m,), mm."""
         position = np.clip((t_s - self.start_s) / self.step_s, 0.0, self.xy_mm.shape[0] - 1.001)
         k = position.astype(np.int64)
         f = (position - k)[:, None]
         return np.asarray((1 - f) * self.xy_mm[k] + f * self.xy_mm[k + 1])
 
     def by_lag(self, lag_s: FloatArray, estimated: bool) -> FloatArray:
-        """Covariance, mm², of the errors of one coordinate that far apart, with or without the estimate."""
+        """Autocovariance of one coordinate's error, mm², with or without the estimate."""
         return looked_up(self.unobserved if estimated else self.whole, lag_s / self.step_s)
 
     def mean_speed2(self, t_s: FloatArray, ahead: FloatArray) -> float:
-        """Variance of the mean, over edges at rising times t_s (m,), of the tremor's velocity along ``ahead`` (m, 2).
+        """Variance of the mean tremor velocity along ``ahead`` (m, 2) over edges at rising t_s (m,), (mm/s)².
 
-        Edges a period of the tremor apart meet the same phase of it, those half a period apart opposite ones.
+        Edges a tremor period apart share its phase; half a period apart it is opposite.
         """
         m = t_s.size
         reach = int(np.max(np.searchsorted(t_s, t_s + COHERENCE_S) - np.arange(m)))
@@ -67,11 +62,11 @@ class Tremor:
 
 
 def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None = None) -> Tremor | None:
-    """The tremor of a run; None where the touch rate cannot show any.
+    """The tremor of a run; None if touch rate or duration do not show any.
 
     Args:
         v_mm_s: (n, 2) the path's velocity at its events.
-        under: the path that it is added to, if another one, which may keep some tremor itself.
+        under: another path it is added to, which may keep some tremor itself.
     """
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
@@ -112,7 +107,7 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None
 def _over_the_floor(
     f_hz: FloatArray, power: FloatArray, inside: np.ndarray, width: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Level of the events' noise, and what rises above it inside the band, (f,) each."""
+    """Noise of the events, and the excess over it in the band, (f,) each."""
     total = np.cumsum(np.pad(power, (width // 2 + 1, width - width // 2), mode="edge"))
     smooth = (total[width:] - total[:-width])[: power.size] / width
     # A white part, and one that falls with frequency as a digitiser's own filter leaves it: straight lines between

@@ -1,4 +1,4 @@
-"""Generalised least squares of a run's edges: what is known to scatter them, and what is not."""
+"""Generalised least squares of a run's edges."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SCATTER_LOG_PRIOR = np.log(np.append(15.0, np.ones(15)))  # as likely none as an
 
 @dataclass(frozen=True)
 class Known:
-    """Covariances of the edges as bands below the diagonal, (b, m): what is known, and the form of what is not."""
+    """Covariances of the edges as lower bands, (b, m): known part, form of the unknown part."""
 
     bands: FloatArray
     extra: FloatArray
@@ -29,7 +29,6 @@ class Known:
 
     @cached_property
     def factor(self) -> FloatArray:
-        """Banded Cholesky factor of what is known."""
         return _factor(self.bands.copy(order="F"))
 
 
@@ -51,7 +50,7 @@ def _factor(bands: FloatArray) -> FloatArray:
 
 
 def _scaled(design: FloatArray, response: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sizes of the columns (5,), the prior's precision (5, 5) and both sides (m, 6), in units of those sizes."""
+    """Column sizes (5,), prior precision (5, 5), both sides (m, 6), in those sizes."""
     scale = np.sqrt(np.einsum("mp,mp->p", design, design) / design.shape[0]) + 1e-12
     prior = np.zeros((5, 5))
     prior[4, 4] = (scale[4] ** -2) / SPEED_SLOPE_SD_S**2
@@ -62,7 +61,7 @@ def _scaled(design: FloatArray, response: FloatArray) -> tuple[FloatArray, Float
 
 
 def known_fit(design: FloatArray, response: FloatArray, known: Known) -> tuple[FloatArray, FloatArray]:
-    """``weighted_fit`` without extra scatter: its estimate (5,) and residual (m,), quickly."""
+    """Estimate (5,) and residual (m,) of ``weighted_fit`` without extra scatter."""
     scale, prior, both = _scaled(design, response)
     white = dtbtrs(known.factor, both, uplo="L")[0]
     gram = white.T @ white
@@ -71,7 +70,7 @@ def known_fit(design: FloatArray, response: FloatArray, known: Known) -> tuple[F
 
 
 def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter_mm: FloatArray = SCATTER_MM) -> Fit:
-    """Generalised least squares, averaged over the extra scatters τ by their restricted likelihood."""
+    """Generalised least squares, averaged over the extra scatter τ by restricted likelihood."""
     scale, prior, both = _scaled(design, response)
     grams, log_dets = np.empty((scatter_mm.size, 6, 6)), np.empty(scatter_mm.size)
     for k, tau in enumerate(scatter_mm):
@@ -103,10 +102,10 @@ def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter
 
 
 def likely_scatter_mm(residual: FloatArray) -> FloatArray:
-    """The scatters τ with non-negligible weight, given residuals (m,).
+    """The scatters τ of non-negligible weight, mm, given residuals (m,).
 
-    From three times their size on the likelihood falls with τ^(m/2 − 5) or faster (edges in pairs, five parameters);
-    what is 10¹¹ times less likely than there is left out.
+    Beyond three times the residuals the likelihood falls as τ^(m/2 − 5) or faster (edges in pairs, five parameters);
+    10¹¹ times less likely is left out.
     """
     beyond = 25.0 / (np.log(1.6) * max(0.5 * residual.size - 5, 1.0))
     size = int(np.searchsorted(SCATTER_MM, 3 * np.sqrt(np.mean(residual**2))))
@@ -114,7 +113,7 @@ def likely_scatter_mm(residual: FloatArray) -> FloatArray:
 
 
 def outliers(residual: FloatArray, variance: FloatArray) -> np.ndarray:
-    """Edges that no stylus made: beyond 5 robust standard deviations of the rest, at most a fifth at a time."""
+    """Edges no stylus made: beyond 5 robust standard deviations, at most a fifth."""
     scale = 1.4826 * median(np.abs(residual - median(residual)))
     limit = 5 * np.maximum(np.sqrt(variance), scale)
     out = np.abs(residual) > limit

@@ -1,1 +1,1 @@
-"""The latency law put to use: as a file, on recorded touch events, and in a tracking task."""
+"""The latency law as a file, on recorded events, in a tracking task."""

@@ -1,4 +1,4 @@
-"""Putting a latency law to work on recorded touch data: when, and so where, the stylus really was."""
+"""A latency law applied to recorded touch data."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ PAUSE_S = 2.0  # what lies further apart is not one movement
 
 
 def _fill_from_trace(moved_to: list[FloatArray], t_s: FloatArray, xy_mm: FloatArray, own_s: FloatArray) -> None:
-    """Fill positions that no path gave, in place, from the trace at the time it shows them; NaN outside of contact.
+    """Fill NaN positions (n,) in place from the trace when it shows them; NaN outside of contact.
 
-    Args:
-        moved_to: x and y, (n,) mm each, NaN where there is no path. own_s: (n,) rising stylus times of the events.
+    ``own_s``: (n,) rising stylus times of the events.
     """
     forwards = np.append(np.diff(own_s) > 0, True)
     losses_s = contact_losses(t_s)
@@ -35,10 +34,7 @@ def _fill_from_trace(moved_to: list[FloatArray], t_s: FloatArray, xy_mm: FloatAr
 
 
 def _is_steep(law: Law, speed_mm_s: FloatArray) -> bool:
-    """Whether an error of speed moves these events far: v · L′(v), by which a relative error of v becomes one of time.
-
-    Where it does, events can only be inverted together; where it does not, one by one is exact and smooths nothing.
-    """
+    """Whether an error of speed moves events far, by v · L′(v). Only then must events be inverted together."""
     speed = speed_mm_s[np.isfinite(speed_mm_s)]
     if not speed.size:
         return False
@@ -48,14 +44,14 @@ def _is_steep(law: Law, speed_mm_s: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class Compensated:
-    """Recorded touch events with the lag taken out; (n,) in the order given, NaN where nothing can be said.
+    """Recorded touch events with the lag taken out; (n,) as given, NaN where unknown.
 
     Attributes:
-        stylus_t_s: when the stylus was where the event shows it; never runs backwards.
+        stylus_t_s: when the stylus was where the event shows it, non-decreasing.
         latency_s: t_s − stylus_t_s.
         speed_mm_s: of the stylus, at stylus_t_s.
-        x_stylus_mm, y_stylus_mm: where the stylus was at t_s itself, from later events.
-        extrapolated: bool, the speed lies outside the model's measured range.
+        x_stylus_mm, y_stylus_mm: where the stylus was at t_s, from later events.
+        extrapolated: bool, speed outside the measured range.
     """
 
     t_s: FloatArray
@@ -98,7 +94,7 @@ def compensate(
     """Where the stylus was, given recorded touch events.
 
     Args:
-        t_s, x_mm, y_mm: (n,) events; rows with NaN stay NaN, rows out of order are used in the order of time.
+        t_s, x_mm, y_mm: (n,) events in any order; rows with NaN stay NaN.
         law: L(v), s. speed_range_mm_s: where it was measured; speeds outside are marked.
 
     Raises DataError with fewer than eight usable events or arrays of different length.

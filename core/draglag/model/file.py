@@ -1,4 +1,4 @@
-"""A latency model as a file: versioned JSON with provenance, loadable without Qt, devices or its session."""
+"""A latency model as a file: versioned JSON with provenance."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Table(BaseModel):
 
 
 class Shape(_Table):
-    """A displacement across the beam of a fitted shape: its setting, amplitudes (mm) and the squares' mean."""
+    """A displacement across the beam of a fitted shape: setting, amplitudes (mm), mean of the squares."""
 
     theta: tuple[Finite, ...] = ()
     sizes: tuple[Finite, ...] = ()
@@ -42,7 +42,7 @@ class Shape(_Table):
 
 
 class ModelEffect(_Table):
-    """One named cause that the gap workflow added to the model; see ``draglag.simulation.effects``.
+    """One named cause that the gap workflow added; see ``draglag.simulation.effects``.
 
     ci95: 95 % intervals of the parameters. where: where it acts, in words.
     """
@@ -119,7 +119,7 @@ class LatencyModel(_Table):
 
     @property
     def curve(self) -> CurveFit:
-        """The curve as ``draglag.curve`` has it, with its confidence band."""
+        """The curve, with its confidence band."""
         names = FORMS[self.form].names
         order = [list(self.parameters).index(name) for name in names]
         covariance = np.array(self.covariance, float)[np.ix_(order, order)]
@@ -138,10 +138,9 @@ class LatencyModel(_Table):
         )
 
     def latency_s(self, speed_mm_s: FloatArray, extrapolate: bool = False) -> FloatArray:
-        """L(v), s, same shape. Outside the measured range the value at its end, unless ``extrapolate``.
+        """L(v), s, same shape; outside the measured range the value at its end, unless ``extrapolate``.
 
-        Of the effects a low-speed plateau and a second filter are part of the law; the others say nothing about speed
-        alone.
+        Of the effects only a low-speed plateau and a second filter belong to the law.
         """
         shown = np.asarray(speed_mm_s, float)
         speed, extra_s = shown, 0.0 * shown
@@ -155,7 +154,7 @@ class LatencyModel(_Table):
 
     @property
     def not_compensated(self) -> tuple[str, ...]:
-        """Ids of effects that the model names but a law of speed cannot undo."""
+        """Ids of the model's effects that a law of speed cannot undo."""
         return tuple(effect.id for effect in self.effects if EFFECTS[effect.id].undone_in != OF_SPEED)
 
 
@@ -189,7 +188,7 @@ def model_of(
 
 
 def save_model(model: LatencyModel, path: Path | str) -> None:
-    """Write a model as JSON. Raises DataError where the file exists or cannot be written.
+    """Write a model as JSON. Raises DataError if the file exists or cannot be written.
 
     >>> import draglag as dl
     >>> dl.save_model(dl.model_of(dl.analyze(dl.read("session.h5")).curve), "saved.json")
@@ -206,7 +205,7 @@ def save_model(model: LatencyModel, path: Path | str) -> None:
 
 
 def load_model(path: Path | str) -> LatencyModel:
-    """Read a model. Raises DataError, naming what is wrong with the file.
+    """A model from its file. Raises DataError, naming what is wrong.
 
     >>> import draglag as dl
     >>> dl.load_model("model.json").form
@@ -234,9 +233,9 @@ def load_model(path: Path | str) -> LatencyModel:
 
 
 def _wrong_effect(model: LatencyModel) -> str:
-    """In words an effect that is named twice, or of a size that no rig has; empty where all are well.
+    """In words, an effect named twice or of impossible size; empty if none.
 
-    A fit may end somewhat beyond the library's bounds; farther out than they are apart is no fit's.
+    A fit may end beyond an effect's bounds by no more than their distance.
     """
     ids = [effect.id for effect in model.effects]
     for effect in model.effects:
@@ -259,7 +258,7 @@ def _wrong_effect(model: LatencyModel) -> str:
 
 
 def other_screen(model: LatencyModel, screen: str) -> str:
-    """In words that a model was fitted on another screen than the one named; empty where it was not, or is unknown."""
+    """In words, that a model was fitted on another screen; empty if not, or unknown."""
     of = model.provenance.screen
     return (
         message("the model was fitted on {of}, this is {screen}", of=of, screen=screen)
@@ -269,7 +268,7 @@ def other_screen(model: LatencyModel, screen: str) -> str:
 
 
 def left_unexplained(model: LatencyModel) -> str:
-    """In words that the model's own session holds a gap without a name; empty where it does not, or is unknown."""
+    """In words, that the model's session holds an unnamed gap; empty if not, or unknown."""
     if model.provenance.verdict != "unexplained":
         return ""
     gap = "" if model.provenance.gap_mm is None else message(" of {gap_mm:.3f} mm", gap_mm=model.provenance.gap_mm[1])
@@ -278,7 +277,7 @@ def left_unexplained(model: LatencyModel) -> str:
 
 
 def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
-    """The model over its measured range as columns (n,): speed_mm_s, latency_s, low_s, high_s (95 % band)."""
+    """The model over its measured range, (n,) each: speed_mm_s, latency_s, low_s, high_s (95 % band)."""
     low, high = model.speed_range_mm_s
     speed = np.unique(np.geomspace(max(low, 1e-3), max(high, 2e-3), n))
     band = model.curve.band_s(speed)

@@ -1,1 +1,1 @@
-"""Where the stylus was, and how fast: usable touch events, smoothed position and speed, and a latency law undone."""
+"""Where the stylus was, and how fast."""

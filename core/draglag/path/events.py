@@ -1,4 +1,4 @@
-"""Usable touch events, their sampling interval, and losses of contact."""
+"""Usable touch events, their sampling interval, losses of contact."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ AT_ONCE, LONG, BATCHED, FEWEST_INTERVALS = 0.25, 0.9, 0.25, 8
 
 
 def usable(touch: TouchTrace) -> TouchTrace:
-    """The events with finite values, in order of time, one a stamp (the last one wins).
-
-    Streams from real digitisers repeat stamps and, after an overflow, may step back; interpolation needs neither.
-    """
+    """Finite events in order of time, one a stamp (the last): real digitisers repeat stamps and may step back."""
     keep = np.isfinite(touch.t_s) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
     order = np.flatnonzero(keep)[np.argsort(touch.t_s[keep], kind="stable")]
     if order.size:
@@ -25,7 +22,7 @@ def usable(touch: TouchTrace) -> TouchTrace:
 
 
 def median(values: FloatArray) -> float:
-    """``np.median`` of (n,) finite values, n > 0, without its overhead: runs are many and short."""
+    """``np.median`` of (n,) finite values, n > 0, without its overhead."""
     half = values.size // 2
     if values.size % 2:
         return float(np.partition(values, half)[half])
@@ -34,8 +31,7 @@ def median(values: FloatArray) -> float:
 
 
 def last_of_batches(touch: TouchTrace) -> TouchTrace:
-    """Of events that are delivered a few at a time, the last of each batch, whose stamp alone is its own; other streams
-    as they are."""
+    """The last event of each batch, the only one with its own stamp; other streams unchanged."""
     together = _together(np.diff(touch.t_s))
     if not together.any():
         return touch
@@ -45,7 +41,7 @@ def last_of_batches(touch: TouchTrace) -> TouchTrace:
 
 
 def _together(dt_s: FloatArray) -> np.ndarray:
-    """Intervals of next to nothing in a stream whose events come a few at a time, (n,) bool; none in any other."""
+    """Intervals within batches, (n,) bool; none in a stream without batches."""
     if dt_s.size < FEWEST_INTERVALS:
         return np.zeros(dt_s.size, bool)
     together = dt_s < AT_ONCE * np.partition(dt_s, int(LONG * dt_s.size))[int(LONG * dt_s.size)]
@@ -53,7 +49,7 @@ def _together(dt_s: FloatArray) -> np.ndarray:
 
 
 def sample_interval_s(t_s: FloatArray) -> float:
-    """Median interval between events, s, or between batches of them; NaN with fewer than two."""
+    """Median interval between events or batches, s; NaN with fewer than two."""
     if t_s.size < 2:
         return float("nan")
     dt_s = np.diff(t_s)
@@ -68,7 +64,7 @@ def contact_losses(t_s: FloatArray, factor: float = 3.5) -> FloatArray:
 
 
 def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.ndarray:
-    """Which of the times ``at_s`` lie inside the trace and outside every contact loss: (m,) bool."""
+    """Whether times ``at_s`` lie inside the trace and outside contact losses: (m,) bool."""
     if t_s.size == 0:
         return np.zeros(at_s.shape, bool)
     inside: np.ndarray = (at_s >= t_s[0]) & (at_s <= t_s[-1])
@@ -79,7 +75,7 @@ def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.nd
 
 
 def hold_at_rate(touch: TouchTrace, rate_hz: float) -> TouchTrace:
-    """What a real-time loop of ``rate_hz`` sees: at each tick the last event so far (the paper, Section II.A).
+    """The last event at each tick of a loop of ``rate_hz`` (the paper, Section II.A).
 
     Adds about half a tick plus half a touch interval of latency; figures made from it must say so.
     """

@@ -1,12 +1,10 @@
 """Inversion of a latency law: when, and so where, the stylus was, given a touch trace.
 
-The lag ℓ of the shown trace obeys ℓ = L(v), and the stylus' speed v is the shown speed w times dτ/dt, so
-dℓ/dτ = 1 − w / v with L(v) = ℓ. Followed forwards in the trace's time τ this forgets its errors within v·|L′(v)| (at
-most 0.2 s); turned the other way, or iterated to a fixed point, they grow. Noise of w enters only as the distance
-that it adds up to, so it is hardly amplified.
+With v the stylus' and w the shown speed, the lag ℓ = L(v) obeys dℓ/dτ = 1 − w / v in the trace's time τ. Forwards,
+errors are forgotten within v·|L′(v)| (at most 0.2 s); backwards, or by fixed-point iteration, they grow.
 
-Where the stylus starts, L may fall faster than time passes: later positions are shown first, and the trace jumps. A
-small jump is one step of the same equation. What a large one hides is not known but for its ends (``_landed``).
+Where the stylus starts, L may fall faster than time passes: the trace jumps, and only the jump's ends are known
+(``_landed``).
 """
 
 from __future__ import annotations
@@ -37,10 +35,10 @@ USUAL_MM_S = 200.0  # where no speed is known
 
 @dataclass(frozen=True)
 class StylusPath:
-    """The stylus' movement as a law and a touch trace imply it, on an even grid of its own time.
+    """The stylus' movement behind a touch trace, on an even grid of its own time.
 
-    Attributes: t_s (g,), xy_mm (g, 2), speed_mm_s (g,), arrival_s (g,) when the screen shows each point;
-    event_t_s (n,) when the stylus was where each event shows it, never running backwards.
+    Attributes: t_s (g,), xy_mm (g, 2), speed_mm_s (g,), arrival_s (g,) when the screen shows each point; event_t_s (n,)
+    when the stylus was where each event shows it, non-decreasing.
     """
 
     t_s: FloatArray
@@ -62,8 +60,8 @@ def stylus_path(
     """The movement whose delayed image is the touch trace.
 
     Args:
-        t_s: (n,) stamps that never fall, n > 1. xy_mm: (n, 2). half_s: half width of the window for position and speed.
-        own_s: (n,) what ``shown_times_s`` gave, where it is known already.
+        t_s: (n,) non-decreasing stamps, n > 1. xy_mm: (n, 2). half_s: half width of the smoothing window.
+        own_s: (n,) result of ``shown_times_s``, if known.
     """
     own_s = shown_times_s(t_s, xy_mm, law) if own_s is None else own_s
     grid_s = np.arange(own_s[0], max(t_s[-1], own_s[0] + 8 * GRID_S), GRID_S)
@@ -74,10 +72,7 @@ def stylus_path(
 
 
 def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
-    """When the stylus was where each event shows it, (n,) s, never running backwards.
-
-    Args: as of ``stylus_path``.
-    """
+    """When the stylus was where each event shows it, (n,) s, non-decreasing; args as of ``stylus_path``."""
     table = _table(law)
     if np.any(np.diff(table.lag_s) > 0):
         # Where a law rises its equation has no one answer: every event for itself.
@@ -99,13 +94,9 @@ def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
 
 
 def stylus_speed(law: Law, v_mm_s: FloatArray, a_mm_s2: FloatArray) -> FloatArray:
-    """Speed of the stylus itself behind an event's shown velocity and acceleration, (m,) mm/s.
+    """Speed of the stylus behind shown velocity and acceleration (m, 2), (m,) mm/s.
 
-    The law re-times the trace: an event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus, which matters
-    where L falls steeply.
-
-    Args:
-        v_mm_s, a_mm_s2: (m, 2) as the touch trace shows them.
+    The law re-times the trace: an event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus.
     """
     shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
     along = np.einsum("mk,mk->m", v_mm_s, a_mm_s2) / shown
@@ -123,7 +114,7 @@ def slope_of(law: Law, speed_mm_s: FloatArray) -> FloatArray:
 
 
 def stylus_time_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, law: Law, half_s: float) -> FloatArray:
-    """When the stylus was where the trace shows it at ``at_s``: at_s − L(v), never running backwards, (m,) s.
+    """at_s − L(v): when the stylus was where the trace shows it, non-decreasing, (m,) s.
 
     Args:
         t_s: (n,) increasing. xy_mm: (n, 2). at_s: (m,) increasing. half_s: half width of the local fits.
@@ -143,7 +134,7 @@ def stylus_time_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, law: Law
 
 @dataclass(frozen=True)
 class _Table:
-    """A law by speed: speed_mm_s (k,) rising, lag_s (k,), and both as lists for steps one by one."""
+    """A law as a table: speed_mm_s (k,) rising, lag_s (k,); also as lists, for single steps."""
 
     speed_mm_s: FloatArray
     lag_s: FloatArray
@@ -163,7 +154,7 @@ class _Table:
         return float(np.interp(distance_mm, covered, ends))
 
     def follow(self, shown_mm_s: FloatArray, step_s: float, lag_s: float) -> FloatArray:
-        """The lag at every step of a shown speed (g,): ℓ′ = 1 − w / v, each step implicit, so that none overshoots."""
+        """The lag at every step of a shown speed (g,): ℓ′ = 1 − w / v by implicit steps, without overshoot."""
         lags, slownesses = self.lags, self.slownesses
         last = len(lags) - 1
         out = []
@@ -190,7 +181,7 @@ def _table(law: Law) -> _Table:
 
 
 def _followed(t_s: FloatArray, xy_mm: FloatArray, table: _Table, noise_mm: float, pieces: list[IntArray]) -> FloatArray:
-    """Own times of the events (n,), piece by piece; between pieces the trace jumped."""
+    """The stylus' times of the events (n,), piece by piece between jumps of the trace."""
     own_s = np.empty(t_s.size)
     lag_s, before = 0.0, pieces[0][:0]
     for piece in pieces:
@@ -210,9 +201,9 @@ def _followed(t_s: FloatArray, xy_mm: FloatArray, table: _Table, noise_mm: float
 def _landed(
     xy_mm: FloatArray, before: IntArray, after: IntArray, table: _Table, lag_s: float, noise_mm: float
 ) -> float:
-    """The lag after a jump: that of a movement from one end to the other whose velocity changes evenly.
+    """The lag after a jump, if velocity changes evenly between its ends.
 
-    With v₁ and v₂ the speeds at the ends, D the jump along the movement after it and c the cosine of the turn,
+    With speeds v₁, v₂ there, D the jump along the later movement and c the cosine of the turn,
     D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 gives v₂.
     """
     jump = xy_mm[after[0]] - xy_mm[before[-1]]
@@ -232,7 +223,7 @@ def _landed(
 
 
 def _jumps(t_s: FloatArray, xy_mm: FloatArray, noise_mm: float) -> IntArray:
-    """Events before which the trace jumps: faster than the few events before and after it, beyond noise."""
+    """Events before which the trace jumps: faster than around it, beyond noise."""
     if t_s.size < 2 * NEIGHBOURS:
         return np.empty(0, np.int64)
     distance, dt_s = np.hypot(*np.diff(xy_mm, axis=0).T), np.maximum(np.diff(t_s), STEP_S / 2)
@@ -244,7 +235,7 @@ def _jumps(t_s: FloatArray, xy_mm: FloatArray, noise_mm: float) -> IntArray:
 
 
 def _shown_speed(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:
-    """Speed of the trace at even times (g,), without what noise across the movement adds to it."""
+    """Speed of the trace at even times (g,), less what noise across the movement adds."""
     lasts_s = float(t_s[-1] - t_s[0])
     if lasts_s < 4 * STEP_S:
         return np.full(at_s.size, float(np.hypot(*(xy_mm[-1] - xy_mm[0]))) / lasts_s if lasts_s > 0 else 0.0)
@@ -262,7 +253,7 @@ def _interval_s(t_s: FloatArray) -> float:
 
 
 def _noise_mm(xy_mm: FloatArray) -> float:
-    """Standard deviation of one coordinate of an event: third differences leave next to nothing of a movement."""
+    """Standard deviation of an event's coordinate, from third differences."""
     if xy_mm.shape[0] < 8:
         return 0.0
     return float(np.sqrt(np.median(np.diff(xy_mm, 3, axis=0) ** 2) / 0.455 / 20))
@@ -284,7 +275,7 @@ def _between(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, moment_s: flo
 
 
 def _smoothed(values: FloatArray, half_s: float, step_s: float, order: int) -> FloatArray:
-    """Local cubics on an even grid, (g, 2), g ≥ 5, or a derivative of them."""
+    """Local cubics on an even grid, (g, 2), g ≥ 5, or a derivative."""
     reach = min(max(3, round(half_s / step_s)), (values.shape[0] - 1) // 2)
     degree = min(3, 2 * reach)
     return smoothed(values, 2 * reach + 1, degree, order, step_s)

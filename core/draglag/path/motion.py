@@ -1,8 +1,7 @@
-"""From touch events to motion: smoothed position, velocity, acceleration.
+"""Smoothed position, velocity and acceleration.
 
-Two smoothers. The paper's Savitzky–Golay filter (order 4, 61 samples) is kept for its figures; everything else uses
-local cubic fits whose bandwidth is matched to the motion, because a fixed window reads speed 5–33 % low above about
-700 mm/s.
+The paper's Savitzky–Golay filter (order 4, 61 samples) reads speed 5–33 % low above about 700 mm/s, so it is kept for
+its figures only. All else uses local cubics with a bandwidth matched to the motion.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at 
 
 
 def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The paper's smoother: contact losses filled by interpolation on an even grid, then order 4 over 61 samples.
+    """t_s (n,), x_mm, y_mm, speed_mm_s by the paper's smoother on an even grid, contact losses interpolated.
 
-    Returns t_s (n,), x_mm, y_mm, speed_mm_s. Raises ValueError with fewer than 61 samples.
+    Raises ValueError with fewer than 61 samples.
     """
     dt_s = sample_interval_s(touch.t_s)
     grid_s = np.arange(touch.t_s[0], touch.t_s[-1], dt_s)
@@ -45,7 +44,7 @@ def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArra
 
 @dataclass(frozen=True, eq=False)
 class FitWeights:
-    """What each event of a window contributes to local fits at m times, (m, w) each; worked out where asked for.
+    """Contribution of each event of a window to local fits at m times, (m, w) each, computed on demand.
 
     Attributes: solution: (m, p, p) inverse normal matrix; weighted: (p, m, w) weighted powers; width_s: (m,).
     """
@@ -76,8 +75,8 @@ class FitWeights:
 class LocalFit:
     """Local polynomial fits at m times.
 
-    Attributes: at_s: (m,) where. xy_mm, v_mm_s, a_mm_s2: (m, 2) position, velocity and acceleration. first: (m,) index
-    of the first event in each window. by_event: what each event of it contributes. ok: (m,) enough, and on both sides.
+    Attributes: at_s: (m,). xy_mm, v_mm_s, a_mm_s2: (m, 2). first: (m,) index of the first event in each window.
+    by_event: contributions of its events. ok: (m,) enough events, on both sides.
     """
 
     at_s: FloatArray
@@ -93,7 +92,7 @@ class LocalFit:
         return np.hypot(self.v_mm_s[:, 0], self.v_mm_s[:, 1])
 
     def rows(self, weights: FloatArray, n: int) -> csr_matrix:
-        """By how much each of the n events enters each fit, (m, n). weights: (m, w), one kind of ``by_event``."""
+        """Weight of each of n events in each fit, (m, n). weights: (m, w), one kind of ``by_event``."""
         from scipy.sparse import csr_matrix
 
         at = np.minimum(self.first[:, None] + np.arange(weights.shape[1]), n - 1)
@@ -104,12 +103,12 @@ class LocalFit:
 
     @property
     def gain(self) -> FloatArray:
-        """(m,) variance of a fitted position in units of the variance of one event."""
+        """Variance of a fitted position over that of one event, (m,)."""
         return np.asarray(np.einsum("mw,mw->m", self.by_event.position, self.by_event.position))
 
     @property
     def v_gain(self) -> FloatArray:
-        """(m,) the same for a velocity component, per s²."""
+        """The same of a velocity component, (m,), per s²."""
         return np.asarray(np.einsum("mw,mw->m", self.by_event.velocity, self.by_event.velocity))
 
 
@@ -121,12 +120,11 @@ def local_fit(
     degree: int = DEGREE,
     roundness: int = 1,
 ) -> LocalFit:
-    """Weighted polynomial of ``degree`` through the events within ``half_width_s`` of each time.
+    """Polynomial fits within ``half_width_s`` of each time.
 
     Args:
         t_s: (n,) increasing. xy_mm: (n, 2). at_s: (m,). half_width_s: scalar or (m,).
-        roundness: power of the weights 1 − u²: 1 (Epanechnikov) makes the most of white noise, 3 lets next to nothing
-            pass beyond its band.
+        roundness: power of the weights 1 − u²: 1 (Epanechnikov) is best for white noise, 3 has low side lobes.
     """
     m = at_s.size
     width_s = np.broadcast_to(np.asarray(half_width_s, float), (m,))
@@ -170,8 +168,7 @@ def local_fit(
 
 
 def inverse(matrices: FloatArray) -> FloatArray:
-    """Inverses (m, p, p) of symmetric positive definite matrices (m, p, p); many of them by elimination (sweeps), all
-    together."""
+    """Inverses of symmetric positive definite matrices (m, p, p); many at once by sweeps."""
     m, p, _ = matrices.shape
     if m < FEW_MATRICES:
         return np.asarray(np.linalg.inv(matrices), float)
@@ -192,16 +189,13 @@ def inverse(matrices: FloatArray) -> FloatArray:
 
 
 def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray) -> tuple[float, float]:
-    """The bandwidth whose leave-one-out prediction of events near ``near_s`` is best, and the noise it leaves.
-
-    Matching the bandwidth to the motion is what a fixed Savitzky–Golay window cannot do. The events are slid along
-    their own velocity onto an even grid, so that every bandwidth is one convolution.
+    """The bandwidth with the best leave-one-out prediction of events near ``near_s``, and the noise it leaves.
 
     Args:
-        t_s: (n,) increasing. values_mm: (n, k) position components that matter. near_s: (m,) times.
+        t_s: (n,) increasing. values_mm: (n, k) relevant position components. near_s: (m,) times.
 
     Returns:
-        Half width (s) and the standard deviation of one event's component (mm); NaN when the trace is too short.
+        Half width (s) and standard deviation of an event's component (mm); NaN for too short a trace.
     """
     dt_s = sample_interval_s(t_s)
     slot, even = _even_grid(t_s, values_mm, dt_s)
@@ -233,7 +227,7 @@ def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray
 
 
 def _even_grid(t_s: FloatArray, values: FloatArray, dt_s: float) -> tuple[IntArray, FloatArray]:
-    """Slot of each event on an even grid, and the values there; NaN in slots without an event."""
+    """Slot of each event on an even grid, and the values there; NaN in empty slots."""
     steps = np.maximum(np.round(np.diff(t_s) / dt_s), 1).astype(np.int64)
     slot = np.concatenate([[0], np.cumsum(steps)])
     velocity = np.gradient(values, t_s, axis=0)
@@ -255,7 +249,6 @@ def _even_weights(samples: float) -> FloatArray:
 
 
 def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
-    """Which events lie within ``reach_s`` of any of the times."""
     at_s = np.sort(at_s)
     k = np.searchsorted(at_s, t_s)
     left = t_s - at_s[np.clip(k - 1, 0, at_s.size - 1)]
@@ -264,11 +257,10 @@ def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
 
 
 def speed_half_widths_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:
-    """Half width for a speed that a latency law is to be evaluated at, (m,) s.
+    """Half width for speeds at which to evaluate a latency law, (m,) s.
 
-    A law falls by up to 2 ms per mm/s, so noise of the speed turns into noise of the latency and the window should be
-    wide, but no wider than the motion allows: the widest whose velocity agrees with those of all narrower ones within
-    their noise (Lepski's rule).
+    A law falls by up to 2 ms per mm/s, so noise of speed becomes noise of latency: the widest window whose velocity
+    agrees with all narrower ones within noise (Lepski's rule).
     """
     narrowest = max(0.04, 4.5 * sample_interval_s(t_s))
     widths = [w for w in (0.25, 0.18, 0.13, 0.095, 0.07, 0.05) if w > narrowest] + [narrowest]

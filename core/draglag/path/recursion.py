@@ -1,4 +1,4 @@
-"""First-order recursions with a gain of their own at every step, as one linear system of two diagonals."""
+"""First-order recursions with a gain per step, as a bidiagonal linear system."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from draglag.recording import FloatArray
 
 
 def recursion(kept: FloatArray, added: FloatArray) -> FloatArray:
-    """Values u_i = kept_i u_{i−1} + added_i, from u_0 = added_0: (n,) or (n, k), as ``added``. kept: (n,)."""
+    """u_i = kept_i u_{i−1} + added_i from u_0 = added_0: (n,) or (n, k), as ``added``. kept: (n,)."""
     bands = np.zeros((2, kept.size), order="F")
     bands[1, :-1] = -kept[1:]
     columns = added.reshape(kept.size, -1)

@@ -1,7 +1,6 @@
-"""Local polynomials over an even grid (Savitzky and Golay 1964).
+"""Local polynomials on an even grid (Savitzky and Golay 1964), as ``scipy.signal.savgol_filter`` with mode "interp".
 
-As ``scipy.signal.savgol_filter`` with mode "interp": half a window at either end is the polynomial of that end. To
-import scipy.signal takes longer than to analyse a session.
+Importing scipy.signal takes longer than analysing a session.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from draglag.recording import FloatArray
 
 
 def smoothed(values: FloatArray, window: int, degree: int, order: int = 0, step: float = 1.0) -> FloatArray:
-    """Values (n,) or (n, k) smoothed along their first axis, or a derivative of that order; the same shape.
+    """Values (n,) or (n, k) smoothed along the first axis, or their derivative; same shape.
 
     Args:
         values: on an even grid of that step, n ≥ window.

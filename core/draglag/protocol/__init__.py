@@ -1,1 +1,1 @@
-"""What is asked of the participant: protocols and screens in TOML, the runs they make, and the moving targets."""
+"""Protocols and screens in TOML, their runs, and moving targets."""

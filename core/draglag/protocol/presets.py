@@ -1,4 +1,4 @@
-"""Presets and files in TOML: read, checked, and refused by the line that is wrong; the screens among them."""
+"""Presets and files in TOML, checked; errors name the line."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class _TapTable(Strict):
 
 
 class ScreenFile(Strict):
-    """A screen preset: the panel, and what the simulated rig needs to behave like it."""
+    """A screen preset: the panel, and its behaviour in the simulation."""
 
     name: Annotated[str, Field(min_length=1)]
     description: str = ""
@@ -105,7 +105,7 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
 
 
 def _line_of(text: str, location: Sequence[int | str]) -> int:
-    """Line of the key at a pydantic location: walks table headers, then the key; 1 if it is not found."""
+    """Line of the key at a pydantic location; 1 if it is not found."""
     lines = text.splitlines()
     at = 0
     for depth, part in enumerate(location):
@@ -128,10 +128,7 @@ def _line_of(text: str, location: Sequence[int | str]) -> int:
 
 
 def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tuple[_Model, str]:
-    """Read and check one TOML file or preset: (model, text).
-
-    Raises DataError that names the file, the line and what was expected there.
-    """
+    """(model, text) of one TOML file or preset. Raises DataError: file, line, what was expected."""
     label, text = _text_of(name_or_path, folder)
     data = parse_toml(text, label)
     try:
@@ -153,7 +150,7 @@ def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tup
 
 
 def load_screen_file(name_or_path: str | Path) -> ScreenFile:
-    """A screen preset or file, whole. Raises DataError."""
+    """A whole screen preset or file. Raises DataError."""
     return read_toml(name_or_path, "screens", ScreenFile)[0]
 
 

@@ -1,7 +1,6 @@
-"""Measurement protocols: TOML files, checked, and turned into the runs they ask for on a given screen.
+"""Measurement protocols in TOML (presets or paths), and their runs on a given screen.
 
-Presets live in the resources; ``load_protocol("demo")`` and ``load_protocol(Path("mine.toml"))`` are the same
-to a caller. Everything random (the order of the circles) comes from the protocol's seed or the caller's.
+The order of the circles is random by the seed of the protocol or the caller.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from draglag.recording import Beam, Screen
 __all__ = ["PlannedRun", "Protocol", "RunPlan", "expand", "load_protocol", "load_screen", "load_screen_file"]
 
 MARGIN_MM = 4.0
-"""The target keeps this far from the edges of the screen, so that the stylus stays on it."""
+"""Distance of the target from the edges of the screen, so that the stylus stays on it."""
 
 MULTISINE_PEAK = 2.3402
 """Largest excursion of the multi-sine of Table 1 for an amplitude of one."""
@@ -34,7 +33,7 @@ Speed = Annotated[Positive, Field(le=20_000)]  # mm/s; no hand is faster than so
 
 
 class RunPlan(Strict):
-    """One ``[[runs]]`` table: a kind of target and its numbers, for one or several speeds."""
+    """One ``[[runs]]`` table: a kind of target and its numbers, for one or more speeds."""
 
     kind: Literal["circle", "chirp", "multisine", "step"]
     speed_mm_s: Speed | None = None
@@ -65,12 +64,12 @@ class RunPlan(Strict):
 
     @property
     def all_speeds_mm_s(self) -> tuple[float | None, ...]:
-        """The speeds of the runs this table asks for; one ``None`` where the speed varies."""
+        """The speeds of this table's runs; one ``None`` where the speed varies."""
         return self.speeds_mm_s or (self.speed_mm_s,)
 
 
 class TapPlan(Strict):
-    """Taps timed by the WALT: so many before, after, or before and after the runs."""
+    """Taps timed by the WALT, before or after the runs, or both."""
 
     count: Annotated[int, Field(ge=1, le=10000)] = 100
     when: Literal["start", "end", "both"] = "end"
@@ -78,14 +77,14 @@ class TapPlan(Strict):
 
 
 class ClockCheck(Strict):
-    """Comparisons of the host's clock with each device's, before and after the runs."""
+    """Comparisons of host and device clocks, before and after the runs."""
 
     duration_s: Positive = 10.0
     interval_s: Positive = 1.0
 
 
 class Protocol(Strict):
-    """A whole session as planned. ``source`` keeps the text it was read from, for the session file."""
+    """A whole session as planned; ``source``: its text, for the session file."""
 
     name: Annotated[str, Field(min_length=1)]
     description: str = ""
@@ -107,13 +106,13 @@ class Protocol(Strict):
 
     @property
     def checks_clocks_twice(self) -> bool:
-        """Before and after what is measured; a protocol of nothing else needs one clock check."""
+        """Before and after; once if the protocol holds nothing else."""
         return bool(self.clock_check and (self.runs or self.taps))
 
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run to record. ``note`` says where the plan had to give way to the screen; empty if it did not."""
+    """One run to record; ``note``: where it gave way to the screen."""
 
     id: str
     target: Target
@@ -189,14 +188,14 @@ def _plan_run(plan: RunPlan, speed: float | None, screen: Screen, beam: Beam) ->
 def expand(
     protocol: Protocol, screen: Screen, seed: int | None = None, *, beam: Beam | None = None
 ) -> tuple[PlannedRun, ...]:
-    """The runs of a protocol on a screen, in the order they are recorded, with ids run-01, run-02, …
+    """A protocol's runs on a screen, in the order of recording, with ids run-01, run-02, …
 
     Args:
         seed: of the order of the circles; the protocol's own if None.
-        beam: where the laser is, so that targets are centred on it; the middle of the screen if None.
+        beam: for targets centred on it; the middle of the screen if None.
 
-    Practice runs come as planned; circles change places among themselves if the protocol says ``shuffle``.
-    Raises DataError if a target would leave the screen.
+    Practice runs keep their places; circles change theirs if the protocol says ``shuffle``. Raises DataError if a
+    target would leave the screen.
     """
     beam = beam or Beam(0.0, screen.height_mm / 2)
     runs = [
@@ -219,9 +218,9 @@ def expand(
 
 
 def first_target_after_s(protocol: Protocol, countdown_s: float) -> float:
-    """Time from the start of a session to the first moving target, s: what comes before it, with rests.
+    """Time from the start of a session to the first moving target, s; infinite without runs.
 
-    ``countdown_s``: how long a target stands still before it moves. Infinite where there are no runs.
+    ``countdown_s``: how long a target stands still before it moves.
     """
     if not protocol.runs:
         return math.inf
@@ -230,20 +229,19 @@ def first_target_after_s(protocol: Protocol, countdown_s: float) -> float:
 
 
 def planned_after_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown_s: float) -> float:
-    """How long ``runs`` and what the protocol has at its end take, each after a rest, s."""
+    """Duration of ``runs`` and of the protocol's end, each after a rest, s."""
     parts_s = [countdown_s + run.duration_s for run in runs] + _after_runs_s(protocol, countdown_s)
     return sum(parts_s) + len(parts_s) * protocol.rest_s
 
 
 def session_duration_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown_s: float) -> float:
-    """How long a whole session of these runs takes, with countdowns and the rests between its parts, s."""
+    """Duration of a whole session with countdowns and rests, s."""
     before_s = _before_runs_s(protocol, countdown_s)
     after_s = planned_after_s(protocol, runs, countdown_s)
     return max(0.0, sum(before_s) + len(before_s) * protocol.rest_s + after_s - protocol.rest_s)
 
 
 def _before_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
-    """Durations of what a session begins with."""
     parts_s = []
     if protocol.clock_check is not None:
         parts_s.append(protocol.clock_check.duration_s)
@@ -253,7 +251,6 @@ def _before_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
 
 
 def _after_runs_s(protocol: Protocol, countdown_s: float) -> list[float]:
-    """Durations of what a session ends with."""
     parts_s = []
     if protocol.taps is not None and protocol.taps.when in ("end", "both"):
         parts_s.append(countdown_s + protocol.taps.count * protocol.taps.interval_s)

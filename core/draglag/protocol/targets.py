@@ -1,8 +1,6 @@
-"""What the participant follows: circle, chirp, multi-sine, step and tap targets (the paper, II.A and II.D).
+"""Targets: circle, chirp, multi-sine, step and tap (the paper, II.A and II.D).
 
-A target is a frozen dataclass of numbers that says where it is and how fast it moves at any time since the
-run began. Positions are mm on the screen, y grows downwards. All but the tap drift sideways at a constant
-speed, so that the touch events at the laser's edges spread along the beam and a line can be fitted to them.
+Positions are mm on the screen, y downwards. All but the tap drift sideways, so that a line can be fitted to the edges.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ SIDEWAYS_PX_S = 15.0
 """Sideways speed of the target (the paper, II.D)."""
 
 STEP_FRACTIONS = (0.05, 0.25, 0.50, 0.75, 0.95)
-"""Share of a step's bell-shaped speed profile (its area: the path covered) at the beam (the paper, II.D)."""
+"""Share of a step's path covered at the beam (the paper, II.D)."""
 
 MULTISINE_PERIOD_S = 40.96
 MULTISINE_INDEX = (4, 7, 13, 19, 29, 37, 43, 59, 79, 109, 157)
@@ -37,7 +35,7 @@ MULTISINE_PHASE_RAD = (7.239, 0.506, 7.860, 8.184, 9.012, 6.141, 6.776, 6.265, 4
 
 
 class Target(Protocol):
-    """A moving target. ``t_s`` is time since the start of the run, any shape; results have the same shape."""
+    """A moving target. ``t_s``: since the start of the run, any shape; results have the same shape."""
 
     @property
     def kind(self) -> str: ...
@@ -54,12 +52,12 @@ class Target(Protocol):
         ...
 
     def parameters(self) -> Parameters:
-        """Flat numbers from which ``target_from_parameters`` makes the same target again."""
+        """Flat numbers from which ``target_from_parameters`` makes the same target."""
         ...
 
 
 class _Parameters:
-    """Targets are their own parameters: the fields of the dataclass, and the kind."""
+    """``parameters`` from the kind and the fields of the dataclass."""
 
     kind: ClassVar[str]
 
@@ -72,8 +70,8 @@ class _Parameters:
 class Circle(_Parameters):
     """A circle at constant angular speed about a centre that moves sideways.
 
-    ``speed_mm_s`` is ω·r, the nominal input speed; ``turn`` is 1 or −1 (1: right over bottom to left,
-    clockwise on the screen); ``phase_rad`` is the angle at t = 0 from the x axis (−π/2: top of the circle).
+    ``speed_mm_s``: ω·r, the nominal speed; ``turn``: 1 clockwise on the screen, or −1; ``phase_rad``: angle at t = 0
+    from the x axis (−π/2: top).
     """
 
     kind: ClassVar[str] = "circle"
@@ -165,11 +163,11 @@ class MultiSine(_Parameters):
 
 @dataclass(frozen=True)
 class Step(_Parameters):
-    """Minimum-jerk steps of ``distance_mm`` across the beam, down and up again, at five heights.
+    """Minimum-jerk steps of ``distance_mm`` across the beam, down and up, at five heights.
 
-    One cycle is ten steps: for each share f of ``STEP_FRACTIONS`` one step down that crosses the beam line
-    after f of its path, and one back up. The move to the next start is made at rest, above the beam.
-    Heights count from the beam line y = slope · x + intercept, so the shares hold all along a tilted beam.
+    A cycle is ten steps: for each share f of ``STEP_FRACTIONS`` one down that meets the beam after f of its path, and
+    one up; the next start is reached at rest. Heights count from y = slope · x + intercept, so f holds along a tilted
+    beam.
     """
 
     kind: ClassVar[str] = "step"
@@ -282,7 +280,7 @@ def to_px(screen: Screen, x_mm: ArrayLike, y_mm: ArrayLike) -> Pair:
 
 
 def check_on_screen(target: Target, screen: Screen, margin_mm: float = 0.0) -> None:
-    """Raise DataError, with the remedy, if the target comes within ``margin_mm`` of an edge of the screen."""
+    """Raise DataError, with the remedy, if the target comes within ``margin_mm`` of the screen's edge."""
     t = np.linspace(0.0, target.duration_s, max(1000, int(target.duration_s * 200)))
     for name, p, size in zip("xy", target.position_mm(t), (screen.width_mm, screen.height_mm), strict=True):
         low, high = float(p.min()), float(p.max())

@@ -1,4 +1,4 @@
-"""Files that others wrote: read up to a limit, unpacked up to a limit, parsed up to a limit."""
+"""Files by others: read, unpacked and parsed, each up to a limit."""
 
 from draglag.reading.documents import checked, parse_json, parse_toml
 from draglag.reading.files import plain_lines, read_bytes, read_text

@@ -1,4 +1,4 @@
-"""JSON and TOML texts as values that are neither too deep nor hold whole numbers beyond any use."""
+"""JSON and TOML of limited depth and numbers."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def parse_toml(text: str, where: Path | str, remedy: str = _CORRECT_LINE) -> dic
 
 
 def checked(value: Any, where: Path | str, remedy: str = _CORRECT) -> Any:
-    """The value itself. Raises DataError where it is nested too deep, holds a whole number that is too long, or half a
-    character (JSON can escape one of a pair alone), which no file and no message could hold."""
+    """The value itself. Raises DataError if nested too deep, or with too long a whole number or a lone surrogate, which
+    JSON can escape but no file or message can hold."""
     waiting: list[tuple[Any, int, str]] = [(value, 0, "")]
     while waiting:
         item, depth, key = waiting.pop()

@@ -1,4 +1,4 @@
-"""The bytes of a regular file, up to a limit. What is no regular file (a pipe, a device) is not opened."""
+"""The bytes of a regular file, up to a limit; pipes and devices are not opened."""
 
 from __future__ import annotations
 
@@ -23,10 +23,7 @@ _FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
 def read_bytes(path: Path | str, most: int, remedy: str = _CHECK) -> bytes:
-    """The whole file, at most ``most`` bytes.
-
-    Raises DataError: not there, not readable, a folder, no regular file, or longer.
-    """
+    """The whole file. Raises DataError: missing, unreadable, not a regular file, longer than ``most`` bytes."""
     try:
         _regular(path, os.stat(path).st_mode)  # before it is opened: opening alone moves some devices
         descriptor = os.open(path, _FLAGS)
@@ -43,12 +40,12 @@ def read_bytes(path: Path | str, most: int, remedy: str = _CHECK) -> bytes:
 
 
 def read_text(path: Path | str, most: int, remedy: str = _CHECK) -> str:
-    """The whole file as UTF-8 text; a byte-order mark is left out. Raises DataError."""
+    """The whole file as UTF-8 text without byte-order mark. Raises DataError."""
     return decoded(path, read_bytes(path, most, remedy))
 
 
 def decoded(path: Path | str, data: bytes) -> str:
-    """UTF-8 text. Raises DataError naming the first byte that is none."""
+    """UTF-8 text. Raises DataError naming the first invalid byte."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -60,18 +57,15 @@ def decoded(path: Path | str, data: bytes) -> str:
 
 
 def plain_bytes(path: Path | str) -> bytes:
-    """A recording, unpacked where it is gzipped.
-
-    Raises DataError: as ``read_bytes``; not sound gzip; too many bytes.
-    """
+    """A recording, unpacked if gzipped. Raises DataError as ``read_bytes``, and for damaged gzip or too many bytes."""
     data = read_bytes(path, TABLE_BYTES, message("Check the file and its rights"))
     return _unpacked(path, data) if data[:2] == _GZIP or Path(path).suffix == ".gz" else data
 
 
 def plain_lines(path: Path | str) -> bytes:
-    """A table of lines, unpacked where it is gzipped, each line ended by a newline character alone.
+    """A table of lines, unpacked if gzipped, line ends all newlines.
 
-    Raises DataError: as ``plain_bytes``; too many lines, or one line too long.
+    Raises DataError as ``plain_bytes``, and for too many or too long lines.
     """
     data = plain_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
@@ -103,7 +97,7 @@ def _unpacked(path: Path | str, packed: bytes) -> bytes:
 
 
 def _up_to(file: BufferedIOBase, most: int) -> bytes:
-    """Piece by piece: asked for a number of bytes, Python sets that many aside, however short the file is."""
+    """Piece by piece: Python allocates all bytes asked for, however short the file."""
     pieces: list[bytes] = []
     while most > 0 and (piece := file.read(min(most, _PIECE_BYTES))):
         pieces.append(piece)

@@ -1,4 +1,4 @@
-"""Reports for people: one self-contained page and its figures."""
+"""Reports for people: self-contained pages and figures."""
 
 from draglag.report.write import write_report
 

@@ -1,4 +1,4 @@
-"""The gap report: verdict, steps, and pictures of the residuals before and after, as one self-contained page."""
+"""The gap report as a self-contained page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35re
 {css}</style></head><body>{body}</body></html>"""
 
 LEAST_SHOWN = 0.005
-"""Probability of all other explanations from which on they have a row: less would be printed as 0.00."""
+"""Least joint probability of all other explanations that gets a row; less would print as 0.00."""
 
 
 def write_gap_report(
@@ -54,9 +54,9 @@ def write_gap_report(
     progress: Callable[[float, str], None] | None = None,
     provisional: Provisional | None = None,
 ) -> Path:
-    """Write the page, with what a provisional term would close.
+    """Write the page, with what a provisional term would close; returns its path.
 
-    Raises DataError when the report has no verdict or the folder cannot be written.
+    Raises DataError if the report has no verdict or the folder cannot be written.
     """
     if report.first is None or report.last is None:
         raise DataError(
@@ -97,7 +97,6 @@ def write_gap_report(
 
 
 def _check_table(report: GapReport) -> str:
-    """The posterior predictive check: statistics of the measured and of the simulated session."""
     if not report.check:
         return ""
     rows = "".join(
@@ -111,7 +110,7 @@ def _check_table(report: GapReport) -> str:
 
 
 def _said(session: Session, report: GapReport) -> list[str]:
-    """The verdict, the curve's form, what else is possible, and the gap in numbers, as paragraphs."""
+    """The verdict, alternatives, and the gap in numbers, as paragraphs."""
     assert report.last is not None
     body = [f'<p class="verdict">{escape(verdict_in_words(report))}</p>']
     body += [f"<p>{escape(words)}</p>" for words in (law_in_words(report.law), also_in_words(report)) if words]
@@ -129,7 +128,6 @@ def _said(session: Session, report: GapReport) -> list[str]:
 
 
 def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, str]]:
-    """Every figure with its caption, drawn inside the house style."""
     assert report.first is not None
     assert report.last is not None
     before = ", before (orange triangles) and after (blue dots)" if report.first is not report.last else ""
@@ -185,14 +183,14 @@ def _table(report: GapReport) -> str:
 
 
 def _small_print(step: Step) -> tuple[str, str]:
-    """The evidence with its p value, and the run that would separate the effect from those that look alike."""
+    """The evidence with its p value, and the run that would separate confounders."""
     p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
     run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
     return f"{step.evidence}; p\u00a0{p}", f"to separate them: {run}" if step.indistinguishable_from and run else ""
 
 
 def _explanations(report: GapReport) -> str:
-    """The sets of effects that hold 95 % of the probability, the most probable first."""
+    """The sets of effects that hold 95 % of the probability, most probable first."""
     if not report.explanations:
         return ""
     known = [(set_in_words(names), p) for names, p in report.explanations]
@@ -224,7 +222,7 @@ def _svg(figure: Any, source: Source) -> str:
 def _simulated(
     session: Session, report: GapReport, progress: Callable[[float, str], None] | None
 ) -> tuple[tuple[Replay, ...], str]:
-    """The session simulated again without and with each step, or why that cannot be."""
+    """The session simulated without and with each step, or why that fails."""
     try:
         return replays(session, report, progress), ""
     except (DraglagError, ValueError, np.linalg.LinAlgError) as problem:

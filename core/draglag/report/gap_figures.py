@@ -1,4 +1,4 @@
-"""Figures of a gap report: the gap step by step, residuals, curves and their distribution, before and after."""
+"""Figures of a gap report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from draglag.report import replayed
 
 
 def ms_per_mm(fit: Fit) -> float:
-    """The time a stylus takes for 1 mm across the beam at the session's RMS velocity, ms."""
+    """Time for 1 mm across the beam at the session's RMS velocity, ms."""
     return float(1e3 / np.sqrt(np.mean(fit.view.v_across**2)))
 
 
@@ -46,7 +46,7 @@ def waterfall(report: GapReport) -> Any:
 
 
 def _series(first: Fit, last: Fit) -> list[tuple[Fit, str, str, str]]:
-    """What is drawn: fit, colour, marker, name. The same fit is drawn once."""
+    """Fit, colour, marker, name of what is drawn; equal fits once."""
     after = (last, BLUE, "o", "present model" if first is last else "after")
     return [after] if first is last else [(first, ORANGE, "^", "before"), after]
 

@@ -1,4 +1,4 @@
-"""The figures of a session for a paper: PDF and SVG, as wide as one and two columns of a journal."""
+"""A session's figures for a paper, one and two columns wide."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _RATIO = 0.68  # height over width
 def write_journal_figures(session: Session, analysis: Analysis, folder: Path | str) -> list[Path]:
     """Write every main figure in both widths as PDF and SVG into a new or empty folder; returns the files.
 
-    Raises DataError where the folder holds something or cannot be written.
+    Raises DataError if the folder holds something or cannot be written.
     """
     out = Path(folder)
     try:
@@ -61,7 +61,7 @@ def _drawings(session: Session, analysis: Analysis) -> list[tuple[str, Any]]:
 
 
 def _fit(drawn: Any, width_in: float, letters_pt: float) -> None:
-    """Bring a figure to that width, its letters to a size that can be read there."""
+    """Set a figure's width and a legible letter size."""
     from matplotlib.text import Text
 
     drawn.set_size_inches(width_in, _RATIO * width_in)

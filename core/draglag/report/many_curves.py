@@ -1,4 +1,4 @@
-"""Many latency curves in one picture that can be read: ranked with intervals, and each against all others."""
+"""Many latency curves in one picture: ranked, and each against all others."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LETTERS = 18  # of a name over a small picture
 
 
 def ranked_figure(ranking: Ranking) -> Any:
-    """Mean latency of each curve with its 95 % interval, least first, one below the other."""
+    """Mean latency of each curve with its 95 % interval, least first."""
     n = len(ranking.places)
     figure = style.new_figure(7.2, 1.0 + 0.19 * n)
     axes = figure.add_subplot()
@@ -36,7 +36,7 @@ def ranked_figure(ranking: Ranking) -> Any:
 
 
 def each_figure(curves: Mapping[str, CurveFit], ranking: Ranking) -> Any:
-    """A small picture of each curve with its band, in order of rank, over all others in grey, on one scale."""
+    """A small picture of each curve with its band, by rank, over all others in grey."""
     rows = -(-len(ranking.places) // ACROSS)
     figure = style.new_figure(9.6, 0.4 + 1.15 * rows)
     grid = figure.subplots(rows, ACROSS, sharex=True, sharey=True, squeeze=False).ravel()
@@ -66,7 +66,7 @@ def each_figure(curves: Mapping[str, CurveFit], ranking: Ranking) -> Any:
 
 
 def _short(name: str, letters: int) -> str:
-    """The end of a name, by which files of one folder differ."""
+    """The end of a name, where files of one folder differ."""
     return name if len(name) <= letters else "…" + name[-letters + 1 :]
 
 

@@ -1,4 +1,4 @@
-"""What a report contains in addition to the results: notes with time and run, and how to cite the program."""
+"""A report's notes with time and run, and how to cite the program."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from draglag.recording import LogEntry, Session
 
 
 def note_rows(session: Session, analysis: Analysis) -> list[dict[str, str]]:
-    """Level, place ("+1:40 run-03") and text of every note: of the curve first, then of session and runs by time.
+    """Level, place ("+1:40 run-03") and text of every note: the curve's, then session's and runs' by time.
 
-    Of the logs of runs only what the operator wrote, warnings and errors.
+    Of runs' logs only operator's notes, warnings and errors.
     """
     rows = [
         {"level": "warning", "place": run, "text": f"not in the curve ({why})"}
@@ -27,7 +27,7 @@ def note_rows(session: Session, analysis: Analysis) -> list[dict[str, str]]:
 
 
 def citation() -> str:
-    """A reference that a paper can copy (CITATION.cff), with the version."""
+    """A reference to copy (CITATION.cff), with the version."""
     return (
         "The draglag authors. draglag: measure, model and compensate the drag latency of touchscreens. Software, "
         f"version {draglag.__version__}."

@@ -1,4 +1,4 @@
-"""Pictures of a session simulated again, laid over what was measured: before and after each step of the gap report."""
+"""A session simulated again, drawn over the measured one."""
 
 from __future__ import annotations
 
@@ -31,10 +31,7 @@ Bins = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def binned(x: FloatArray, y: FloatArray, limits: FloatArray, weight: FloatArray | None = None) -> Bins:
-    """Middle, weighted mean and half width of its 95 % interval in each bin with more than three values, (k,) each.
-
-    Without weights all values count alike.
-    """
+    """Middle, weighted mean and half width of its 95 % interval in each bin with more than three values, (k,) each."""
     which = np.clip(np.searchsorted(limits, x, side="right") - 1, 0, limits.size - 2)
     w = np.ones(np.shape(y)) if weight is None else weight
     rows = []
@@ -50,10 +47,10 @@ def binned(x: FloatArray, y: FloatArray, limits: FloatArray, weight: FloatArray 
 
 
 def against(overlay: Overlay, covariate: str, limits: FloatArray) -> Bins:
-    """Residuals of an overlay, as latency in ms, binned over a covariate.
+    """Residuals of an overlay as latency, ms, binned over a covariate.
 
-    Weighted by the square of the velocity across the beam, as a fit of one latency to the bin's edges would: an edge of
-    a stylus that stands nearly still says little of latency, and would hide all others.
+    Weighted by the squared velocity across the beam, as a fit of one latency would: edges of a slow stylus do not
+    constrain latency.
     """
     attribute, _ = AXES[covariate]
     x = np.asarray(getattr(overlay.view, attribute), float)
@@ -63,7 +60,7 @@ def against(overlay: Overlay, covariate: str, limits: FloatArray) -> Bins:
 
 
 def limits_of(measured: Overlay, covariate: str) -> FloatArray:
-    """Bin limits: as many edges in each; one bin for each kind where there are two kinds."""
+    """Bin limits with equally many edges in each; a bin a kind if there are two kinds."""
     if covariate == "kind_of_edge":
         return np.array([-0.5, 0.5, 1.5])
     if covariate == "direction":
@@ -72,13 +69,12 @@ def limits_of(measured: Overlay, covariate: str) -> FloatArray:
 
 
 def limits_in(values: FloatArray) -> FloatArray:
-    """Limits between which as many values lie in each bin, two or more of them."""
+    """Limits of bins with equally many values, two or more."""
     limits: FloatArray = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
     return limits if limits.size > 1 else np.array([limits[0] - 1, limits[0] + 1])
 
 
 def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str, str, str]]) -> None:
-    """Measured as points with their interval, simulated as a line in a band."""
     measured = series[0][0]
     assert measured is not None
     limits = limits_of(measured, covariate)
@@ -104,7 +100,6 @@ def _panel(axes: Any, covariate: str, series: Sequence[tuple[Overlay | None, str
 
 
 def _models(before: Replay, after: Replay) -> list[tuple[Replay, str, str, str]]:
-    """What was simulated, its colour, marker and name: one model where nothing was added, else two."""
     if before is after:
         return [(before, BLUE, "o", "simulated")]
     return [(before, ORANGE, "^", "simulated, before"), (after, BLUE, "o", "simulated, after")]
@@ -121,7 +116,7 @@ def edges_figure(before: Replay, after: Replay) -> Any:
 
 
 def _draw_light(top: Any, before: Replay, models: Any) -> None:
-    """The light on the sensor at two crossings of the run that deviates most, measured and by each model."""
+    """Light on the sensor at two crossings of the most deviating run, measured and by model."""
     k = _most_deviating_run(before)
     own = np.flatnonzero(before.run == k)
     name = before.runs[k].id
@@ -148,7 +143,7 @@ def _draw_light(top: Any, before: Replay, models: Any) -> None:
 
 
 def _draw_edge_differences(bottom: Any, before: Replay, models: Any) -> None:
-    """Median and 95 % range of simulated less measured edge times, by run, for each model."""
+    """Median and 95 % range of simulated less measured edge times, by run and model."""
     order = sorted(range(len(before.runs)), key=lambda r: _speed(before, r))
     order = [r for r in order if np.count_nonzero(before.run == r)]
     shifts = (-0.17, 0.17) if len(models) > 1 else (0.0,)
@@ -171,7 +166,7 @@ def _draw_edge_differences(bottom: Any, before: Replay, models: Any) -> None:
 
 
 def _most_deviating_run(replay: Replay) -> int:
-    """The run whose edges the simulation misses most, as a distance."""
+    """The run whose edges the simulation misses by the greatest distance."""
     ids = [int(k) for k in np.unique(replay.run) if np.count_nonzero(replay.run == k) >= 8]
     if not ids:
         return int(replay.run[0])
@@ -179,7 +174,7 @@ def _most_deviating_run(replay: Replay) -> int:
 
 
 def _darkening(replay: Replay, own: np.ndarray) -> int:
-    """Index into a run's edges, near its middle, where four in a row alternate, dark first."""
+    """Index, near the middle of a run's edges, where four in a row alternate, dark first."""
     falls = replay.falling[own]
     good = [k for k in range(len(own) - 3) if falls[k] and not falls[k + 1] and falls[k + 2] and not falls[k + 3]]
     return min(good, key=lambda k: abs(k - len(own) // 2)) if good else 0
@@ -206,7 +201,7 @@ def residuals_figure(before: Replay, after: Replay) -> Any:
 
 
 def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
-    """For each step the residual against what it follows: measured, simulated without it and with it. None without."""
+    """Residual of each step against its covariate: measured, simulated without and with it; None without steps."""
     steps = [
         (k, s.effect, effect_class(s.effect).follows if effect_class(s.effect).follows in AXES else "speed")
         for k, s in enumerate(report.steps)
@@ -228,7 +223,7 @@ def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
 
 
 def latencies_figure(before: Replay, after: Replay) -> Any:
-    """Latency against speed: every run measured and simulated, by one estimator, with 95 % intervals."""
+    """Latency of runs against speed with 95 % intervals, measured and simulated, by one estimator."""
     figure = new_figure(7.2, 5.0)
     axes, under = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     measured = before.latencies_ms()
@@ -253,7 +248,7 @@ def latencies_figure(before: Replay, after: Replay) -> Any:
 
 
 def spread_figure(before: Replay, after: Replay) -> Any:
-    """Distribution of the residuals under the present model: measured, and simulated with noise before and after."""
+    """Distribution of residuals under the present model: measured, simulated with noise before and after."""
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     reach = 1.1 * float(np.quantile(np.abs(before.measured.residual_mm), 0.99)) + 1e-6
@@ -273,7 +268,7 @@ def spread_figure(before: Replay, after: Replay) -> Any:
 
 
 def overlay_numbers(replays: Sequence[Replay], report: GapReport) -> dict[str, object]:
-    """The pictures in numbers, plain enough for another process: measured, and one entry a model of the report."""
+    """The pictures as plain numbers: measured, and one entry a model of the report."""
     measured = replays[0].measured
     limits = {covariate: limits_of(measured, covariate) for covariate in OFTEN}
     reach = 1.1 * float(np.quantile(np.abs(measured.residual_mm), 0.99)) + 1e-6

@@ -1,4 +1,4 @@
-"""A report of one session: report.html, whole in one file, and its figures as SVG and PNG."""
+"""A report of one session: report.html, self-contained, and its figures."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class Figure:
 
 
 def write_report(session: Session, analysis: Analysis, out_dir: Path | str) -> Path:
-    """Write ``report.html`` and ``figures/*.svg|png`` into a folder and return the path of the report.
+    """Write ``report.html`` and ``figures/*.svg|png`` into a folder; returns the page.
 
-    Raises DataError where the report exists already or cannot be written.
+    Raises DataError if the report exists or cannot be written.
     """
     out = Path(out_dir)
     report = out / "report.html"
@@ -120,7 +120,7 @@ def _validation_figures(session: Session, analysis: Analysis, folder: Path) -> I
 
 
 def _keep(session: Session, drawn: Any, folder: Path, name: str, caption: str, png: bool = False) -> Figure:
-    """Save a figure and embed it: as SVG, or as PNG where thousands of points would make the page slow."""
+    """Save a figure and embed it, as PNG where thousands of points would slow the page."""
     svg = style.save(drawn, folder, name, source_of(session))
     if png:
         image = "data:image/png;base64," + base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
@@ -155,7 +155,7 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
 
 
 def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
-    """Symbol, value with half its 95 % interval, and unit of every coefficient."""
+    """Symbol, value ± half interval, and unit of every coefficient."""
     from markupsafe import Markup, escape
 
     if curve is None:
@@ -167,7 +167,6 @@ def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
 
 
 def _verdict(analysis: Analysis) -> str:
-    """The result in one sentence."""
     known = [run for run in analysis.runs if run.latency_ms is not None and run.speed_mm_s is not None]
     if not known:
         return "No run gave a latency."
@@ -187,7 +186,7 @@ def _number(value: object, digits: int = 1) -> str:
 
 
 def _moment(text: str) -> str:
-    """An ISO time stamp for people; whatever else stands there stays as it is."""
+    """An ISO time stamp for people; other text unchanged."""
     try:
         return f"{datetime.fromisoformat(text).astimezone(UTC):%Y-%m-%d %H:%M} UTC"
     except ValueError:

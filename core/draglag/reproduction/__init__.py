@@ -1,4 +1,4 @@
-"""The paper's tables and figures from simulated Screens 1 and 2, with the published numbers."""
+"""The paper's tables and figures from simulated Screens 1 and 2, with published numbers."""
 
 from draglag.reproduction.measure import Reproduction, reproduce
 

@@ -1,4 +1,4 @@
-"""Table 2: one sweep on one simulated screen, and its curve's coefficients with the published ones."""
+"""Table 2 from simulated sweeps, with the published coefficients."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from draglag.simulation.effects import parse_effects
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One cell of Table 2. ``ci95`` is None where the data leave the coefficient open."""
+    """One cell of Table 2; ``ci95`` None if the data do not determine it."""
 
     name: str
     paper: float
@@ -34,7 +34,7 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Row2:
-    """One row of Table 2, and the measurement it comes from."""
+    """One row of Table 2 and its measurement."""
 
     screen: str
     coefficients: tuple[Coefficient, ...]
@@ -47,7 +47,7 @@ class Row2:
 
 
 def sample_hold_rms_ms(row: Row2) -> float | None:
-    """RMS of the same row, ms, as the paper measures: sample-and-hold at 100 Hz, Eq. 2. None without a curve."""
+    """RMS of the row, ms, measured as the paper does (sample-and-hold at 100 Hz, Eq. 2); None without a curve."""
     options = replace(row.analysis.options, estimator="paper", update_rate_hz=100.0)
     curve = analyze(row.session, options).curve
     return None if curve is None else 1e3 * curve.rms_s
@@ -59,7 +59,7 @@ def effects_of(screen: str) -> list[str]:
 
 
 def measured_row(screen: str, seed: int) -> Row2:
-    """Simulate and analyse the sweep of one row. Raises EstimateError where it gives no curve."""
+    """The simulated and analysed sweep of one row. Raises EstimateError if it gives no curve."""
     protocol = load_protocol("latency-sweep")
     taps = load_protocol("taps-100").taps
     session = simulate_session(
@@ -94,8 +94,7 @@ def measured_row(screen: str, seed: int) -> Row2:
 def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient, ...]:
     """Our coefficients under the paper's names: its a4 is the larger amplitude in every row.
 
-    Where an amplitude's interval reaches zero, nothing is known of its rate, nor then of the amplitude: that is the
-    size at rest, and a faster decay to the slowest run has a larger one.
+    An amplitude whose interval reaches zero determines neither its rate nor itself (its size at rest).
     """
     values, errors = curve.parameters, curve.standard_errors
     names = {name: name for name in values}

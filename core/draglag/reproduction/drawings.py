@@ -1,4 +1,4 @@
-"""Figures of the reproduction, of comparisons and of the tracking response, as files and as pages."""
+"""Figures of reproduction, comparisons and tracking response."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def figure_7(result: Reproduction) -> Any:
 
 
 def figure_8(result: Reproduction, screen: str = "Screen 2") -> Any:
-    """Speeds at the crossings of each validation target, on the curve that corrects them (Fig. 8 b, d, f)."""
+    """Crossing speeds of each validation target on the curve that corrects them (Fig. 8 b, d, f)."""
     figure = style.new_figure(7.2, 3.4)
     axes = figure.add_subplot()
     cells = [cell for cell in result.table_3 if cell.screen == screen]
@@ -93,7 +93,7 @@ def tracking_figure(responses: Mapping[str, TrackingResponse]) -> Any:
 
 
 def save_tracking(responses: Mapping[str, TrackingResponse], path: Path, source: Source) -> None:
-    """Write gain and phase as .svg or .png. Raises DataError for other endings or where it cannot be written."""
+    """Write gain and phase as .svg or .png. Raises DataError for other endings or if not writable."""
     if path.suffix not in (".svg", ".png"):
         raise DataError(message("{path}: the ending says neither SVG nor PNG", path=path), "Name it .svg or .png")
     if path.exists():
@@ -120,9 +120,9 @@ def embed(figure: Any) -> str:
 
 
 def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]], order: Ranking | None = None) -> str:
-    """A page with all curves, where each is from, and their differences from the first.
+    """A page with all curves, their sources, and their differences from the first.
 
-    order: of the curves; where it is known and so many colours cannot be distinguished, they are drawn in that order.
+    order: drawn in it if there are too many curves for distinct colours.
     """
     many = order is not None and len(curves) > MOST_IN_COLOURS
     sources = joint_source([source for _, _, source in curves])
@@ -147,7 +147,6 @@ def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]], order: Ranki
 
 
 def _in_colours(curves: Sequence[tuple[str, CurveFit, Source]]) -> Any:
-    """All curves in one picture, and below it their differences from the first."""
     from draglag.curve.compare import curve_difference
 
     both = style.new_figure(7.2, 6.4)
@@ -196,7 +195,7 @@ def mark(source: Source) -> str:
 
 
 def table_html(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table; every cell is escaped."""
+    """A table with escaped cells."""
     cells = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
     lines = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<div class=wide><table><tr>{cells}</tr>{lines}</table></div>"

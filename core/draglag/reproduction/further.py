@@ -1,4 +1,4 @@
-"""Coverage of the paper's values by the intervals of Table 2, over many seeds: 1 interval in 20 should miss."""
+"""Coverage of the paper's values by Table 2's intervals over many seeds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Tally:
-    """Of the seeds whose data determine a coefficient (``judged``), how many intervals hold the paper's value."""
+    """Intervals that hold the paper's value, of ``judged`` seeds that determine the coefficient."""
 
     screen: str
     name: str
@@ -25,7 +25,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class FurtherSeeds:
-    """Table 2 measured again with other seeds, one tally for each coefficient."""
+    """Table 2 with other seeds, one tally a coefficient."""
 
     seeds: tuple[int, ...]
     tallies: tuple[Tally, ...]
@@ -40,7 +40,7 @@ class FurtherSeeds:
 
     @property
     def share_ci95(self) -> tuple[float, float] | None:
-        """Binomial 95 % interval of the share that holds (Clopper–Pearson); None where nothing was judged."""
+        """Binomial 95 % interval of the share that holds (Clopper–Pearson); None if nothing was judged."""
         if not self.judged:
             return None
         interval = binomtest(self.covered, self.judged).proportion_ci()
@@ -66,7 +66,7 @@ class FurtherSeeds:
 
 
 def further_seeds(seeds: Sequence[int], progress: Progress | None = None) -> FurtherSeeds | None:
-    """Measure Table 2 with every seed and count; None without seeds. About half a second a row."""
+    """Tallies of Table 2 over the seeds, about half a second a row; None without seeds."""
     if not seeds:
         return None
     on_progress = progress or (lambda fraction, text: None)
@@ -87,7 +87,7 @@ def _tally(screen: str, name: str, several: Sequence[Coefficient]) -> Tally:
 
 
 def table_further(found: FurtherSeeds) -> tuple[list[str], list[list[str]]]:
-    """Head and rows: how many of the determined intervals hold the paper's value."""
+    """Head and rows: how many determined intervals hold the paper's value."""
     rows = [
         [tally.screen, tally.name, f"{tally.covered} of {tally.judged}", str(len(found.seeds) - tally.judged)]
         for tally in found.tallies
@@ -97,7 +97,7 @@ def table_further(found: FurtherSeeds) -> tuple[list[str], list[list[str]]]:
 
 
 def further_words(found: FurtherSeeds) -> Iterator[str]:
-    """The count in sentences, and where intervals miss more often than they should."""
+    """The count in sentences, and where intervals miss too often."""
     if found.share_ci95 is None:
         return
     low, high = found.share_ci95

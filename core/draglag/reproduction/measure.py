@@ -1,4 +1,4 @@
-"""Simulate the paper's screens, measure them as it does, and compare the numbers with the published ones."""
+"""The paper's screens, simulated and measured as published."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Cell3:
-    """One cell of Table 3: means over three repeats. ``reading`` says how the chirp's size was read."""
+    """One cell of Table 3: means over three repeats; ``reading``: how the chirp's size was read."""
 
     screen: str
     target: str
@@ -96,9 +96,9 @@ class Reproduction:
 
 
 def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 20) -> Reproduction:
-    """Measure all three rows of Table 2 and all cells of Table 3 from simulated sessions of one seed.
+    """All rows of Table 2 and all cells of Table 3 from simulated sessions of one seed.
 
-    ``n_further``: how many further seeds, the next ones, measure Table 2 again to count what its intervals hold.
+    ``n_further``: number of following seeds for the coverage of Table 2.
     """
     on_progress = progress or (lambda fraction, text: None)
     rows = []
@@ -163,9 +163,9 @@ def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
 
 
 def _j0_about_corrected_lines(one: Validation) -> float:
-    """J(0)/N when the lines may not tilt towards the uncorrected edges: about those of the corrected ones.
+    """J(0)/N about the lines of the corrected edges.
 
-    A circle crosses downwards on its one side and upwards on the other, so a free slope absorbs part of the lag.
+    A circle goes down on one side and up on the other: a free slope absorbs part of the lag.
     """
     a, lines = one.alignment, one.alignment.lines
     top = a.side < 0
@@ -183,9 +183,9 @@ def _law(row: Row2, screen: str) -> Law:
 
 
 def chirp_j0_mm2(law: Law, radius_mm: float, start_hz: float = 0.05, end_hz: float = 1.0) -> float:
-    """J(0)/N that a law gives a perfect chirp about the beam: the mean of (v · L(v))² over its crossings.
+    """J(0)/N of a perfect chirp about the beam under a law: the mean of (v · L(v))² over its crossings.
 
-    Crossings are as frequent as revolutions, so each frequency counts in proportion to itself.
+    Crossings are as frequent as revolutions: frequencies count in proportion to themselves.
     """
     f_hz = np.linspace(start_hz, end_hz, 2001)
     shift_mm = radius_mm * np.sin(np.minimum(2 * np.pi * f_hz * law(2 * np.pi * f_hz * radius_mm), np.pi / 2))

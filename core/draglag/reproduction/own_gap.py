@@ -1,7 +1,4 @@
-"""The paper's own gap: Eq. 5 lacks the plateau that its Fig. 5 shows for Screen 2 below 100 mm/s.
-
-Screen 2 is simulated with that plateau, Eq. 5 is the present model, and the gap workflow is asked what is missing.
-"""
+"""The paper's own gap: Eq. 5 lacks the plateau of Screen 2 below 100 mm/s in Fig. 5."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ PLATEAU = LowSpeedPlateau.id
 
 @dataclass(frozen=True)
 class OwnGap:
-    """What the workflow made of simulated Screen 2. truth_mm_s: the plateau that was simulated."""
+    """The workflow's result on simulated Screen 2. truth_mm_s: the simulated plateau."""
 
     truth_mm_s: float
     session: Session = field(repr=False)
@@ -40,7 +37,7 @@ class OwnGap:
 
     @property
     def closed(self) -> bool:
-        """Whether the plateau alone was named, and nothing remains."""
+        """Whether the plateau alone was named and nothing remains."""
         return self.report.verdict == "explained" and [s.effect for s in self.report.steps] == [PLATEAU]
 
     def to_dict(self) -> dict[str, object]:
@@ -54,7 +51,7 @@ class OwnGap:
 
 
 def own_gap(seed: int = 3, protocol: Protocol | None = None, progress: Progress | None = None) -> OwnGap:
-    """Simulate Screen 2 with the plateau of Fig. 5 and run the gap workflow on it, its whole library allowed."""
+    """The gap workflow on Screen 2, simulated with that plateau."""
     effects = (LowSpeedPlateau(PLATEAU_MM_S),)
     session = simulate_session("screen-2", protocol or load_protocol("latency-sweep"), effects=effects, seed=seed)
     report = close_gap(session, progress=progress)
@@ -100,7 +97,7 @@ def gap_words(found: OwnGap) -> Iterator[str]:
 
 
 def gap_figures(found: OwnGap) -> Iterator[tuple[str, str, Any]]:
-    """Name, caption and figure: the gap step by step, and simulated against measured."""
+    """Name, caption and figure: gap by step, simulated against measured."""
     from draglag.report import replayed
     from draglag.report.gap_figures import waterfall
 

@@ -1,4 +1,4 @@
-"""The reproduction as a page: published and reproduced tables and figures, and their differences in words."""
+"""The reproduction as a page: published and reproduced results."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SIMULATED_WORDS = (
 def write_reproduction(result: Reproduction, out: Path) -> Path:
     """Write reproduction.html and figures/*.svg, *.png into a folder; returns the page.
 
-    Raises DataError where the page exists or cannot be written.
+    Raises DataError if the page exists or cannot be written.
     """
     path = out / "reproduction.html"
     if path.exists():
@@ -160,7 +160,7 @@ def words(result: Reproduction) -> Iterator[str]:
 
 
 def _rms_words(result: Reproduction) -> Iterator[str]:
-    """What holding the events at 100 Hz explains of the paper's RMS, and what it does not."""
+    """How much of the paper's RMS holding the events at 100 Hz explains."""
     several = [row for row in result.table_2 if row.sample_hold_rms_ms is not None]
     if not several:
         return

@@ -1,7 +1,5 @@
-"""The simulated measuring rig: a chain of effects the data walks through, without devices, threads or clocks.
-
-``simulate_session`` makes a whole session; ``follow`` and ``simulate_run`` are its halves for one run.
-"""
+"""The simulated measuring rig as a chain of effects: ``simulate_session``, or ``follow`` and ``simulate_run`` for one
+run."""
 
 from draglag.simulation.chain import (
     RunTruth,

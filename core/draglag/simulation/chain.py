@@ -1,4 +1,4 @@
-"""The simulated rig from end to end: a motion walks through digitiser and sensor and comes out as a recording."""
+"""The simulated rig: a motion through digitiser and sensor into a recording."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FRAME_HZ = 60.0
 
 @dataclass(frozen=True)
 class RunTruth:
-    """What the simulation knows of one run: its edges as they happened, (m,) each, on the host's clock."""
+    """The true edges of one run, (m,) each, on the host's clock."""
 
     edge_s: FloatArray
     latency_s: FloatArray
@@ -54,7 +54,7 @@ class RunTruth:
 
 @dataclass(frozen=True)
 class SimulationTruth:
-    """What an estimate from a simulated session is to be compared with."""
+    """The truth behind a simulated session."""
 
     law: LatencyLaw
     effects: tuple[Effect, ...]
@@ -62,7 +62,7 @@ class SimulationTruth:
 
 
 class _Streams:
-    """Named random streams of one seed: what one part draws does not depend on which other parts exist."""
+    """Named random streams of one seed: no part's draws depend on which others exist."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._seed = int(rng.integers(2**62))
@@ -97,7 +97,7 @@ def simulate_run_with_truth(
     effects: Sequence[Effect] = (),
     session_start_s: float = 0.0,
 ) -> tuple[Run, RunTruth]:
-    """``simulate_run``, and what really happened."""
+    """``simulate_run``, and the truth."""
     stream = _Streams(rng)
     k = Kinematics(motion, motion.t_s + (start_s - session_start_s), rig.screen.width_mm, rig.screen.height_mm)
     report = reporting(rig, k, effects, stream)
@@ -146,12 +146,12 @@ def simulate_run(
     effects: Sequence[Effect] = (),
     session_start_s: float = 0.0,
 ) -> Run:
-    """What the rig records of one motion.
+    """The rig's recording of one motion.
 
     Args:
-        planned: the target and nominal numbers kept with the run; None for a free run.
-        start_s: start of the run on the host's clock; effects count time from ``session_start_s``.
-        rng: takes one draw; everything in the run follows from it.
+        planned: target and nominal numbers kept with the run; None for a free run.
+        start_s: on the host's clock; effects count time from ``session_start_s``.
+        rng: takes one draw, which determines the run.
     """
     return simulate_run_with_truth(
         rig,
@@ -174,7 +174,7 @@ def simulate_session_with_truth(
     human: Human | None = None,
     session_start_s: float = 0.0,
 ) -> tuple[Session, SimulationTruth]:
-    """``simulate_session``, and what really happened in every run."""
+    """``simulate_session``, and the truth of every run."""
     rig = screen_or_rig if isinstance(screen_or_rig, Rig) else rig_for_screen(screen_or_rig)
     plan = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
     stream = _Streams(np.random.default_rng(seed))
@@ -223,7 +223,6 @@ def simulate_session_with_truth(
 
 
 def _session(rig: Rig, plan: Protocol, runs: list[Run], taps: list[Taps], clocks: list[ClockBounds]) -> Session:
-    """The session of what was simulated."""
     return Session(
         name=f"{plan.name} on {rig.screen.name}, simulated",
         screen=rig.screen,
@@ -246,12 +245,12 @@ def simulate_session(
     human: Human | None = None,
     session_start_s: float = 0.0,
 ) -> Session:
-    """A whole simulated session; the same arguments give the same data to the last bit.
+    """A whole simulated session, bitwise reproducible.
 
     Args:
-        screen_or_rig: a screen preset, a screen's TOML file, or a rig of one's own.
+        screen_or_rig: a screen preset, a screen's TOML file, or a rig.
         protocol: a protocol, a preset's name or a TOML file.
-        session_start_s: what the host's clock shows when the session begins.
+        session_start_s: the host's clock at the session's start.
 
     Raises DataError for unknown presets, malformed files, or a target that does not fit the screen.
     """

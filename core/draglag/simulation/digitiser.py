@@ -1,6 +1,6 @@
 """From the stylus's motion to touch events.
 
-A touch event stamped τ says where the stylus was at t, with t + L(v(t)) = τ and v(t) the speed it had at t.
+An event stamped τ shows where the stylus was at t, with t + L(v(t)) = τ.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.rig import Rig
 
 Stream = Callable[[str], np.random.Generator]
-"""A random generator of its own for each named part, so that adding one part does not disturb the others."""
+"""A random generator for each named part: adding one does not disturb the others."""
 
 
 @dataclass(frozen=True)
 class Reporting:
-    """When and where the digitiser reports each point of the motion: (n,) on the motion's grid."""
+    """When and where each point of the motion is reported, (n,)."""
 
     latency_s: FloatArray
     x_mm: FloatArray
@@ -30,7 +30,7 @@ class Reporting:
 
 
 def reporting(rig: Rig, k: Kinematics, effects: Sequence[Effect], stream: Stream) -> Reporting:
-    """Latency and reported position of every point of the motion, before scanning and noise."""
+    """Latency and reported position of every point, before scanning and noise."""
     speed = k.speed_mm_s
     for effect in effects:
         speed = effect.law_speed(speed, k)
@@ -49,15 +49,14 @@ def reporting(rig: Rig, k: Kinematics, effects: Sequence[Effect], stream: Stream
 def arrival(t_s: FloatArray, latency_s: FloatArray) -> FloatArray:
     """(n,) increasing stamps τ = t + L.
 
-    When the stylus speeds up, the latency may fall faster than time passes. Later positions are then shown first: older
-    positions arrive with the first newer one, and never after it.
+    L may fall faster than time passes: older positions then arrive with the first newer one.
     """
     tau = np.minimum.accumulate((t_s + latency_s)[::-1])[::-1]
     return np.asarray(tau + 1e-12 * np.arange(len(tau)))  # strictly increasing, so that it can be inverted
 
 
 def scan(rig: Rig, k: Kinematics, report: Reporting, rng: np.random.Generator) -> FloatArray:
-    """Session times at which the digitiser scans during the run: its rate, a random phase, jitter; whole µs."""
+    """Session times of scans: a rate, a random phase, jitter; whole µs."""
     period = 1 / rig.touch_rate_hz
     first, last = k.session_s[0], k.session_s[-1]
     n = int((last - first) / period) + 1
@@ -77,14 +76,14 @@ def _noise(rig: Rig, n: int, rng: np.random.Generator) -> FloatArray:
 
 
 def _lost(rig: Rig, t_s: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Stretches of stylus time in which the digitiser does not see the stylus: (starts, ends)."""
+    """(starts, ends) of losses of the stylus, in stylus time."""
     n = rng.poisson(rig.contact_loss_per_s * (t_s[-1] - t_s[0]))
     start = np.sort(rng.uniform(t_s[0], t_s[-1], n))
     return start, start + rng.exponential(rig.contact_loss_s, n) + 0.02
 
 
 def touch_events(rig: Rig, k: Kinematics, report: Reporting, effects: Sequence[Effect], stream: Stream) -> TouchEvents:
-    """The run's touch events in session time, after noise, contact loss and every effect on the stream."""
+    """The run's touch events in session time, with noise, contact loss and effects."""
     stamps = scan(rig, k, report, stream("scan"))
     tau = arrival(k.session_s, report.latency_s)
     grid = np.arange(len(tau), dtype=float)

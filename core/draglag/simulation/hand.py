@@ -1,4 +1,4 @@
-"""A person who follows a target with a stylus: late, a few millimetres off, not quite round, and trembling."""
+"""A person who follows a target with a stylus."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from draglag.simulation.kinematics import GRID_HZ, FloatArray, Motion, grid, mot
 
 @dataclass(frozen=True)
 class Human:
-    """How a participant errs. Standard deviations unless said otherwise.
+    """A participant's errors, as standard deviations unless said otherwise.
 
     Attributes:
         lag_s: how far the hand trails the target.
-        timing_sd_s: slow variation of that lag, which is what makes the speed uneven.
+        timing_sd_s: slow variation of that lag, so of the speed.
         wander_mm, wander_hz: slow error of position, each axis, and its bandwidth.
         tremor_mm: physiological tremor, 8–12 Hz, each axis.
-        gain_sd: error of the size of the figure, each axis of its own, so circles become slightly oval.
-        touch_s: earliest and latest moment after the start at which the stylus touches the glass.
+        gain_sd: error of the figure's size, each axis independent: slightly oval circles.
+        touch_s: earliest and latest touch after the start.
     """
 
     lag_s: float = 0.08
@@ -39,7 +39,7 @@ PERFECT = Human(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, (0.0, 0.0))
 
 
 def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz: float, sd: float) -> FloatArray:
-    """(n,) Gaussian noise of one band and a standard deviation (in expectation)."""
+    """(n,) band-limited Gaussian noise of that (expected) standard deviation."""
     white = rng.standard_normal(n + int(4 * GRID_HZ))  # the surplus keeps the filter's ends out
     if sd == 0:
         return np.zeros(n)
@@ -52,7 +52,7 @@ def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz:
 
 
 def follow(target: Target, human: Human, rng: np.random.Generator) -> Motion:
-    """The stylus's motion while ``human`` follows ``target``, on a 1 kHz grid over the whole run."""
+    """The stylus's motion while ``human`` follows ``target``, on a 1 kHz grid."""
     t = grid(target.duration_s)
     n = len(t)
     delay = human.lag_s + _band_noise(rng, n, None, 0.4, human.timing_sd_s)

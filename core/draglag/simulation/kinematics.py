@@ -1,4 +1,4 @@
-"""Where the stylus is at every millisecond: what a hand makes and what the rig measures."""
+"""The stylus at every millisecond."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 GRID_HZ = 1000.0
-"""Between grid points positions are linear: wrong by less than 3 µm on a 50 mm circle at 1000 mm/s."""
+"""Positions are linear between grid points: wrong by less than 3 µm on a 50 mm circle at 1000 mm/s."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The stylus during one run. All arrays are (n,) on one regular grid.
+    """The stylus during one run, (n,) on one regular grid.
 
-    ``t_s`` counts from the start of the run; ``in_contact`` is where the stylus touches the glass.
+    ``t_s``: from the start of the run; ``in_contact``: where the stylus touches the glass.
     """
 
     t_s: FloatArray
@@ -35,7 +35,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A motion as effects see it: with the time since the session began and the size of the panel."""
+    """A motion as effects see it: with session time and the panel's size."""
 
     motion: Motion
     session_s: FloatArray
@@ -57,7 +57,7 @@ class Kinematics:
 
 
 def motion_of(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, in_contact: NDArray[np.bool_]) -> Motion:
-    """A motion from positions on a regular grid; velocities are their central differences."""
+    """A motion from positions on a regular grid; velocities are central differences."""
     return Motion(t_s, x_mm, y_mm, np.gradient(x_mm, t_s), np.gradient(y_mm, t_s), in_contact)
 
 

@@ -1,4 +1,4 @@
-"""The digitiser's latency as a function of the stylus's speed: Eq. 5 of the paper without its redundant a3 and a6."""
+"""Latency as a function of speed: Eq. 5 of the paper without its redundant a3 and a6."""
 
 from __future__ import annotations
 

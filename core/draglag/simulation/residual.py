@@ -1,4 +1,4 @@
-"""How an effect moves the residual of an edge: what it sees of the session, and what it makes of it."""
+"""How an effect moves the residual of an edge."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from draglag.recording import FloatArray
 
 LineGains = Callable[[FloatArray], FloatArray]
-"""Of columns (m, 2 k), how much each pair of them gains on the white residual, (k,)."""
+"""Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
 
 
 class Trace(Protocol):
@@ -21,7 +21,7 @@ class Trace(Protocol):
 
     def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
         """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
-        ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's own smoothing of the speed."""
+        ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's smoothing of the speed."""
         ...
 
     def accelerated(self, lag_s3_mm: float, window_s: float) -> Self:
@@ -29,7 +29,7 @@ class Trace(Protocol):
         ...
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Speed and its change that the trace shows another ``before_s`` (m,) before each edge, (m,) mm/s and mm/s²."""
+        """Speed and its change in the trace another ``before_s`` (m,) before each edge, (m,) mm/s and mm/s²."""
         ...
 
     def __getitem__(self, use: np.ndarray) -> Trace: ...
@@ -67,7 +67,7 @@ class View:
 
 @dataclass(frozen=True)
 class Averaged:
-    """How a displacement of the events moves the edges: weights over all events (n,), computed on request.
+    """How displaced events move the edges: weights over all events (n,), computed on demand.
 
     x_mm, y_mm: (n,) of a smooth path at the events. t_s, xy_mm: (n,), (n, 2) the events, runs one after another.
     """
@@ -93,12 +93,11 @@ def _taken(averaged: Averaged, use: np.ndarray) -> csr_matrix:
 
 @dataclass(frozen=True)
 class Signature:
-    """Columns of one effect at one setting of what it is not linear in.
+    """Columns of one effect at one setting of its non-linear parameters.
 
     Attributes:
         latency: (m, k) latency added per unit, s; offset: (m, k) displacement across the beam per unit, mm.
-        theta: the setting. share: of the effect's prior probability that belongs to this setting; None: settings of an
-            effect share it alike.
+        theta: the setting. share: of the effect's prior probability; None: settings share it alike.
     """
 
     latency: FloatArray | None = None
@@ -107,7 +106,7 @@ class Signature:
     share: float | None = None
 
     def columns(self, view: View) -> FloatArray:
-        """The residual the effect leaves when it is not modelled, (m, k) mm per unit."""
+        """The residual of the unmodelled effect, (m, k) mm per unit."""
         parts = []
         if self.latency is not None:
             parts.append(-(view.v_across * view.stretch)[:, None] * self.latency)
@@ -119,9 +118,8 @@ class Signature:
 def bent(
     view: View, per_s2: FloatArray | float, late_s: FloatArray | float = 0.0, theta: tuple[float, ...] = ()
 ) -> Signature:
-    """Of a displacement by ``per_s2`` (m,) s² times the shown acceleration, as of a smoothed path: the displacement,
-    and the latency that the law has at the stylus' own speed instead of the one that the bent path shows. late_s: (m,)
-    latency in addition."""
+    """Signature of a displacement by ``per_s2`` (m,) s² times the shown acceleration: as of a smoothed path, and of the
+    law at the stylus' own speed. late_s: (m,) further latency."""
     slower_mm_s = per_s2 * view.turn_rad_s**2 * view.speed
     return Signature(column(late_s + view.law_slope * slower_mm_s), column(per_s2 * view.a_across), theta)
 

@@ -1,4 +1,4 @@
-"""The simulated measuring rig: what it is made of, and presets that behave like the screens of the paper."""
+"""The simulated measuring rig, and presets that behave like the paper's screens."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Rig:
 
     Attributes:
         noise_mm: standard deviation of the reported position, each axis; ``noise_slow_share`` of its variance is
-            correlated over ``noise_slow_s``, as a digitiser's own filter leaves it.
-        run_latency_sd_s, run_offset_sd_mm: what differs from one run to the next for no known reason.
-        contact_loss_per_s, contact_loss_s: how often the digitiser loses the stylus, and for how long on average.
-        sensor_response_s: the laser sensor's delay, the same for both kinds of edge.
-        laser_clock_offset_s, laser_clock_ppm: the laser interface's own clock against the host's.
-        clock_width_s: width of the bounds of one clock comparison.
+            correlated over ``noise_slow_s``, as by a digitiser's filter.
+        run_latency_sd_s, run_offset_sd_mm: unexplained differences between runs.
+        contact_loss_per_s, contact_loss_s: rate and mean duration of contact losses.
+        sensor_response_s: the laser sensor's delay, alike for both kinds of edge.
+        laser_clock_offset_s, laser_clock_ppm: the laser's clock against the host's.
+        clock_width_s: width of a clock comparison's bounds.
         tap_touch_s, tap_release_s, tap_spread_s: medians and spread of tap latency.
     """
 
@@ -50,7 +50,7 @@ class Rig:
     tap_spread_s: float = 0.0025
 
     def ideal(self) -> Rig:
-        """The same rig without noise, jitter, quantisation, contact loss, run-to-run variation or sensor delay."""
+        """The rig without noise, jitter, quantisation, contact loss, run-to-run variation or sensor delay."""
         return replace(
             self,
             scan_jitter_s=0.0,

@@ -1,4 +1,4 @@
-"""From the stylus's motion to edges of the laser sensor: the disc of the stylus darkens the beam it crosses."""
+"""From the stylus's motion to edges of the laser sensor: the stylus' disc darkens the beam."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def beam_distance_mm(beam: Beam, x_mm: FloatArray, y_mm: FloatArray) -> FloatArr
 
 
 def shadow_edges(rig: Rig, k: Kinematics, effects: Sequence[Effect]) -> Edges:
-    """Times at which the beam goes dark and light, exact to the motion's grid, in session time.
+    """Session times at which the beam goes dark and light, exact to the motion's grid.
 
-    The beam is dark while the stylus is down and nearer to it than half its diameter.
+    It is dark while the stylus is down and nearer than half its diameter.
     """
     m = k.motion
     diameter = np.full(len(m.t_s), rig.stylus.diameter_mm)

@@ -1,4 +1,4 @@
-"""Taps timed by a WALT: a shock when the stylus meets the glass or leaves it, and the event that follows."""
+"""Taps timed by a WALT: shock and event of each touch and release."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Installed packages, plugins by entry points, temporary files, and the threads of linear algebra."""
+"""Installed packages, plugins, temporary files, threads of linear algebra."""

@@ -1,8 +1,4 @@
-"""One thread for linear algebra.
-
-A run's matrices are small: on several threads BLAS waits for its own threads longer than it computes, and on a machine
-that does anything else up to ten times as long.
-"""
+"""One thread for linear algebra: on a run's small matrices several are slower, up to tenfold on a busy machine."""
 
 from collections.abc import Callable
 from functools import cache, wraps
@@ -17,12 +13,12 @@ R = TypeVar("R")
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """Those of this process; to look for them takes milliseconds."""
+    """Those of this process; finding them takes milliseconds."""
     return ThreadpoolController()
 
 
 def one_blas_thread(call: Callable[P, R]) -> Callable[P, R]:
-    """Decorator: the call computes on one thread; what the process had set returns afterwards."""
+    """Decorator: the call computes on one thread; the former setting is restored."""
 
     @wraps(call)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -1,4 +1,4 @@
-"""Which package brings a module that is missing, and the line that installs it."""
+"""Which package brings a missing module, and the line that installs it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from draglag.messages import message
 
 @dataclass(frozen=True)
 class Package:
-    """A package by its name for pip. ``extra`` of draglag that brings it; empty where draglag itself does."""
+    """A package by its name for pip; ``extra``: draglag's extra with it, empty if draglag requires it."""
 
     name: str
     extra: str = ""
 
     @property
     def line(self) -> str:
-        """What to type to install it."""
+        """The command that installs it."""
         # With double quotes, which every shell knows, also that of Windows.
         return f'pip install "draglag[{self.extra}]"' if self.extra else f"pip install {self.name}"
 
@@ -56,12 +56,12 @@ PACKAGES = {
 
 
 def package_of(module: str) -> Package | None:
-    """The package that brings a module, or None where draglag uses no such package."""
+    """The package that brings a module, or None if draglag uses none such."""
     return PACKAGES.get(module.partition(".")[0])
 
 
 def advice(module: str) -> tuple[str, str]:
-    """Problem and remedy where a module is missing."""
+    """Problem and remedy for a missing module."""
     package = package_of(module)
     if package is None:
         return message("the Python module {name} is missing", name=module), message("install draglag again")
@@ -76,14 +76,14 @@ def advice(module: str) -> tuple[str, str]:
 
 
 def missing_package(error: ModuleNotFoundError) -> DraglagError | None:
-    """The sentence for people where a package of the table is missing; None where it is a mistake of the program."""
+    """The error for people if a known package is missing; None for a mistake of the program."""
     if package_of(error.name or "") is None:
         return None
     return DraglagError(*advice(error.name or ""))
 
 
 def need(*modules: str) -> None:
-    """Raise DraglagError, with the line to type, where one of these modules is missing; nothing is imported."""
+    """Raise DraglagError, with the line to type, if one of these modules is missing; imports nothing."""
     for module in modules:
         if not _is_there(module):
             raise DraglagError(*advice(module))

@@ -1,4 +1,4 @@
-"""What other packages bring by entry points: effects, estimators, device schemes."""
+"""Effects, estimators and device schemes of other packages, by entry points."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 
 
 def brought(group: str, noun: str, problem_of: Callable[[str, object], str]) -> Iterator[tuple[str, object]]:
-    """Name and object of the entry points of a group, by name; one that cannot be used is left out with a warning.
+    """Name and object of a group's entry points, by name; unusable ones are left out with a warning.
 
     Args:
-        group: "draglag.effects", … noun: what such an object is called in the warning.
-        problem_of: from name and object, what keeps it from being used; empty where nothing does.
+        group: "draglag.effects", …; noun: for the warning.
+        problem_of: (name, object) → what keeps it from being used, or empty.
     """
     from importlib.metadata import entry_points  # takes longer to import than all of what it finds here
 

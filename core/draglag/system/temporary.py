@@ -1,7 +1,6 @@
-"""What is being made grows in a temporary folder next to its place; what a killed process left of it is swept away.
+"""Files grow in a temporary folder next to their place; leftovers of killed processes are removed.
 
-The folder's name says whose it is: process, when that was started, a number of its own. Its maker holds a lock on it,
-which the system lets go of however the process ends.
+Its name holds process id, start of the process and a number; its maker holds a lock, released however it ends.
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ _NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
 
 @contextmanager
 def temporary_for(path: Path) -> Iterator[Path]:
-    """A place of the same name in a new temporary folder on the same file system, to be renamed to ``path`` when whole.
+    """A path in a new temporary folder on the same file system, to be renamed to ``path`` when whole.
 
-    The folder, and whatever is still in it, goes at the end of the block. Raises OSError.
+    The folder is removed at the end of the block. Raises OSError.
     """
     number = os.getpid()
     folder = path.absolute().parent / f".draglag-tmp-{number}-{_started(number)}-{uuid.uuid4().hex[:8]}"
@@ -45,12 +44,9 @@ def temporary_for(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_file(path: Path | str, replace: bool = False) -> Iterator[Path]:
-    """A place to write a file at that gets its name when the block ends, whole or not at all.
+    """A place to write at; the file gets its name at the end of the block, whole or not at all.
 
-    Args:
-        replace: whether a file of that name gives way; its link, if it is one, stays.
-
-    Raises DataError where the name is taken or there is no such folder, OSError.
+    ``replace``: overwrite; a link stays a link. Raises DataError if the name is taken or the folder missing, OSError.
     """
     path = Path(path).resolve() if replace else Path(path)
     if not replace:
@@ -64,7 +60,7 @@ def new_file(path: Path | str, replace: bool = False) -> Iterator[Path]:
 
 
 def publish(source: Path, target: Path) -> None:
-    """Give a finished file its name, atomically, unless that name is taken. Raises DataError, OSError."""
+    """Give a finished file its name, atomically, unless taken. Raises DataError, OSError."""
     try:
         os.link(source, target)
     except FileExistsError as error:
@@ -79,7 +75,7 @@ def publish(source: Path, target: Path) -> None:
 
 
 def refuse(path: Path) -> None:
-    """Raise DataError where the name is taken, or its folder is not there."""
+    """Raise DataError if the name is taken or its folder missing."""
     if path.is_symlink() or path.exists():
         raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
     folder = path.absolute().parent
@@ -88,10 +84,10 @@ def refuse(path: Path) -> None:
 
 
 def sweep(folder: Path) -> list[Path]:
-    """Remove the temporary folders in ``folder`` whose maker has ended, and return them. Nothing else is touched.
+    """Remove the temporary folders in ``folder`` whose maker has ended; returns them.
 
-    A folder stays where its name is not exactly such a one, where it is another account's or a link, where its maker
-    lives, and where its lock is held or cannot be asked for (another computer or container may hold it).
+    Kept: other names, other accounts' folders, links, living makers, and locks that are held or cannot be asked for
+    (perhaps by another computer or container).
     """
     try:
         found = [name for name in os.listdir(folder) if _NAME.fullmatch(name)]
@@ -119,7 +115,7 @@ def _removed(path: Path) -> bool:
 
 
 def _started(number: int) -> int:
-    """When a process was started, in ticks since the computer was; 0 where there is no such process, or no /proc."""
+    """Start of a process in clock ticks since boot; 0 without such a process, or without /proc."""
     try:
         status = Path(f"/proc/{number}/stat").read_bytes()
     except OSError:

@@ -1,1 +1,1 @@
-"""Touchscreens: decoding the kernel's events, real or recorded."""
+"""Touchscreens: decoding the kernel's events, live or recorded."""

@@ -1,8 +1,6 @@
 """From kernel input events to contacts: multi-touch slots (protocol B), plain axes, lost events.
 
-Pure functions over a small state, so that the live driver and the replay of recordings share one decoder.
-Positions come from ABS_MT_POSITION_*, never from ABS_X/Y where both exist: the kernel's fuzz filter averages
-and holds the latter in slow motion.
+ABS_MT_POSITION_* wins over ABS_X/Y, which the kernel's fuzz filter averages and holds in slow motion.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ class InputEvent:
 
 @dataclass(frozen=True)
 class Contact:
-    """One finger or stylus in one frame, device units. ``moved``: this frame reported a position for it."""
+    """One finger or stylus in one frame, device units. ``moved``: this frame reported its position."""
 
     contact_id: int
     x: int
@@ -51,7 +49,7 @@ class Frame:
 
     Attributes:
         t_s: kernel stamp of the SYN_REPORT.
-        contacts: every contact that is down, in order of their slots.
+        contacts: all that are down, by slot.
         lifted: ids of contacts that ended in this frame.
         device_t_s: the digitiser's own unwrapped stamp (MSC_TIMESTAMP, microseconds), or None.
         dropped: the kernel's buffer overflowed before this frame; positions may be stale until resynced.
@@ -74,10 +72,10 @@ class _Slot:
 
 @dataclass
 class FrameDecoder:
-    """Feeds on events in order, yields frames. ``multitouch`` False reads ABS_X/Y and BTN_TOUCH instead.
+    """Frames from events in order; without ``multitouch`` from ABS_X/Y and BTN_TOUCH.
 
-    After SYN_DROPPED everything up to the next SYN_REPORT is discarded, as the kernel demands; the frame that
-    follows carries ``dropped``. A live driver then calls ``resync`` with the slots read from the kernel.
+    After SYN_DROPPED all up to the next SYN_REPORT is discarded, as the kernel demands; the next frame is ``dropped``,
+    and a live driver calls ``resync``.
     """
 
     multitouch: bool = True
@@ -92,7 +90,7 @@ class FrameDecoder:
     _stamp_wraps: int = 0
 
     def feed(self, event: InputEvent) -> Frame | None:
-        """Take one event; return the frame it closes, if it closes one."""
+        """The frame that this event closes, or None."""
         if event.type == EV_SYN:
             if event.code == SYN_DROPPED:
                 self._discarding = True
@@ -114,9 +112,9 @@ class FrameDecoder:
         return None
 
     def resync(self, slots: Mapping[int, tuple[int, int, int]], current: int = 0) -> None:
-        """Replace all slots by the kernel's present state: slot → (tracking id or −1, x, y).
+        """Replace all slots by the kernel's state: slot → (tracking id or −1, x, y).
 
-        A plain panel numbers no contacts: one that is down before and after counts as the same.
+        A plain panel numbers no contacts: one down before and after counts as the same.
         """
         if not self.multitouch:
             contact, x, y = slots.get(0, (-1, 0, 0))
@@ -197,7 +195,7 @@ def decode(events: Iterable[InputEvent], multitouch: bool = True) -> Iterator[Fr
 
 @dataclass(frozen=True)
 class Mapping2D:
-    """Device units → mm, a six-parameter affine: ``x_mm = xx·x + xy·y + x0``, ``y_mm = yx·x + yy·y + y0``."""
+    """Device units → mm: ``x_mm = xx·x + xy·y + x0``, ``y_mm = yx·x + yy·y + y0``."""
 
     xx: float
     xy: float
@@ -207,12 +205,12 @@ class Mapping2D:
     y0_mm: float
 
     def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map raw positions, both (n,), to mm."""
+        """Raw positions, both (n,), in mm."""
         return self.xx * x + self.xy * y + self.x0_mm, self.yx * x + self.yy * y + self.y0_mm
 
 
 def axis_scale(axis: AxisInfo, size_mm: float | None) -> tuple[float, float]:
-    """Factor and offset of one axis, mm per unit and mm. ``size_mm`` (the panel) wins over its resolution.
+    """mm per unit and offset (mm) of an axis, from ``size_mm`` (the panel), else its resolution.
 
     Raises ValueError where neither is known.
     """
@@ -229,7 +227,7 @@ def axis_scale(axis: AxisInfo, size_mm: float | None) -> tuple[float, float]:
 def panel_mapping(
     x_axis: AxisInfo, y_axis: AxisInfo, width_mm: float | None = None, height_mm: float | None = None
 ) -> Mapping2D:
-    """The straight mapping of two axes. Raises ValueError where an axis has no known size."""
+    """The mapping of two axes. Raises ValueError where an axis has no known size."""
     x_factor, x_offset = axis_scale(x_axis, width_mm)
     y_factor, y_offset = axis_scale(y_axis, height_mm)
     return Mapping2D(x_factor, 0.0, x_offset, 0.0, y_factor, y_offset)
@@ -237,13 +235,13 @@ def panel_mapping(
 
 @dataclass
 class ContactFollower:
-    """Keeps to one contact at a time: the first that goes down, until it lifts. ``ignored`` counts others."""
+    """Follows the first contact that goes down until it lifts; ``ignored`` counts others."""
 
     current: int | None = None
     ignored: int = 0
 
     def pick(self, frame: Frame) -> Contact | None:
-        """The followed contact of a frame, or None while nothing is down."""
+        """The followed contact of a frame, or None."""
         by_id = {contact.contact_id: contact for contact in frame.contacts}
         if self.current is not None and self.current not in by_id:
             self.current = None
@@ -261,10 +259,9 @@ def touch_trace(
     axes: tuple[AxisInfo, ...] = (),
     follower: ContactFollower | None = None,
 ) -> TouchTrace:
-    """The followed contact of each frame as a trace, one touch event a frame in which it is down.
+    """The followed contact as a trace, an event a frame. Repeated positions stay: they are observations.
 
-    A frame that repeats a position is kept: it says that the digitiser looked and saw the same place. A frame
-    after SYN_DROPPED marks a gap that reaches back to the frame before it.
+    A frame after SYN_DROPPED marks a gap back to the frame before it.
     """
     follower = follower if follower is not None else ContactFollower()
     rows: list[tuple[float, int, int, int, float]] = []

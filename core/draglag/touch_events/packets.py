@@ -1,6 +1,6 @@
-"""Contacts of panels without slots (multi-touch protocol A): a frame lists them all, each closed by SYN_MT_REPORT.
+"""Contacts of panels without slots (multi-touch protocol A): a frame lists all, each closed by SYN_MT_REPORT.
 
-Few of them number their contacts; then the nearest places of two frames belong together.
+Few panels number contacts: then the nearest places of two frames belong together.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class _Place:
 
 @dataclass
 class PacketDecoder:
-    """Feeds on events in order, yields frames as ``FrameDecoder`` does. Each touch gets a contact id of its own."""
+    """Frames from events in order, as ``FrameDecoder``. Each touch gets a contact id of its own."""
 
     _values: dict[int, int] = field(default_factory=dict)
     _places: list[_Place] = field(default_factory=list)
@@ -52,7 +52,7 @@ class PacketDecoder:
     _dropped: bool = False
 
     def feed(self, event: InputEvent) -> Frame | None:
-        """Take one event; return the frame it closes, if it closes one."""
+        """The frame that this event closes, or None."""
         if event.type == EV_SYN and event.code == SYN_DROPPED:
             self._discarding = True
         elif event.type == EV_SYN and event.code == SYN_REPORT:
@@ -92,7 +92,7 @@ class PacketDecoder:
         return Frame(t_s, contacts, tuple(own for own in sorted(before) if own not in self._down), dropped=dropped)
 
     def _followed(self, places: list[_Place]) -> dict[int, _Place]:
-        """Contact id → place: those that go on, and new ones."""
+        """Contact id → place, of continued and new contacts."""
         pairs = sorted(
             (place.far(known), own, k)
             for k, place in enumerate(places)

@@ -1,1 +1,1 @@
-"""The paper's tests of a curve: how much misalignment it removes (Eq. 4), and the sanity checks."""
+"""The paper's tests of a curve."""

@@ -21,7 +21,7 @@ from draglag.shown import brief
 
 @dataclass(frozen=True)
 class Validation:
-    """Eq. 4 for one run. Speeds are those at the crossings; ``n_extrapolated`` of them outside the curve's range."""
+    """Eq. 4 for one run. Speeds are at the crossings, ``n_extrapolated`` of them outside the curve's range."""
 
     run: str
     protocol: str
@@ -57,14 +57,11 @@ class Validation:
 def validate_run(
     ready: Prepared, law: Law, speed_range_mm_s: tuple[float, float] = (0.0, np.inf), smoothed: bool = False
 ) -> Validation:
-    """Eq. 4 for one run and one latency law, as the paper has it.
+    """Eq. 4 for one run and latency law. Raises EstimateError if too few edges can be placed or a side is empty.
 
-    J(0): straight curves of separate slopes through the uncorrected top and bottom edges. J(L): the same through the
-    touch events interpolated at t + L(v), with v the paper's Savitzky–Golay speed. ``smoothed`` places the edges on
-    the movement reconstructed through the law (``stylus_path``, its usual window) instead. No setting is chosen by
-    how well it does on this run: that would be part of a fit, not of a validation.
-
-    Raises EstimateError when too few edges can be placed or a side is empty.
+    J(0): separate lines through the uncorrected top and bottom edges. J(L): through touch events interpolated at t +
+    L(v), v the paper's Savitzky–Golay speed; ``smoothed``: through the movement behind the law (``stylus_path``).
+    Settings are fixed: choosing them here would be fitting, not validation.
     """
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(
@@ -114,10 +111,7 @@ def validate_run(
 
 
 def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, FloatArray, FloatArray]:
-    """The edges in contact at t and at t + L(v), with L, s, and v, mm/s.
-
-    An event at t shows where the stylus was at t − L(v(t)), v being the speed of the touch trace there.
-    """
+    """The edges in contact at t and at t + L(v), with L, s, and v, mm/s, the trace's speed at t + L."""
     touch = ready.touch
     try:
         grid_s, _, _, speed = savitzky_golay(touch)
@@ -136,8 +130,6 @@ def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, Fl
 
 @dataclass(frozen=True)
 class _Placed:
-    """Edges with a place on the reconstructed movement."""
-
     edges: Edges
     latency_s: FloatArray
     speed_mm_s: FloatArray
@@ -148,7 +140,7 @@ class _Placed:
 
 
 def _placed(ready: Prepared, path: StylusPath, losses_s: FloatArray) -> _Placed | None:
-    """The edges whose place is known, on their lines; None where these are too few or on one side only."""
+    """The edges of known place, on their lines; None if too few or on one side only."""
     t_s, touch_t_s = ready.edges.t_s, ready.touch.t_s
     latency_s, speed, xy_mm = path.at(t_s)
     keep = (t_s > path.event_t_s[0] + 0.02) & (t_s < path.event_t_s[-1] - 0.02) & np.isfinite(latency_s)

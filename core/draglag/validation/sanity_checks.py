@@ -20,7 +20,7 @@ DRIFT_LIMIT_MS_PER_MIN = 1.0  # what the paper demands of a clock
 
 @dataclass(frozen=True)
 class AsymptoteCheck:
-    """Median tap against the curve's asymptote a7: difference tap − a7 with its 95 % interval, and equivalence.
+    """Median tap less the curve's asymptote a7, with its 95 % interval.
 
     ``equivalent``: both one-sided tests at 5 % exclude a difference of ``margin_s`` or more (TOST).
     """
@@ -49,7 +49,7 @@ class AsymptoteCheck:
 def asymptote_check(
     curve: CurveFit, taps: Mapping[str, TapSummary], margin_s: float = MARGIN_S
 ) -> list[AsymptoteCheck]:
-    """One check a kind of tap; none where the curve has no asymptote or it was tied to the taps."""
+    """One check a kind of tap; none if the curve has no asymptote or it was tied to the taps."""
     if "a7_ms" not in curve.parameters or curve.tied_asymptote_s is not None:
         return []
     asymptote_s = 1e-3 * curve.parameters["a7_ms"]
@@ -67,7 +67,7 @@ def asymptote_check(
 
 @dataclass(frozen=True)
 class WidthCheck:
-    """Stylus width by Eq. 3 over all runs, weighted, against the known diameter."""
+    """Weighted mean stylus width by Eq. 3 against the known diameter."""
 
     n: int
     mean_mm: float
@@ -91,7 +91,7 @@ WIDTH_SYSTEMATIC_MM = 0.53
 
 
 def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> list[str]:
-    """A sentence where session or single runs disagree with the ruler by more than noise and sensor explain."""
+    """Sentences where widths disagree with the known diameter beyond noise and sensor."""
     if check is None:
         return []
     low, high = check.ci95_mm
@@ -130,7 +130,7 @@ def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> lis
 
 
 def width_check(runs: Sequence[RunEstimate], known_mm: float) -> WidthCheck | None:
-    """Mean width of the runs that have one, with the interval that their scatter gives; None with fewer than two."""
+    """Mean width over runs, its interval from their scatter; None with fewer than two."""
     widths = np.array([run.stylus_diameter_mm for run in runs if run.stylus_diameter_mm is not None], float)
     widths = widths[np.isfinite(widths)]
     if widths.size < 2:
@@ -141,7 +141,7 @@ def width_check(runs: Sequence[RunEstimate], known_mm: float) -> WidthCheck | No
 
 @dataclass(frozen=True)
 class ClockDrift:
-    """How a device's clock runs against the host's, by the comparisons of the whole session."""
+    """Rate of a device's clock against the host's over the session."""
 
     stream: str
     ppm: float
@@ -166,7 +166,7 @@ class ClockDrift:
 
 
 def clock_drifts(session: Session) -> list[ClockDrift]:
-    """Drift of every device clock that was compared with the host's, over its longest epoch."""
+    """Drift of every compared device clock over its longest epoch."""
     bounds = list(session.clocks) + [bound for run in session.runs for bound in run.sync]
     out = []
     for stream in dict.fromkeys(bound.stream for bound in bounds):

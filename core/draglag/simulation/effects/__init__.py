@@ -1,6 +1,5 @@
-"""Every effect the simulation knows, each with a home of its own: a file, or a package whose modules ``refits`` and
-``stream`` build on the gap workflow and are imported late. To add one, write its home and name it here; another package
-adds one by an entry point of the group ``draglag.effects`` (docs/effects.md)."""
+"""The simulation's effects, one home (file or package) each, named here or by the entry point ``draglag.effects``
+(docs/effects.md). Their modules ``refits`` and ``stream`` build on the gap and are imported late."""
 
 from __future__ import annotations
 
@@ -74,7 +73,7 @@ EFFECTS: dict[str, type[Effect]] = {
         PollGrid,
     )
 }
-"""Id → effect, in the order the design lists them, then those of other packages."""
+"""Id → effect, in the design's order, then other packages'."""
 
 for _effect in effects_of_other_packages(EFFECTS):
     EFFECTS[_effect.id] = _effect
@@ -98,12 +97,12 @@ __all__ = [
 
 
 def effect_class(effect_id: str) -> type[Effect]:
-    """The effect of that id; the base class, without effect, for an unknown id."""
+    """The effect of that id; the base class, without effect, for an unknown one."""
     return EFFECTS.get(effect_id, Effect)
 
 
 def title_of(effect_id: str) -> str:
-    """What people call the effect: "low-speed plateau"."""
+    """The effect's name for people: "low-speed plateau"."""
     return effect_class(effect_id).title or effect_id.replace("_", " ")
 
 
@@ -119,9 +118,9 @@ def twins_of(effect_id: str) -> tuple[str, ...]:
 
 
 def parse_effect(text: str) -> Effect:
-    """The effect written as ``ID=VALUE`` or ``ID=VALUE,name=number,…``; a bare ``ID`` has its typical size.
+    """The effect of ``ID=VALUE`` or ``ID=VALUE,name=number,…``; a bare ``ID`` has its typical size.
 
-    Raises DataError for an unknown id (which lists the known), a number that is none, or one out of bounds.
+    Raises DataError for an unknown id, or for no or an out-of-bounds number.
     """
     head, *others = text.split(",")
     name, equals, value = head.partition("=")
@@ -176,10 +175,7 @@ def _number(text: str, name: str, spec: Parameter) -> float:
 
 
 def known_effects(ids: Collection[str] | str | None) -> frozenset[str]:
-    """Effects that may be named: one id, several, or None for the whole library.
-
-    Raises DataError for one that the library does not have.
-    """
+    """One id, several, or (None) the whole library. Raises DataError for an unknown one."""
     if ids is None:
         return frozenset(EFFECTS)
     wanted = frozenset((ids,) if isinstance(ids, str) else ids)

@@ -1,7 +1,6 @@
-"""What an effect is: one named physical cause of disagreement between a rig and its model.
+"""The base of all effects, each one named physical cause of disagreement between rig and model.
 
-An effect is a frozen dataclass with an id, one sentence of meaning, its parameters with units and bounds, and the
-hooks of the chain it acts on. Every hook does nothing unless an effect says otherwise, so effects compose.
+Id, meaning, parameters with units and bounds, hooks of the chain; hooks do nothing by default, so effects compose.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ from draglag.simulation.residual import LineGains, Signature, View
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number an effect has. ``name`` carries the unit of code, ``unit`` is for people.
+    """A number of an effect: ``name`` carries the unit in code, ``unit`` is for people.
 
-    sound: up to this size, either way, sound rigs have it: not the effect.
+    sound: largest absolute size that sound rigs have, too.
     """
 
     name: str
@@ -38,7 +37,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Confounder:
-    """Another explanation (an effect's id, or words) of the same data, and the recording that would separate them."""
+    """Another explanation (an effect's id, or words) and the recording that separates them."""
 
     effect_id: str
     why: str
@@ -60,7 +59,7 @@ class TouchEvents:
 
 
 def each_contact(events: TouchEvents, change: Callable[[FloatArray, FloatArray], FloatArray]) -> TouchEvents:
-    """Events whose positions are ``change(t_s, xy_mm)`` of each contact by itself, (n,) and (n, 2)."""
+    """Events with positions ``change(t_s, xy_mm)``, (n,) and (n, 2), contact by contact."""
     xy = np.column_stack([events.x_mm, events.y_mm])
     bounds = np.flatnonzero(np.diff(events.contact_id)) + 1
     for own in np.split(np.arange(events.t_s.size), bounds):
@@ -71,7 +70,7 @@ def each_contact(events: TouchEvents, change: Callable[[FloatArray, FloatArray],
 
 @dataclass(frozen=True)
 class Edges:
-    """Edges of the laser sensor in session time, (m,) each; light 1 = the beam reaches the sensor from here on."""
+    """Laser edges in session time, (m,) each; light 1 = from here on the beam reaches the sensor."""
 
     t_s: FloatArray
     light: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
@@ -79,9 +78,9 @@ class Edges:
 
 @dataclass(frozen=True)
 class Effect(InFits):
-    """Base of all effects. ``value`` is the size of the effect: the first of ``parameters``.
+    """Base of all effects. ``value``: its size, the first of ``parameters``.
 
-    Raises DataError when a parameter is out of its bounds.
+    Raises DataError if a parameter is out of bounds.
     """
 
     id: ClassVar[str]
@@ -101,33 +100,32 @@ class Effect(InFits):
     drags_early: ClassVar[int] = 0
     """1 where its first parameter, s, is by how much drags are shown early against taps, -1 where late; 0: neither."""
     needs: ClassVar[str] = ""
-    """What a session must have to show it: "taps", "changing speed", "width" (circles that travel along the beam),
-    "other stylus"; empty: any session."""
+    """What a session needs to show it: "taps", "changing speed", "width" (circles that travel along the beam), "other
+    stylus"; empty: nothing."""
     identifiable_with: ClassVar[str] = ""
-    """In words, the recording that would show it."""
+    """The recording that would show it, in words."""
     undone_in: ClassVar[str] = ""
     """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
-    speed" and "law" (it is part of the latency law); empty where nothing undoes it."""
+    speed" and "law" (part of the latency law); empty: nothing."""
     looks_like: ClassVar[tuple[str, ...]] = ()
-    """Covariates of structure without a name for which its refit is worth trying: columns show it badly there."""
+    """Covariates of unnamed structure for which its refit is worth trying, as columns show it badly there."""
     uneven_ages: ClassVar[bool] = False
-    """Whether it leaves positions of uneven age behind, so that edges scatter in time."""
+    """Whether it leaves positions of uneven age, so that edges scatter in time."""
     detected_by: ClassVar[str] = ""
-    """Module of its detector: ``detect(streams, runs)`` returns the effect, or None, and the runs with it repaired.
-    Imported late, for it builds on the gap."""
+    """Module of its detector: ``detect(streams, runs)`` returns the effect, or None, and the repaired runs. Imported
+    late: it builds on the gap."""
     detection_order: ClassVar[int] = 100
-    """Order of detection in the streams: each detector gets runs in which the effects before it are repaired."""
+    """Order of detection: each detector gets runs in which earlier effects are repaired."""
     in_measured_streams: ClassVar[bool] = False
-    """Whether a session simulated again has it already: what was lost, or random, is in the measured streams."""
+    """Whether a session simulated again has it already, as measured streams hold what was lost or random."""
     estimated_with: ClassVar[bool] = False
-    """Whether latencies are estimated with it in the stream of events, though it can be repaired there: its delay is
-    part of what a program sees."""
+    """Whether latencies are estimated with it, though it can be repaired: programs see its delay."""
     laser_late: ClassVar[bool] = False
-    """Whether its first parameter, s, is by how much the laser's edges are stamped late, all alike."""
+    """Whether its first parameter, s, is a lateness common to all laser stamps."""
     removed_by_clock_comparisons: ClassVar[bool] = False
-    """Whether a session's own comparisons of the clocks take it out."""
+    """Whether a session's clock comparisons take it out."""
     order: ClassVar[int] = 0
-    """Place in the stream of events: what happens nearer to the glass comes first."""
+    """Place in the stream of events: nearest to the glass first."""
 
     value: float
 
@@ -161,7 +159,7 @@ class Effect(InFits):
                 )
 
     def numbers(self) -> dict[str, float]:
-        """Parameter name → number, the size of the effect first."""
+        """Parameter name → number, the size first."""
         own = [getattr(self, f.name) for f in fields(self)]
         return {spec.name: float(n) for spec, n in zip(self.parameters, own, strict=True)}
 
@@ -171,15 +169,15 @@ class Effect(InFits):
         return cls(*(spec.typical for spec in cls.parameters))
 
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) the speed that the latency law is given, from the one it would be given."""
+        """(n,) speed given to the latency law, from what it would be."""
         return speed_mm_s
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
-        """(n,) latency of every point of the motion, from what it would be."""
+        """(n,) latency, from what it would be."""
         return latency_s
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
-        """(n,) where the digitiser believes every point of the motion is."""
+        """(n,) reported position."""
         return x_mm, y_mm
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
@@ -187,56 +185,56 @@ class Effect(InFits):
         return events
 
     def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) width of the stylus's shadow at every point of the motion."""
+        """(n,) width of the stylus's shadow."""
         return diameter_mm
 
     def distance(self, distance_mm: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) signed distance of every point of the motion from the beam, positive below it."""
+        """(n,) signed distance from the beam, positive below it."""
         return distance_mm
 
     def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
-        """The stream of laser edges, by the host's clock; the order in time need not be kept."""
+        """The laser edges, by the host's clock, in any order."""
         return edges
 
     def laser_clock(self, t_s: FloatArray) -> FloatArray:
-        """(m,) what the laser's clock, believed to follow the host's, shows at session time t."""
+        """(m,) the laser's clock, believed to follow the host's, at session time t."""
         return t_s
 
     def stamped_late_s(self) -> float:
-        """By how much it stamps touch events late on the average, s, which repaired stamps do not show."""
+        """Mean lateness of touch stamps, s, that repaired stamps do not show."""
         return 0.0
 
     def true_intercept_mm(self, intercept_mm: float, slope: float, screen: Screen) -> float:
-        """Intercept of the beam in the world, from that in the coordinates of a screen with the effect."""
+        """The beam's true intercept, from that on a screen with the effect."""
         return intercept_mm
 
     def longest_wait_s(self, frame_s: float) -> float:
-        """How long an event may wait at most, s, from one every ``frame_s``: taps and drags need not wait alike."""
+        """Longest wait of an event, s, given one every ``frame_s``; taps and drags may differ."""
         return 0.0
 
     def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
-        """(n,) latency of taps made at session time t."""
+        """(n,) latency of taps at session time t."""
         return latency_s
 
     @classmethod
     def curve_speed(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray:
-        """(n,) the speed that a law of speed is given, from the one it would be given, for effects ``undone_in`` it."""
+        """(n,) speed given to a law of speed, for effects ``undone_in`` it."""
         return speed_mm_s
 
     @classmethod
     def curve_extra_s(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray | float:
-        """(n,) what is added to the latency of a law of speed at each speed, s, for effects ``undone_in`` it."""
+        """(n,) latency added to a law of speed, s, for effects ``undone_in`` it."""
         return 0.0
 
     @classmethod
     def acts_on_touch(cls) -> bool:
-        """Whether it changes anything of the touch events."""
+        """Whether it changes touch events."""
         hooks = ("law_speed", "latency", "position", "events")
         return any(getattr(cls, hook) is not getattr(Effect, hook) for hook in hooks)
 
     @classmethod
     def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:
-        """Times (n,) of events before the effect, from the events alone; None where they do not determine them."""
+        """Times (n,) of events before the effect; None where events do not determine them."""
         return None
 
     @classmethod
@@ -253,15 +251,15 @@ class Effect(InFits):
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        """How the effect moves the residual of each edge, at every setting of what it is not linear in.
+        """How the effect moves each edge's residual, at every non-linear setting; empty if unseen.
 
-        Empty where residuals do not show it. ``gains`` selects which of many settings to compute.
+        ``gains`` selects among many settings.
         """
         return []
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """The signature at a setting: the nearest of those there are."""
+        """The signature of the nearest setting."""
         options = cls.signatures(view)
         if not theta:
             return options[0]

@@ -1,4 +1,4 @@
-"""An effect in the very shape that a fit found, where its class has one shape only."""
+"""An effect in the shape found by a fit."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from draglag.simulation.effects.base import Effect, Parameter
 
 @dataclass(frozen=True)
 class FittedShape(Effect):
-    """Base of the shapes that the effects' homes have. ``value``: its amplitude, mm (a filter: s).
+    """Base of fitted shapes. ``value``: amplitude, mm (a filter: s).
 
-    theta: the setting that was fitted; sizes: of the shape's parts; about: the mean square of the panel coordinate
-    (−1 … +1), where that was taken off a polynomial's.
+    theta: fitted setting; sizes: of the shape's parts; about: mean square of the panel coordinate (−1 … +1), where
+    subtracted from a polynomial's.
     """
 
     id: ClassVar[str] = "fitted_shape"

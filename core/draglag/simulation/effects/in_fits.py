@@ -1,5 +1,7 @@
-"""What an effect is in a fit: how a term of it becomes numbers, words and an effect of the simulation, and what it
-changes in traces and views. Every hook has a default that suits an effect of one column, proportional to its size."""
+"""An effect in a fit: its term as numbers, words and simulated effect; its changes of traces and views.
+
+Defaults suit one column, proportional to the size.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,8 @@ Z95 = 1.96  # standard deviations to either end of a 95 % interval
 class FittedTerm:
     """A term of a converged fit.
 
-    Attributes: own: which columns of the fit's design are the term's. sizes: (k,) with what was undone of it in the
-    traces. se: (k,) their standard errors.
+    Attributes: own: its columns of the fit's design. sizes: (k,) with what was undone of it in the traces. se: (k,)
+    their standard errors.
     """
 
     fit: Fit
@@ -46,9 +48,9 @@ class FittedTerm:
 
 @dataclass(frozen=True)
 class UndoneTrace:
-    """A run's events while effects are undone in them: t_s (n,), xy_mm (n, 2), noise_mm of one event.
+    """A run's events while effects are undone: t_s (n,), xy_mm (n, 2), noise_mm of one event.
 
-    spread: (n, events shown) by how much each event shown, noise and all, moves each of the n; None: itself alone.
+    spread: (n, events shown) how much each event shown, noise included, moves each of the n; None: only itself.
     """
 
     t_s: FloatArray
@@ -58,16 +60,15 @@ class UndoneTrace:
 
 
 class Undoing(Protocol):
-    """What is undone of an effect in the traces; equal to another that does the same."""
+    """What is undone of an effect in the traces; equal if it does the same."""
 
     place: ClassVar[int]
-    """Among several: the smaller one is undone first."""
+    """Order of undoing, smallest first."""
     of_events: ClassVar[bool]
-    """Whether the effect acts on the events, not on the path: a simulation of the hand begins behind it."""
+    """Whether the effect acts on events, not on the path: a simulated hand begins behind it."""
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
-        """The events of a run without the effect. shown: the run as the panel showed it; first_s: the first event of
-        the session, host time."""
+        """A run's events without the effect. shown: the run as shown; first_s: the session's first event, host time."""
         ...
 
 
@@ -82,16 +83,16 @@ class InFits:
     form_parameter: ClassVar[str] = ""
     """Parameter of a curve's form that is its size, if a form has it."""
     prior_sd: ClassVar[float] = float("inf")
-    """Prior standard deviation of its sizes in a fit: small where columns hold next to a setting only, that is moved
-    from refit to refit."""
+    """Prior standard deviation of its sizes: small where columns hold only near a setting that moves from refit to
+    refit."""
     unsure_share: ClassVar[float] = 0.0
-    """By which share of what it varies by its columns are not known."""
+    """Unknown share of what its columns vary by."""
     refitted_by: ClassVar[str] = ""
-    """Module that begins its refits, where a plain one at the best setting of its columns does not find it."""
+    """Module that begins its refits, where a plain one at its columns' best setting does not find it."""
 
     @classmethod
     def own_module(cls) -> ModuleType:
-        """The module ``refitted_by``, imported now: it builds on the fit, which builds on the effects."""
+        """The module ``refitted_by``, imported late."""
         return import_module(cls.refitted_by)
 
     @classmethod
@@ -101,48 +102,48 @@ class InFits:
 
     @classmethod
     def law_parameters(cls, fit: Fit) -> Parameters:
-        """Its parameters, where it is part of the fit's law."""
+        """Its parameters, as part of the fit's law."""
         return {}
 
     @classmethod
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
-        """A term's sizes (k,), with what was undone of it in the traces or asked of the law itself."""
+        """A term's sizes (k,), with what traces or law already hold."""
         return np.array(term.sizes)
 
     @classmethod
     def size_sd(cls, found: FittedTerm) -> float:
-        """Standard deviation of a term's first size, with what no number of edges averages away."""
+        """Standard deviation of a term's first size, with what more edges do not reduce."""
         return float(found.se[0])
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """A term in the effect's own parameters: proportional to its first size, unless an effect says otherwise."""
+        """A term in the effect's parameters; by default proportional to its first size."""
         value, reach = cls.per_term * found.sizes[0], abs(cls.per_term) * Z95 * cls.size_sd(found)
         return {cls.parameters[0].name: (float(value), (float(value - reach), float(value + reach)))}
 
     @classmethod
     def where_in(cls, fit: Fit) -> str | None:
-        """Where it acts in the session of a fit, in words; None: as its class says."""
+        """Where it acts in a fit's session, in words; None: ``where``."""
         return None
 
     @classmethod
     def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
-        """A term as the simulation has it, where the effect's parameters do not say all of it; None where they do."""
+        """A term as a simulated shape; None where the effect's parameters say all."""
         return None
 
     @classmethod
     def of_shape(cls, value: float, theta: Theta, sizes: Theta, about: float) -> FittedShape | None:
-        """The same from the numbers of ``shape_in``, as a model file holds them."""
+        """The same from the numbers of ``shape_in``, as in a model file."""
         return None
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
-        """What is to be undone of it in the traces, if anything, and the term that is then left."""
+        """What to undo of it in the traces, if anything, and the remaining term."""
         return None, term
 
     @classmethod
     def undone_s(cls, term: Term, placed: Placed) -> FloatArray | float:
-        """How much later every placed edge was shown than a trace says in which the term was undone, (m,) s."""
+        """Delay of placed edges against traces with the term undone, (m,) s."""
         return 0.0
 
     @classmethod
@@ -152,16 +153,15 @@ class InFits:
 
     @classmethod
     def view_with(cls, theta: Theta, view: View) -> View:
-        """The edges as they are seen with the effect at its setting."""
+        """The edges as seen with the effect at its setting."""
         return view
 
     @classmethod
     def log_prior_of(cls, theta: Theta) -> float:
-        """Log prior probability of a setting that a refit found among all it could have found, where its columns do not
-        say that."""
+        """Log prior of a setting found by a refit, where its columns do not have it."""
         return 0.0
 
     @classmethod
     def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:
-        """The setting after a step that led to these sizes, for effects whose setting follows their size."""
+        """The setting after a step to these sizes, if it follows them."""
         return theta

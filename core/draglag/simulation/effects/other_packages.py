@@ -1,4 +1,4 @@
-"""Effects that other packages bring: entry points of the group ``draglag.effects``."""
+"""Effects of other packages: entry points of the group ``draglag.effects``."""
 
 from __future__ import annotations
 
@@ -13,11 +13,7 @@ GROUP = "draglag.effects"
 
 
 def effects_of_other_packages(known: Collection[str]) -> Iterator[type[Effect]]:
-    """Effects of installed packages, by name of their entry points; one that cannot be used is left out with a warning.
-
-    Args:
-        known: ids that are taken.
-    """
+    """Effects of installed packages by entry point name; unusable ones give a warning. known: ids taken."""
     taken = set(known)
     for _, found in brought(GROUP, "effect", lambda name, effect: _problem(effect, taken)):
         effect = cast(type[Effect], found)
@@ -26,7 +22,6 @@ def effects_of_other_packages(known: Collection[str]) -> Iterator[type[Effect]]:
 
 
 def _problem(effect: object, taken: Collection[str]) -> str:
-    """What keeps an object from being an effect; empty where nothing does."""
     if not (isinstance(effect, type) and issubclass(effect, Effect)):
         return "it is no subclass of draglag.simulation.effects.Effect"
     missing = [name for name in ("id", "meaning", "parameters") if not getattr(effect, name, None)]

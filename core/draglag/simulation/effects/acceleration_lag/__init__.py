@@ -20,7 +20,7 @@ ACCEL_UNKNOWN = 0.2  # share of a speed's change: how smooth it is taken for, no
 
 
 class Setting(NamedTuple):
-    """lag_s3_mm: the size with which the trace is read, s per mm/s²; window_s: of the panel's smoothing of speeds."""
+    """lag_s3_mm: size with which the trace is read, s per mm/s²; window_s: of the panel's smoothing of speeds."""
 
     lag_s3_mm: float = 0.0
     window_s: float = WINDOWS_S[0]
@@ -73,7 +73,7 @@ class AccelerationLag(Effect):
 
     @classmethod
     def view_with(cls, theta: Theta, view: View) -> View:
-        """The acceleration of the stylus, which the effect hides in the trace."""
+        """The stylus' acceleration, which the effect hides in the trace."""
         setting = Setting(*theta)
         if setting.lag_s3_mm <= 0:
             return view

@@ -18,8 +18,8 @@ KINDS = {JUMP: "jump", BACKLASH: "backlash", FUZZ: "fuzz"}
 class Deadband(Effect):
     """Small movements are not reported.
 
-    ``kind``: 0 jump (nothing until the width, then all of it), 1 backlash (play of the width, which the position
-    follows at half of it), 2 fuzz (the three zones of Linux' input_defuzz_abs_event, each axis by itself).
+    ``kind``: 0 jump (nothing until the width, then all of it), 1 backlash (play of the width, followed at half of it),
+    2 fuzz (the three zones of Linux' input_defuzz_abs_event, each axis by itself).
     """
 
     id: ClassVar[str] = "deadband"
@@ -74,7 +74,7 @@ def _jumped(xy_mm: FloatArray, width_mm: float) -> FloatArray:
 
 
 def _followed(xy_mm: FloatArray, width_mm: float) -> FloatArray:
-    """A disc of this diameter that the stylus drags along."""
+    """A disc of this diameter, dragged by the stylus."""
     out = xy_mm.copy()
     for i in range(1, len(out)):
         off = xy_mm[i] - out[i - 1]

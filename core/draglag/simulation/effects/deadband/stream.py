@@ -1,8 +1,7 @@
-"""Positions that stand still until the stylus has moved by a width, and then jump there: a deadband.
+"""Positions that stand still until the stylus has moved by a width: a deadband.
 
-Against it: a loop or a filter that repeats positions whenever it does, each run with a share of its own. Under a
-deadband no repeated position lies a width behind the stylus, and no step is shorter; both readings say so much of every
-event that no share has to be judged.
+Its rival repeats positions at random. Under a deadband no repeated position lies a width behind the stylus, and no step
+is shorter.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ WIDTHS = 160
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """A deadband, and runs without the positions that stand still."""
+    """A deadband, and runs without standing positions."""
     stood = streams.of(deadband_in)
     return stood, runs if stood is None else tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
 
@@ -43,11 +42,7 @@ def deadband_in(streams: Streams) -> StreamEffect | None:
 
 
 def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
-    """A jump deadband with its width, where the stream is likelier by it than by positions that repeat at random.
-
-    Args:
-        step_mm: of coordinates that are whole steps.
-    """
+    """A jump deadband with its width, if likelier than random repeats. step_mm: of quantised coordinates."""
     runs = [_stood_and_moved(touch) for touch in touches]
     stood, moved = (np.concatenate(each) for each in zip(*runs, strict=True))
     if not stood.size or not moved.size:
@@ -85,7 +80,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
 
 
 def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
-    """How far the stylus was from each repeated position, on the straight way to the next; lengths of all steps; mm."""
+    """Distance from each repeated position to the stylus, on a straight way; lengths of all steps; mm."""
     step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
     fresh = np.flatnonzero(np.append(True, step > 0))
     repeats = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
@@ -96,7 +91,7 @@ def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
 
 
 def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
-    """Step of coordinates that are whole steps but rarely the same; 0 where they are none."""
+    """Step of quantised coordinates that rarely repeat; 0 if not quantised."""
     values = np.unique(np.round(np.concatenate([touch.x_mm for touch in touches]), 6))
     spacing = np.diff(values)
     if not spacing.size or spacing.min() < FINEST_MM:
@@ -106,7 +101,7 @@ def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
 
 
 def _of_share(stood: int, moved: int) -> float:
-    """Log-likelihood of so many repeats among a run's events, whatever the stylus does."""
+    """Log-likelihood of that many random repeats among a run's events."""
     counts = np.array([stood, moved], float)
     shares = counts / max(float(counts.sum()), 1.0)
     return float(np.sum(counts * np.log(np.maximum(shares, 1e-12))))
@@ -115,14 +110,13 @@ def _of_share(stood: int, moved: int) -> float:
 def _possible(
     widths_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float, at_random: float
 ) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Whether each width, (k,), may be likelier than repeats at random: each step that is surely shorter counts against
-    it, and what stood still counts for it by nothing at the most."""
+    """Whether widths (k,) may beat random repeats: only surely shorter steps count."""
     shorter = np.searchsorted(np.sort(moved_mm), widths_mm - SURELY * rounding_mm)
     return np.asarray(shorter * np.log(2 * P_OUTLIER) > at_random)
 
 
 def _of_width(width_mm: float, stood_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
-    """Log-likelihood that those that stood were within the width of the stylus, and those that moved were not."""
+    """Log-likelihood of standing events within the width of the stylus, moved ones beyond."""
     moved = (1 - P_OUTLIER) * ndtr((moved_mm[moved_mm < 2 * width_mm] - width_mm) / rounding_mm) + P_OUTLIER
     stood = max(
         float(np.sum(np.log((1 - P_OUTLIER) * ndtr((width_mm - stood_mm) / off) + P_OUTLIER))) for off in OFF_PATH_MM

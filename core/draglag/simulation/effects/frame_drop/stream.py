@@ -20,7 +20,7 @@ UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Missing frames, where stamps are those of frames; nobody can repair them."""
+    """Missing frames, where stamps are those of frames; they cannot be repaired."""
     coarse = streams.of(clock_in)
     identifiable = streams.of(loop_in) is None if coarse is None else not coarse.undone
     if not identifiable or streams.of(polls_in) is not None:
@@ -34,9 +34,9 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def drops(touches: list[TouchTrace], together: int = 1) -> StreamEffect | None:
-    """Missing frames: intervals of two or more whole frames, far too many for losses of contact.
+    """Missing frames: intervals of two or more whole frames, far too many for contact losses.
 
-    together: frames that are delivered at a time; each batch then stands for its last frame.
+    together: frames delivered at a time; a batch stands for its last frame.
     """
     whole, short = [], 0
     for touch in touches:

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 LATEST_OF_SOUND_S = 0.025
-"""A digitiser reads its speed from its last positions: on sound panels the law's speed is up to this late."""
+"""On sound panels the law's speed is up to this late, s, being read from the last positions."""
 
 
 class Setting(NamedTuple):
-    """which: the speed of a time before, 0, or of a share of each edge's latency before, 1. delay_s: at which the law
-    is asked already, 0 with ``which`` 1: of the usual latency; None: to first order in the delay."""
+    """which: 0 the speed of a time before, 1 of a share of each edge's latency before. delay_s: at which the law is
+    already asked (``which`` 1: of the usual latency); None: first order in the delay."""
 
     which: float = 0.0
     delay_s: float | None = None
@@ -71,7 +71,7 @@ class LaggingLaw(Effect):
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """Where the law is asked at the speed of another time already: what is left of the delay."""
+        """With a law already asked at another time's speed: of the remaining delay."""
         which, delay_s = Setting(*theta)
         if delay_s is None:
             return super().signature_at(theta, view)
@@ -90,5 +90,5 @@ class LaggingLaw(Effect):
 
     @classmethod
     def size_sd(cls, found: FittedTerm) -> float:
-        """Of which moment a speed is, and how smooth its change, is not known to better."""
+        """Includes the unknown moment of a speed and the smoothness of its change."""
         return float(np.hypot(found.se[0], np.hypot(SPEED_TIMING_S, ACCEL_UNKNOWN * found.sizes[0])))

@@ -1,4 +1,4 @@
-"""A law that follows the speed of another moment: asked at that speed, over a grid of delays."""
+"""A law asked at the speed of another moment, over a grid of delays."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ ROUNDS = 2
 
 
 def shown_by_traces(before: Fit) -> bool:
-    """Whether a law asked at the speed of another moment fits the edges better than at the moments of sound panels."""
+    """Whether another moment's speed fits better than those of sound panels."""
     found = delay_profile(before, [*USUAL, *FEW])
     return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > MIN_DEVIANCE)
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """To first order in the delay; with the law asked at the likeliest delay, and at a longer one."""
+    """To first order in the delay; at the likeliest delay; at a longer one."""
     own = LaggingLaw.id
     out = [refit(session, before, [*before.terms, Term(own, theta)])] if theta else []
     profile_ = delay_profile(before, OTHER)
@@ -65,20 +65,19 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def with_remaining_delay(term: Term, left_s: float) -> Term:
-    """The term at the delay that its fit ended with."""
+    """The term at the delay its fit ended with."""
     delay_s = float(np.clip(_delay_s(term) + left_s, -LONGEST_S, LONGEST_S))
     return Term(term.effect, (Setting(*term.theta).which, delay_s), (0.0,))
 
 
 def _delay_s(term: Term) -> float:
-    """The delay at which the law is asked."""
     return Setting(*term.theta).delay_s or 0.0
 
 
 def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
-    """Twice the log-likelihood of the edges of steady runs with the law asked at each option's speed, (k,).
+    """Twice the log-likelihood of steady runs' edges with the law asked at each option's speed, (k,).
 
-    Law and all else are adjusted linearly, the delay is fixed. −inf where too few edges can be placed.
+    All else is adjusted linearly. −inf where too few edges can be placed.
     """
     components = fit.white.components
     own = LaggingLaw.id

@@ -1,4 +1,4 @@
-"""Losses of contact that something filled in with straight lines."""
+"""Contact losses filled in with straight lines."""
 
 from __future__ import annotations
 
@@ -26,18 +26,17 @@ INDEPENDENT = 0.8  # of bends; neighbours share two events
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Filled losses of contact, and runs without what filled them."""
+    """Filled contact losses, and runs without the filling."""
     return filled_losses(runs, streams.of(loop_in) is not None, streams.step_mm)
 
 
 def filled_losses(
     runs: tuple[Run, ...], uneven_ages: bool, resolution_mm: float = 0.0
 ) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Straight evenly spaced stretches that the noise forbids: a loss of contact that something filled in.
+    """Filled contact losses: straight, evenly spaced stretches that the noise forbids.
 
-    uneven_ages: positions are of uneven age: only straightness is evidence, and has to last longer.
-    resolution_mm: of coordinates that are whole steps. A line of those bends, too, if less than the noise: a stretch
-    then has to be likelier a line than chance makes any.
+    uneven_ages: only straightness is evidence, and has to last longer. resolution_mm: of quantised coordinates, whose
+    lines bend too, and have to be likelier than by chance.
     """
     least = 4 if uneven_ages else 3
     n_events = sum(run.touch.t_s.size for run in runs)
@@ -89,10 +88,8 @@ def filled_losses(
 
 
 def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndarray]:
-    """Of inner events (n − 2): distance from the line between their neighbours, (2, n − 2) mm, and whether it is none.
-
-    The line is taken at the event's own stamp: stamps are not quite even.
-    """
+    """Of inner events (n − 2): distance from the line between their neighbours at their own stamp, (2, n − 2) mm;
+    whether none."""
     t, x, y = touch.t_s, touch.x_mm, touch.y_mm
     share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
     off = np.array([v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)])
@@ -113,17 +110,16 @@ def _usual_around(off_mm: FloatArray, even: FloatArray, at_speed_mm2: FloatArray
 
 
 def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:
-    """(begin, end) of every stretch of True values (n,) that is at least so long; end excluded."""
+    """(begin, end) of stretches of at least that many True values (n,); end excluded."""
     change = np.diff(straight.astype(np.int8), prepend=0, append=0)
     ends = zip(np.flatnonzero(change > 0).tolist(), np.flatnonzero(change < 0).tolist(), strict=True)
     return [(begin, end) for begin, end in ends if end - begin >= least]
 
 
 def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
-    """By run, the mean square bend (n,) mm² that is usual at the speed of each inner event, in all runs together.
+    """By run, the mean square bend (n,) mm² usual at each inner event's speed.
 
-    A filter that averages over longer where the stylus is slow makes lines of its own, at one speed as a rule; what is
-    lost of a contact is lost at any.
+    A filter that averages longer at low speed makes lines, too, but at one speed.
     """
     bends, speeds = {}, {}
     for index, touch in enumerate(touches):
@@ -150,8 +146,8 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
 
 
 def _even(t_s: np.ndarray) -> np.ndarray:
-    """1 at inner events (n,) that lie a frame from both neighbours, else 0: about a burst any path bends. None does
-    where a clock coarser than the frames stamps most of them alike."""
+    """1 at inner events (n,) a frame from both neighbours, else 0: about a burst any path bends. All 0 under a clock
+    coarser than the frames."""
     frame_s = float(np.median(np.diff(t_s)))
     if frame_s <= 0:
         return np.zeros(max(t_s.size - 2, 0))
@@ -162,7 +158,7 @@ def _even(t_s: np.ndarray) -> np.ndarray:
 def _likelier_lines(
     off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, resolution_mm: float, n_events: int
 ) -> np.ndarray:
-    """Events (n,) in stretches whose bends off_mm (2, n) are those of rounded lines and not the usual ones around."""
+    """Events (n,) in stretches whose bends off_mm (2, n) fit rounded lines better than the usual."""
     rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
     gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
     gain *= INDEPENDENT * even

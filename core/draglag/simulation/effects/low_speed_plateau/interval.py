@@ -1,7 +1,6 @@
-"""How surely a plateau's speed is known: its likelihood profile, the rest of the law at its best for each speed.
+"""The interval of a plateau's speed, by profile likelihood.
 
-Between the fastest run below and the slowest above it the law is seen by nobody. Whether it bends there is open to the
-rates, and the curvature at the best point alone states an error that is too small.
+Between the fastest run below and the slowest above, curvature at the best point alone understates the error.
 """
 
 from __future__ import annotations
@@ -19,10 +18,9 @@ N_LAW = 6  # parameters of Eq. 5 with a plateau
 
 
 def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
-    """95 % interval of the fit's plateau speed, never narrower than the one from the curvature at its best.
+    """95 % interval of the plateau speed, at least that from curvature.
 
-    What differs from run to run is sized by the runs that the law leaves over: Student's t instead of the normal's, and
-    the likeliest size of it is too small by as much as the law has taken up.
+    The scatter between runs is estimated: Student's t, corrected for what the law has taken up.
     """
     best = fit.law.plateau_mm_s
     n_runs = np.unique(fit.run_index).size
@@ -38,7 +36,7 @@ def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
 
 
 def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:
-    """Twice the log-likelihood, up to a constant, of each plateau speed (k,); one rate alone is a law, too."""
+    """Twice the log-likelihood, up to a constant, of each plateau speed (k,)."""
     placed, use = fit.placed, fit.use
     v_n = placed.v_mm_s[use, 1] * placed.stretch[use]
     n_law = N_LAW if fit.law.plateau_mm_s > 0 else N_LAW - 1

@@ -1,4 +1,4 @@
-"""A plateau of the law: the fit of Eq. 5 that is constant below a speed."""
+"""The fit of Eq. 5 that is constant below a speed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["plateau_ci95_mm_s", "refits"]
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """The fit from the runs' own latencies; none where it would hold for the slowest run alone."""
+    """The fit from the runs' latencies; none if it would concern the slowest run alone."""
     try:
         fit = fit_session(session, before.runs, before.terms, True, before)
     except (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError):

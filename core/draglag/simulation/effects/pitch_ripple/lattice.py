@@ -1,8 +1,6 @@
-"""The electrodes' lattice as the touch streams themselves show it: a ripple seen, and undone, event by event.
+"""The electrodes' lattice in touch streams: a ripple seen, and undone, event by event.
 
-A ripple displaces every event along both axes by sines of its place. At the speeds of a drag that is quicker than any
-hand: it is what events deviate by from a smooth path, thousands of them. Edges show only its part across the beam, at
-places that the other part has moved.
+At drag speeds it is quicker than any hand, so thousands of events show it; edges show only its part across the beam.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ SETTLING, INVERSE = 2, 6  # rounds
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """pitch_mm, and sizes_mm (4, 2): of sin and cos along x, sin and cos along y, in the displacement in x and in y."""
+    """pitch_mm; sizes_mm (4, 2): of sin and cos along x, sin and cos along y, for displacements in x and in y."""
 
     pitch_mm: float
     sizes_mm: FloatArray
@@ -52,10 +50,9 @@ class Lattice:
         return replace(trace, xy_mm=xy_mm, noise_mm=noise_mm)
 
     def undone_mm(self, shown_mm: FloatArray) -> FloatArray:
-        """The events of a run as they would have been shown without the ripple, (n, 2) mm.
+        """The events of a run without the ripple, (n, 2) mm.
 
-        Each is displaced as the smooth path through its neighbours is there: at a place as noisy as its own, a steep
-        ripple would make more noise than it takes away.
+        The displacement is taken on the smooth path: at an event's own noisy place a steep ripple would add noise.
         """
         there = shown_mm
         for _ in range(INVERSE):
@@ -65,12 +62,12 @@ class Lattice:
 
 @lru_cache(maxsize=1)
 def lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
-    """The lattice that runs (as shown) show. The same for the same runs, whichever model is tried on them."""
+    """The lattice in runs (as shown), independent of the model tried."""
     return lattice_of([(data.t_s, data.xy_mm) for data in runs])
 
 
 def lattice_of(traces: Sequence[tuple[FloatArray, FloatArray]]) -> Lattice | None:
-    """The lattice that traces, (times (n,) s, positions (n, 2) mm) each, show; None where no pitch stands out."""
+    """The lattice in traces, (times (n,) s, positions (n, 2) mm) each; None if no pitch stands out."""
     long = [(t_s, xy_mm) for t_s, xy_mm in traces if t_s.size > 10 * WINDOW]
     if not long:
         return None
@@ -114,7 +111,7 @@ def _waves(xy_mm: FloatArray, pitch_mm: float) -> FloatArray:
 
 
 def _power(runs: Sequence[FloatArray]) -> FloatArray:
-    """What waves of each pitch along x or y explain of the events' deviations, (pitches,), roughly but at once."""
+    """Explained square of events' deviations by waves of each pitch, (pitches,), approximate but fast."""
     kernel = -savgol_coeffs(WINDOW, DEGREE)
     kernel[WINDOW // 2] += 1
     turns = np.linspace(0, 0.5, 257)
@@ -138,7 +135,7 @@ def _power(runs: Sequence[FloatArray]) -> FloatArray:
 
 
 def _on_grid(at_mm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (g,) every GRID_MM and the values (n, 2) shared out between the two next to each, (g, 2)."""
+    """Places (g,) every GRID_MM, and values (n, 2) shared between the two neighbours, (g, 2)."""
     at = (at_mm - at_mm.min()) / GRID_MM
     left = at.astype(np.int64)
     share = at - left
@@ -151,7 +148,7 @@ def _on_grid(at_mm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def _fitted(runs: Sequence[tuple[FloatArray, FloatArray]], pitch_mm: float) -> tuple[FloatArray, float]:
-    """Sizes (4, 2) and the square explained of what events (shown, path each) deviate by from a smooth path."""
+    """Sizes (4, 2), and the explained square of events' deviations from a smooth path."""
     normal, moment = 1e-9 * np.eye(4), np.zeros((4, 2))
     for shown, path in runs:
         columns, off = _deviation_from_path(_waves(path, pitch_mm)), _deviation_from_path(shown)

@@ -1,4 +1,4 @@
-"""A ripple in the electrodes' pitch: thousands of events show what a hundred edges cannot."""
+"""A ripple in the electrodes' pitch, found in the touch events."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEAST_MM = 0.1  # of amplitude, in the touch events: twice the size of interest
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """The ripple that the touch events show, undone in the traces; none where they show none."""
+    """The events' ripple, undone in the traces; none if there is none."""
     lattice = lattice_in(as_shown(before.runs))
     if lattice is None:
         return []
@@ -27,6 +27,6 @@ def possible_in(before: Fit) -> bool:
 
 
 def shown_by_traces(before: Fit) -> bool:
-    """Whether the touch events show a ripple of interest, however little of it lies across the beam."""
+    """Whether touch events show a relevant ripple, even if little is across the beam."""
     lattice = lattice_in(as_shown(before.runs))
     return lattice is not None and float(abs(lattice.sizes_mm).max()) > LEAST_MM

@@ -1,9 +1,7 @@
-"""Touch events that wait for the host's next poll: stamps on a grid with a jitter, which frames fill in a steady beat.
+"""Touch events that wait for the host's next poll: stamps on a jittering grid that frames fill in a beat.
 
-Three readings of such stamps are weighed by their likelihoods. A clock that rounds puts them on the grid exactly. A
-panel whose own frames are the grid, some of them lost or delivered in groups, fills it by chance or in a fixed pattern:
-how many ticks an event is behind the one before depends on that one alone. A poll of another period than the frames'
-fills it as the two beat: frame i comes with the first tick after i periods of the panel.
+Rivals, by likelihood: a rounding clock, exactly on the grid; a panel whose frames are the grid, filled by chance or in
+a fixed pattern. Under polls frame i comes with the first tick after i periods of the panel.
 """
 
 from __future__ import annotations
@@ -40,7 +38,7 @@ FOLLOWED = 0.2  # of what a frame lies beyond its poll
 
 @dataclass(frozen=True)
 class _Grid:
-    """Stamps of one run on the grid: ticks (n,), their period, and how far each stamp lies off, (n,) s."""
+    """One run's stamps on the grid: ticks (n,), their period, deviations (n,) s."""
 
     tick: IntArray
     period_s: float
@@ -49,7 +47,7 @@ class _Grid:
 
 @dataclass(frozen=True)
 class Polled:
-    """A host's polling as a stream effect, and the interval of the panel's own frames."""
+    """A host's polling as a stream effect, and the panel's frame interval."""
 
     effect: StreamEffect
     frame_s: float
@@ -64,12 +62,12 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def polls_in(streams: Streams) -> Polled | None:
-    """The host's polling: empty ticks, groups and uneven ages are those of its beat."""
+    """The host's polling, whose beat explains empty ticks, groups and uneven ages."""
     return polled(streams.touches)
 
 
 def polled(touches: Sequence[TouchTrace]) -> Polled | None:
-    """The host's polling with its period and jitter, where the stamps are likelier by it than otherwise."""
+    """The host's polling with period and jitter, if likelier than its rivals."""
     grids = _grids(touches)
     if not grids or grids[0].period_s < SHORTEST_S or _scatter_of_grid(grids) * grids[0].period_s < ROUNDING_S:
         return None  # no grid, a wait too short for a name, or a clock that rounds
@@ -99,7 +97,7 @@ def polled(touches: Sequence[TouchTrace]) -> Polled | None:
 
 
 def unpolled(touch: TouchTrace, period_s: float, frame_s: float) -> TouchTrace:
-    """Stamps of the panel's even frames instead of the polls'; the mean wait stays in them."""
+    """The trace stamped by the panel's even frames; the mean wait stays."""
     if touch.t_s.size < 100:
         return touch
     count = _frames(_on_grid(touch.t_s, period_s).tick, frame_s / period_s)
@@ -108,7 +106,7 @@ def unpolled(touch: TouchTrace, period_s: float, frame_s: float) -> TouchTrace:
 
 
 def _frames(tick: IntArray, frame: float) -> FloatArray:
-    """Number of the frame that each event is of, (n,): the next, unless it would have waited longer than a period."""
+    """Each event's frame number, (n,): the next, unless it had waited longer than a period."""
     count, begun = [0], 0.0
     for now in (tick - tick[0]).tolist():
         waited = now - begun - frame * (count[-1] + 1)
@@ -120,7 +118,7 @@ def _frames(tick: IntArray, frame: float) -> FloatArray:
 
 
 def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
-    """The stamps on the grid that they lie on most closely for its size; empty without any."""
+    """The stamps on the grid closest for its size; empty without any."""
     apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
     usual_s = float(np.mean(apart_s))
     apart_s = apart_s[(apart_s > 0.25 * usual_s) & (apart_s < 6 * usual_s)]
@@ -141,7 +139,7 @@ def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
 
 
 def _scatter_of_grid(grids: Sequence[_Grid]) -> float:
-    """By how much stamps lie off the grid, in ticks: median over the runs."""
+    """Deviation of stamps from the grid, in ticks: median over the runs."""
     return float(np.median([_spread(grid.off_s) / grid.period_s for grid in grids]))
 
 
@@ -150,7 +148,7 @@ def _spread(values: FloatArray) -> float:
 
 
 def _of_most(values: FloatArray) -> float:
-    """Standard deviation without what lies far off: arrivals are late and never early."""
+    """Standard deviation without outliers: arrivals are late, never early."""
     off = values - np.median(values)
     return float(np.std(off[np.abs(off) < FAR * _spread(values)]))
 
@@ -167,7 +165,7 @@ def _on_grid(t_s: FloatArray, period_s: float) -> _Grid:
 
 
 def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
-    """Log-likelihood of a beat less that of ticks that depend on the one before alone; frames' period in ticks."""
+    """Log-likelihood of a beat less that of a step depending on the one before alone; frame period in ticks."""
     steps = np.concatenate([np.diff(grid.tick) for grid in grids])
     usual = float(np.mean(steps[steps <= 3 * max(float(np.median(steps)), 1.0)]))
     windows = [window for grid in grids for window in _windows(grid.tick, int(np.ceil(usual)) + 1, longest)]
@@ -180,18 +178,17 @@ def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
 
 
 def _apart(windows: Sequence[IntArray]) -> float:
-    """How many ticks an event comes after the one before, in the mean."""
+    """Mean number of ticks between events."""
     return float(sum(w[-1] - w[0] for w in windows) / sum(w.size - 1 for w in windows))
 
 
 def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
-    """Stretches between two events of which frames are missing, if frames are so many ticks apart."""
+    """Stretches between missing frames."""
     parts = np.split(tick, np.flatnonzero(np.diff(_frames(tick, frame)) > 1) + 1)
     return [part for part in parts if part.size >= FEWEST]
 
 
 def _beat_in(windows: Sequence[IntArray]) -> tuple[float, float]:
-    """``_beat`` of stretches in which no frame is missing."""
     frame = _apart(windows)
     by_beat = max(sum(_of_beat(w, frame, jitter) for w in windows) for jitter in JITTERS)
     return by_beat - _of_neighbours(windows), frame
@@ -205,7 +202,7 @@ def _windows(tick: IntArray, most: int, longest: int) -> list[IntArray]:
 
 
 def _of_beat(tick: IntArray, frame: float, jitter: float) -> float:
-    """Log-likelihood of ticks (n,), frames being that many apart and each seen at the first tick after it."""
+    """Log-likelihood of ticks (n,), each frame seen at the first tick after it."""
     at = frame * np.arange(tick.size) + PHASES[:, None]
     late = tick - tick[0] - at
     each = ndtr(late / jitter) - ndtr((late - 1) / jitter)
@@ -214,7 +211,7 @@ def _of_beat(tick: IntArray, frame: float, jitter: float) -> float:
 
 
 def _of_neighbours(windows: Sequence[IntArray]) -> float:
-    """Log-likelihood of steps each of which depends on the one before alone, or of patterns that repeat exactly."""
+    """Log-likelihood of steps that depend on the one before alone, or of exactly repeating patterns."""
     best = -np.inf
     for order in (1, 2, 3):
         counts: dict[tuple[int, ...], dict[int, int]] = {}
@@ -231,7 +228,7 @@ def _of_neighbours(windows: Sequence[IntArray]) -> float:
 
 
 def _even_again(touch: TouchTrace, period_s: float, frame_s: float) -> bool:
-    """Whether stamps lie within one period of the even frames that are put in their place."""
+    """Whether stamps lie within a period of their replacements."""
     if touch.t_s.size < 100:
         return True
     wait_s = touch.t_s - unpolled(touch, period_s, frame_s).t_s

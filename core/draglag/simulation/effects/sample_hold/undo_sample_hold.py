@@ -1,8 +1,8 @@
 """The age of held positions, undone: a frame clock seen through a slower or faster host loop.
 
-At tick j the loop writes the newest frame, whose age is p_f · frac(α j − φ): p_f the frames' period, α = p_t / p_f less
-whole frames, φ the run's own phase. A position of greater age lies further back along the path, by its age times the
-speed; so α is the line that the runs' deviations along the path share, and φ where the sawtooth fits.
+At tick j the newest frame has the age p_f · frac(α j − φ): p_f the frames' period, α = p_t / p_f less whole frames, φ
+the run's phase. Positions lag along the path by age × speed: α is the line shared by the runs' deviations, φ where the
+sawtooth fits.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ HEIGHT = (0.45, 1.1)  # of the frames' period, that a sawtooth may seem to have:
 
 @dataclass(frozen=True)
 class _Deviation:
-    """Of one run: tick of each event (n,), how far it lies ahead of its path in time (n,) s, and the weight of that."""
+    """Of one run: tick of each event (n,), how far it is ahead of its path in time (n,) s, and its weight."""
 
     tick: IntArray
     ahead_s: FloatArray
@@ -40,11 +40,8 @@ class _Deviation:
 
 
 def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
-    """Positions as if all were of the mean age, or at times as if they were; None where the beat cannot be seen.
-
-    Args:
-        period_s: of the host's loop.
-    """
+    """Traces as if all positions were of the mean age; None if the beat cannot be seen. period_s: of the host's
+    loop."""
     deviations = [_deviation(touch, period_s) for touch in touches]
     fast = sorted((d for d in deviations if d is not None), key=lambda d: -float(d.weight.mean()))[:FASTEST]
     if not fast:
@@ -68,8 +65,7 @@ def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[Tou
 def _at_even_ages(
     touches: Sequence[TouchTrace], fits: Sequence[_Fit | None], alpha: float, period_s: float, frame_s: float
 ) -> list[TouchTrace]:
-    """The traces freed of the ages that frames of this period have on the loop's ticks; runs without a fit as they
-    are."""
+    """The traces without frames' ages on the loop's ticks; runs without a fit unchanged."""
     out = []
     for touch, fit in zip(touches, fits, strict=True):
         if fit is None:
@@ -89,7 +85,7 @@ def _at_even_ages(
 
 
 def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: float) -> FloatArray:
-    """Ages (n,) s whose jump comes where the positions show it: jittering frames take turns a tick sooner or later."""
+    """Ages (n,) s that jump where positions show it: jittering frames alternate by a tick."""
     own_s = np.maximum.accumulate(touch.t_s - age_s + 1e-9 * np.arange(age_s.size))
     xy = np.column_stack([touch.x_mm, touch.y_mm])
     fit = local_fit(own_s, xy, own_s, half_width_s)
@@ -101,7 +97,7 @@ def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: 
 
 
 def _as_of(touch: TouchTrace, own_s: FloatArray, half_width_s: float) -> TouchTrace:
-    """Positions of the times ``own_s`` carried along the path to their stamps; those that have no path are left out."""
+    """Positions of times ``own_s`` carried along the path to their stamps; those without a path left out."""
     xy = np.column_stack([touch.x_mm, touch.y_mm])
     there, here = (local_fit(own_s, xy, at_s, half_width_s) for at_s in (touch.t_s, own_s))
     keep = there.ok & here.ok
@@ -115,7 +111,7 @@ def _ticks(t_s: FloatArray, period_s: float) -> IntArray:
 
 
 def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
-    """How far events lie ahead of a local path on the ticks; None for a run too short."""
+    """Events' time ahead of a local path, on the ticks; None for a run too short."""
     if touch.t_s.size < 10 * WINDOW:
         return None
     tick = _ticks(touch.t_s, period_s)
@@ -135,8 +131,8 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
 def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
     """α, from runs that show it well.
 
-    A spectrum separates a sawtooth neither from its mirror image nor always from its own harmonics, and a beat too slow
-    to appear itself appears by those: a line may be α's double, or another multiple of a slow α.
+    A spectrum does not separate a sawtooth from its mirror image, nor always from its harmonics: a line may be a
+    multiple of a slow α.
     """
     best: tuple[float, list[float]] = (-np.inf, [0.5])
     beats = _beats(fast)
@@ -153,7 +149,7 @@ def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
 
 
 def _beats(runs: Sequence[_Deviation]) -> list[float]:
-    """The lines that the runs share, α of each."""
+    """α of each line shared by the runs."""
     power = np.zeros(GRID)
     widest = 1
     for run in runs:
@@ -190,7 +186,7 @@ class _Fit:
 
 
 def _sawtooth(run: _Deviation, alpha: float, phases: FloatArray = PHASES) -> _Fit:
-    """The phase of the sawtooth that fits a run's deviations best, its height, and the share it explains."""
+    """The best sawtooth's phase and height for a run's deviations, and the share it explains."""
     even = np.mod(alpha * np.arange(run.tick[-1] + 1)[:, None] - phases, 1.0)
     sawtooth = (savgol_filter(even, WINDOW, DEGREE, axis=0) - even)[run.tick]  # as the deviations were taken
     moment = (run.weight * run.ahead_s) @ sawtooth

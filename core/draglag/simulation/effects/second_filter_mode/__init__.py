@@ -151,7 +151,6 @@ class SecondFilterMode(Effect):
 
 
 def _mode(view: View, setting: Setting) -> Signature:
-    """More latency above a speed or an acceleration, or in stretches of the session."""
     if setting.timed:
         on = setting.within(view.since_start_s, view.latency_s)
     else:
@@ -160,7 +159,7 @@ def _mode(view: View, setting: Setting) -> Signature:
 
 
 def _threshold_of_change(fit: Fit) -> float | None:
-    """Above which change of speed, mm/s², a filter is there that the touch events show, if that is what it follows."""
+    """Threshold of the change of speed, mm/s², of a filter in the touch events; None if it follows none."""
     settings = (Setting.of(term.theta) for term in fit.terms if term.effect == SecondFilterMode.id)
     times = next((setting.times_s for setting in settings if setting is not None and setting.shown), None)
     return None if times is None else threshold_of_change(fit.runs, times)

@@ -1,4 +1,4 @@
-"""A second filter as a fit found it, by an acceleration or in stretches of time."""
+"""A second filter as fitted, by acceleration or in stretches of time."""
 
 from __future__ import annotations
 

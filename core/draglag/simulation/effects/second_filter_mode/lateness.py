@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lateness:
-    """A lateness, s, in stretches from–to of session time, to be taken off the touch events' stamps."""
+    """A lateness, s, in stretches from–to of session time, to be taken off touch stamps."""
 
     size_s: float
     times_s: tuple[float, ...]
@@ -32,10 +32,9 @@ class Lateness:
 def without_lateness(
     t_s: FloatArray, xy_mm: FloatArray, size_s: float, times_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Events (n,), (n, 2) with the lateness taken off, those left out that came while the trace stood still.
+    """Events (n,), (n, 2) without the lateness, and without those while the trace stood still.
 
-    Args:
-        times_s: (2 k,) stretches from–to, on the clock of ``t_s``.
+    times_s: (2 k,) stretches from–to, on the clock of ``t_s``.
     """
     late = np.searchsorted(times_s, t_s - size_s) % 2 == 1
     begins = times_s[::2]

@@ -1,4 +1,4 @@
-"""A second filter: above a speed, in stretches that edges show, or in those that the touch events show."""
+"""A second filter: above a speed, or in stretches that edges or events show."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NEAR = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """One refit for every way in which edges or events show a second filter."""
+    """One refit for every way in which a second filter shows."""
     skips = find_skips(as_shown(before.runs))
     switching = find_switching(before)
     step = find_step(before.runs, latency_of_terms(before)) if before.law.plateau_mm_s <= 0 else None
@@ -55,26 +55,25 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def shown_by_edges(before: Fit) -> bool:
-    """Whether the latencies of single edges lie on two levels that last, or the touch events skip and stand still as a
-    filter makes them that comes and goes."""
+    """Whether edges' latencies lie on two lasting levels, or events skip and stand still."""
     found = find_switching(before)
     return (found is not None and found.gain > 0) or find_skips(as_shown(before.runs)) is not None
 
 
 def judged(placed: Placed, term: Term) -> np.ndarray:
-    """Edges (m,) that are not about a switch: there a position is an average of both filters'."""
+    """Edges (m,) away from switches, where positions are averages."""
     return away(placed, _setting(term), term.sizes[0] if term.sizes else 0.0)
 
 
 def open_mm(placed: Placed, term: Term) -> FloatArray:
-    """About a switch an edge lies anywhere between what the two filters show, (m,) mm."""
+    """About a switch an edge lies anywhere between the two filters' positions, (m,) mm."""
     setting = _setting(term)
     size_s = abs(setting.above if setting.shown else term.sizes[0])
     return np.asarray(size_s * np.abs(placed.v_mm_s[:, 1] * placed.stretch))
 
 
 def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
-    """A fit with a filter that comes and goes, without the edges next to a switch that show a mean of both filters."""
+    """The fit without edges next to a switch that show a mean of both filters."""
     mode = next(t for t in fit.terms if t.effect == OWN)
     mixed = of_neither(fit, _setting(mode))
     if not mixed.any():
@@ -84,8 +83,7 @@ def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
 
 
 def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step: Step | None) -> Fit | None:
-    """A filter that takes over above the likeliest speed: next to the one that single edges show, or between the two
-    runs whose latencies part."""
+    """A filter above the likeliest speed: single edges', or between two runs whose latencies part."""
     law, speeds = before.law, list[float]()
     if setting is not None and setting.by is By.SPEED:
         speeds = [v * setting.above for v in NEAR]
@@ -98,7 +96,7 @@ def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step:
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
-    """The fit with a filter that comes and goes, its times settled along with the law."""
+    """The fit with an intermittent filter, its times settled with the law."""
     fit, law, setting, size_s = None, None, switching.setting, switching.size_s
     for _ in range(ROUNDS):
         only = away(before.placed, setting, size_s)
@@ -115,8 +113,7 @@ def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None
 
 
 def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
-    """The fit with a second filter undone in the traces, where they show it; what is left of its lateness is fitted,
-    and undone again until little is."""
+    """The fit with a second filter undone in the traces until little lateness remains."""
     fit, setting = None, skips.setting
     for _ in range(ROUNDS):
         law, last = (None, before) if fit is None else (fit.law, fit)
@@ -137,7 +134,6 @@ def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
 
 
 def _setting(term: Term) -> Setting:
-    """The setting of a term that has one."""
     setting = Setting.of(term.theta)
     if setting is None:
         raise ValueError("a second filter without a setting is not judged")

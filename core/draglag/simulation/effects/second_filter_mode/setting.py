@@ -13,7 +13,7 @@ from draglag.recording import FloatArray
 
 
 class By(IntEnum):
-    """What switches the filter, as a theta's second number has it."""
+    """What switches the filter: a theta's second number."""
 
     SPEED = 0
     ACCELERATION = 1
@@ -23,10 +23,8 @@ class By(IntEnum):
 
 @dataclass(frozen=True)
 class Setting:
-    """by: what it is slower by. above: a speed, mm/s, or an acceleration, mm/s²; of times shown: the lateness undone
-    in the traces, s. times_s: stretches from–to of the session, one increasing row: of the stylus' own time, or of the
-    time when the panel shows it.
-    """
+    """by: what switches it. above: a speed, mm/s, or an acceleration, mm/s²; for times shown, the lateness undone in
+    the traces, s. times_s: one increasing row from–to, session time of the stylus, or of the trace if shown."""
 
     above: float
     by: By
@@ -34,7 +32,7 @@ class Setting:
 
     @classmethod
     def of(cls, theta: tuple[float, ...]) -> Setting | None:
-        """The setting of a term; None where it has none yet. Raises DataError for one that is none."""
+        """The setting of a term; None if it has none yet. Raises DataError for an invalid one."""
         if not theta:
             return None
         if len(theta) < 2 or theta[1] not in list(By):
@@ -49,7 +47,7 @@ class Setting:
 
     @property
     def shown(self) -> bool:
-        """Whether the touch events show its times, and it is undone in the traces."""
+        """Whether its times are the touch events', and it is undone in the traces."""
         return self.by is By.TIME_SHOWN
 
     @property
@@ -57,10 +55,10 @@ class Setting:
         return self.by in (By.TIME, By.TIME_SHOWN)
 
     def within(self, own_s: FloatArray, latency_s: FloatArray) -> np.ndarray:
-        """Whether session times (m,) of the stylus, shown a latency later, lie in the stretches."""
+        """Whether the stylus' session times (m,), shown a latency later, lie in the stretches."""
         return within(self.times_s, own_s + (latency_s if self.shown else 0.0))
 
 
 def within(times_s: tuple[float, ...], at_s: FloatArray) -> np.ndarray:
-    """Whether times (m,) lie in one of the stretches from–to, given as one increasing row, s."""
+    """Whether times (m,) lie in a stretch from–to of an increasing row, s."""
     return np.asarray(np.searchsorted(np.array(times_s), at_s) % 2 == 1)

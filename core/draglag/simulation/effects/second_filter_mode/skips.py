@@ -1,7 +1,6 @@
-"""A filter that comes and goes as touch events show it: its trace stands still when it takes over, and skips as far
-ahead when it lets go.
+"""An intermittent filter in touch events: the trace stands still when it takes over, and skips as far when it ends.
 
-The lateness is one for all runs: in time, whatever their speed. A tracker finds the likeliest switches.
+One lateness for all runs; a tracker finds the likeliest switches.
 """
 
 from __future__ import annotations
@@ -42,8 +41,8 @@ MOSTLY, NEARLY_ALL = 0.6, 0.85
 
 @dataclass(frozen=True)
 class Skips:
-    """size_s: how much later the events are; times_s: (2 k,) stretches from–to in which they are, of session time as
-    the trace shows it without the lateness; gain: log-likelihood of the events that it saves."""
+    """size_s: lateness of events; times_s: (2 k,) its stretches from–to in session time, as the trace shows it without
+    lateness; gain: of log-likelihood."""
 
     size_s: float
     times_s: FloatArray
@@ -57,8 +56,8 @@ class Skips:
 
 @lru_cache(maxsize=1)
 def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
-    """Two levels of lateness in the touch events of runs (as shown), or None where one does as well, or where what
-    switches them is a place, a direction or a speed. The same for the same runs, whichever model is tried on them."""
+    """Two levels of lateness in runs (as shown); None if one does as well, or if a place, direction or speed switches
+    them. Independent of the model tried."""
     runs = [data for data in all_runs if data.t_s.size > 10 * QUICKER]
     skip_s = _typical_skip_s([data for data in runs if data.keeps_moving])
     if skip_s is None:
@@ -84,7 +83,7 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
 
 @lru_cache(maxsize=4)
 def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
-    """Above which change of speed, mm/s², the filter is active, if such a threshold separates its stretches; else None.
+    """Threshold of the change of speed, mm/s², that separates the filter's stretches, or None.
 
     Args:
         runs: with the lateness undone. times_s: (2 k,) of ``Skips``.
@@ -108,9 +107,10 @@ def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
-    """By how much events are ahead of their neighbours where the trace skips, in runs where it stands still as well;
-    None where it does not, or where all of that is at one place, direction or speed (to follow the events takes
-    seconds). A start from rest looks like a skip, a stop like a standstill, and neither is one."""
+    """Typical skip, s, in runs that also stand still; None without, or if all are at one place, direction or speed.
+
+    Spares tracking, which takes seconds. Starts from rest look like skips, stops like standstills; both are excluded.
+    """
     skips, standstills, at = [], 0, []
     for data in runs:
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
@@ -138,7 +138,7 @@ def _medians(values: FloatArray, live: np.ndarray) -> FloatArray:
 
 
 def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:
-    """Times from–to, (2 k,), without the lateness. While the trace stands still, half its events seem of either."""
+    """Times from–to, (2 k,), without the lateness. Half the events of a standstill seem of either level."""
     changes = np.flatnonzero(np.diff(later)) + 1
     out: list[float] = []
     for first, last in pairwise([0, *changes.tolist(), t_s.size]):
@@ -150,11 +150,10 @@ def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:
 
 
 def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[float] | FloatArray) -> float:
-    """Which share of a run's switches lies within ``ALIKE`` of its events by place, direction of movement or speed,
-    runs by their weights: where it is high, that is what switches, and not a filter of its own.
+    """Share of switches within ``ALIKE`` of a run's events by place, direction or speed, which if high is what
+    switches.
 
-    Args:
-        at: indices of the events that switch, each run's.
+    at: indices of each run's switching events.
     """
     shares = []
     for data, events in zip(runs, at, strict=True):

@@ -1,6 +1,6 @@
-"""A law with a step in it, found from the runs' own latencies: a second filter that takes over above some speed.
+"""A law with a step, from the runs' latencies: a second filter above some speed.
 
-A step is no small change: Eq. 5 bends until it nearly hides one, and only a fit that begins with the step finds it.
+Eq. 5 bends until it nearly hides a step: only a fit that begins with one finds it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LEAST_GAIN = 12.0
 
 @dataclass(frozen=True)
 class Step:
-    """Eq. 5 plus ``size_s`` above a threshold between two runs' speeds; gain: χ² that the step saves."""
+    """Eq. 5 plus ``size_s`` above a threshold between two runs' speeds; gain: of χ²."""
 
     law: LawParameters
     between_mm_s: tuple[float, float]
@@ -29,7 +29,7 @@ class Step:
     gain: float
 
     def thresholds_mm_s(self, count: int = 13) -> FloatArray:
-        """Thresholds to choose from, a little beyond both runs, for their speeds vary."""
+        """Candidate thresholds, a little beyond both runs, whose speeds vary."""
         low, high = self.between_mm_s
         return np.geomspace(0.95 * low, 1.05 * high, count)
 
@@ -37,7 +37,7 @@ class Step:
 def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> Step | None:
     """The best step through the runs' latencies (less what other effects add, (runs,) s), or None.
 
-    Amplitudes are linear and solved for every pair of rates and every threshold between two runs at once.
+    Linear amplitudes are solved for all pairs of rates and all thresholds at once.
     """
     rows = [
         (d.estimate.speed_mm_s, d.estimate.latency_s - (0.0 if less_s is None else less_s[k]), d.estimate.curve_se_s)
@@ -70,7 +70,7 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
 
 
 def _solve(columns: FloatArray, latency: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """χ² (g,) and amplitudes (g, p) of each of g settings; infinite where an amplitude of Eq. 5 is negative."""
+    """χ² (g,) and amplitudes (g, p) of g settings; infinite where an amplitude of Eq. 5 is negative."""
     a = columns * weight[None, :, None]
     b = latency * weight
     normal = np.swapaxes(a, 1, 2) @ a

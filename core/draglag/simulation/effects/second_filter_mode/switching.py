@@ -1,7 +1,7 @@
-"""A filter that comes and goes within a run, whatever switches it: two levels of latency found from the edges alone.
+"""An intermittent filter in the edges: two levels of latency, whatever switches them.
 
-A hidden Markov model with two states, solved for all sizes of the jump at once: within a run an edge has the run's own
-level or one that is later by the jump, and states last for seconds.
+A two-state hidden Markov model for all sizes of the jump at once: an edge has the run's level or one later by the jump,
+and states last for seconds.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LEAST_RUNS = 0.5  # of those of steady speed have to have a switch: otherwise it
 
 @dataclass(frozen=True)
 class Switching:
-    """size_s: how much later; on_s: (n, 2) session times from–to in which it is; gain: deviance it saves, priced."""
+    """size_s: lateness; on_s: (n, 2) its session times from–to; gain: of penalised deviance."""
 
     size_s: float
     on_s: FloatArray
@@ -54,7 +54,7 @@ class Switching:
 
 
 def find_switching(fit: Fit) -> Switching | None:
-    """The best two-level latency through all placed edges of a fit, or None where one level does as well."""
+    """The best two-level latency through a fit's edges, or None if one level suffices."""
     placed, late_s, sd_s, usable = _latencies(fit)
     edges, steady = [], []
     for k, data in enumerate(fit.runs):
@@ -82,8 +82,8 @@ def find_switching(fit: Fit) -> Switching | None:
 
 
 def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
-    """The times re-estimated with the law of a fit that contains the switching: a run that never switches shows only by
-    the law which of the two levels is its own."""
+    """The times re-estimated with the law of a fit with the switching: a run that never switches shows its level only
+    by it."""
     placed, late_s, sd_s, usable = _latencies(fit)
     late_s = late_s + size_s * within(setting.times_s, placed.since_start_s)
     spans = []
@@ -106,13 +106,13 @@ def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
 
 
 def later_of(placed: Placed, setting: Setting) -> np.ndarray:
-    """Edges (m,) in the stretches of a filter that was undone in the traces."""
+    """Edges (m,) in the stretches of a filter undone in the traces."""
     return within(setting.times_s, placed.since_start_s + placed.latency_s)
 
 
 def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
-    """Stretches from–to, on the clock of the times of a filter undone in the traces, in which the edges show it undone
-    where it was not there and there where it was not undone: a switch had been missed."""
+    """Stretches from–to in which edges contradict the filter undone in the traces, on the clock of its times: a missed
+    switch."""
     placed, late_s, sd_s, usable = _latencies(fit)
     at_s = placed.since_start_s + placed.latency_s
     later = later_of(placed, setting)
@@ -136,9 +136,9 @@ def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
 
 
 def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
-    """Starting law of a refit: through each run's level in a fit that contains the switching.
+    """Starting law of a refit, through each run's level in a fit with the switching. Raises EstimateError.
 
-    The runs' own estimates are of one level each, and a law begun there stays where it fits them. Raises EstimateError.
+    Runs' own estimates mix levels, and a law begun there stays.
     """
     placed, late_s, _, usable = _latencies(fit)
     less_s = np.zeros(len(fit.runs))
@@ -151,7 +151,7 @@ def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
 
 
 def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
-    """Of every placed edge: lateness relative to the fit and its standard deviation, s, and whether it is usable."""
+    """Placed edges' lateness relative to the fit and its standard deviation, s; whether usable."""
     placed = fit.placed
     lever = fit_lever(fit)
     variance = placed.touch_variance_mm2 + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2
@@ -165,8 +165,8 @@ def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
 
 
 def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
-    """Edges (m,) that are not about a switch, by its times or by a speed: there a position is an average of both
-    filters', and a trace that stands still or jumps by ``size_s`` shows the speed wrong."""
+    """Edges (m,) away from a switch by time or speed, where positions are averages of both filters' and a trace that
+    stands still or jumps by ``size_s`` shows a wrong speed."""
     if setting.by is By.SPEED:
         unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
         unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
@@ -183,8 +183,7 @@ def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
 
 
 def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
-    """Edges (m,) of a fit with the switching in it that lie off and are next to a switch: when it came, between two
-    passes, is not known, and windows that reach across it show a mean of both filters."""
+    """Outlying edges (m,) next to a switch, whose time between two passes is unknown."""
     placed, late_s, _, usable = _latencies(fit)
     out = np.zeros(len(placed), bool)
     for k in range(len(fit.runs)):
@@ -202,17 +201,17 @@ def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
 
 
 def fit_lever(fit: Fit) -> FloatArray:
-    """How a longer latency moves the residual of every placed edge, mm/s."""
+    """Change of every placed edge's residual with latency, mm/s."""
     placed = fit.placed
     across = placed.v_mm_s[:, 1] - fit.geometry.slope * placed.v_mm_s[:, 0]
     return np.asarray(-across * placed.stretch)
 
 
 def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    """Deviance saved by two levels instead of one (runs, sizes), and how likely each edge is in the later (runs, sizes,
-    m of the longest run), of runs' edges: their times, latencies and standard deviations, s.
+    """Deviance saved by two levels (runs, sizes), and each edge's probability of the later one (runs, sizes, m of the
+    longest run), from times, latencies and standard deviations, s.
 
-    Runs are filled up with edges that come at once and say nothing, so that all take each step together.
+    Runs are padded with uninformative edges, so that all take each step together.
     """
     longest = max(t_s.size for t_s, _, _ in runs)
     t_s, late_s, sd_s = np.zeros((3, len(runs), longest))
@@ -241,13 +240,13 @@ def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[
 
 
 def _square(z: FloatArray) -> FloatArray:
-    """z² up to where one bad edge would decide."""
+    """z², limited so that no single edge decides."""
     return np.minimum(z**2, 25.0)
 
 
 def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood (...) and the posterior of state one (..., m) of log densities (..., m). stay: (..., m − 1) how
-    likely a state is to last until the next edge."""
+    """Log-likelihood (...) and posterior of state one (..., m) from log densities (..., m). stay: (..., m − 1)
+    probability that a state lasts until the next edge."""
     m = zero.shape[-1]
     top = np.maximum(zero, one)
     density = np.moveaxis(np.stack([np.exp(zero - top), np.exp(one - top)]), -1, 0).copy()
@@ -274,7 +273,7 @@ def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tu
 
 
 def _spans(t_s: FloatArray, later: FloatArray) -> list[tuple[float, float]]:
-    """Session times between edges from–to in which the later state holds; over a run's ends by its own half second."""
+    """Session times from–to of the later state, between edges; half a second beyond a run's ends."""
     on = later > 0.5
     changes = np.flatnonzero(np.diff(on)) + 1
     bounds = [0, *changes.tolist(), t_s.size]

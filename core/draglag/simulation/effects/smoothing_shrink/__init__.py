@@ -55,7 +55,7 @@ class SmoothingShrink(Effect):
         return 2 * self.value
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
-        """A first-order low-pass both ways: the gain of one of the full time constant, without its delay."""
+        """A first-order low-pass both ways: the gain of the full time constant, no delay."""
         one_way = self.value / np.sqrt(2)
         if one_way == 0:
             return x_mm, y_mm
@@ -94,7 +94,7 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def speed_delay(cls, theta: Theta) -> tuple[float, float] | None:
-        """Behind a causal low-pass the law is of the speed that the stylus has by then."""
+        """Behind a causal low-pass the law is of the stylus' speed by then."""
         setting = Setting.of(theta)
         return None if setting is None or setting.even else (0.0, -setting.lag_s)
 

@@ -1,4 +1,4 @@
-"""A causal low-pass, as a fit found it."""
+"""A causal low-pass, as fitted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class CausalWindow(FittedShape):
     """value: its time constant, s."""
 
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
-        """Behind the low-pass, of the speed that the stylus has by then."""
+        """The stylus' speed by the time of the low-pass' output."""
         t = k.motion.t_s
         return np.interp(t + self.value, t, speed_mm_s)
 
@@ -26,7 +26,7 @@ class CausalWindow(FittedShape):
 
 
 def low_passed(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
-    """A path (n,) after a causal first-order low-pass whose delay at rest is compensated."""
+    """A path (n,) after a causal first-order low-pass, its delay at rest compensated."""
     if time_constant_s <= 0:
         return position_mm
     keep = float(np.exp(-step_s / time_constant_s))

@@ -1,4 +1,4 @@
-"""A low-pass: its mean effect on the edges, and the trace freed of it, tremor and quick circles too."""
+"""A low-pass: its mean effect on the edges, and traces freed of it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROUNDS = 4
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Its mean effect, and for both kinds the traces freed of it at the time constant that the edges ask for."""
+    """Its mean effect, and traces freed of either kind at the edges' time constant."""
     own = SmoothingShrink.id
     mean = refit(session, before, [*before.terms, Term(own, theta)])
     if mean is None:

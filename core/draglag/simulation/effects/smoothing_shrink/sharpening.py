@@ -55,11 +55,10 @@ class Sharpening:
 def _sharpened(
     t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float, even: bool
 ) -> tuple[FloatArray, FloatArray, csr_matrix]:
-    """A trace before a low-pass whose delay at rest is the law's, and by how much each event (columns) moves each of
-    those that are left (rows).
+    """A trace before a low-pass whose delay at rest is the law's, and each event's weight (columns) in those left
+    (rows).
 
-    One of first order that looks back only: u = y + τ ẏ, stamped τ later; an even one, of a phase that only delays, as
-    a moving average is: u = y − ½ τ² ÿ.
+    Causal, first order: u = y + τ ẏ, stamped τ later. Even, with a pure delay, as a moving average: u = y − ½ τ² ÿ.
     """
     fit = local_fit(t_s, xy_mm, t_s, half_width_s)
     weights = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
@@ -69,8 +68,8 @@ def _sharpened(
 
 
 def _gain(fit: LocalFit, t_s: FloatArray, even: bool) -> float:
-    """Share of the velocity, or of the acceleration (``even``), that local fits show of a path which turns as theirs:
-    a window that is wide enough for the noise flattens a quick circle by percents."""
+    """Share of velocity, or acceleration (``even``), kept by local fits: wide windows flatten a quick circle by
+    percents."""
     v, judged = (fit.v_mm_s @ [1, 1j])[fit.ok], np.flatnonzero(fit.ok)
     if v.size < 2:
         return 1.0

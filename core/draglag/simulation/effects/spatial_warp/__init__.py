@@ -27,8 +27,7 @@ BEND_UNKNOWN = 0.3  # of a polynomial's amplitude, either way
 
 
 class Setting(NamedTuple):
-    """cycles: of a wave over the panel, half of them a full turn; 0: a polynomial of this degree, whose square has no
-    mean."""
+    """cycles: of a wave over the panel, in half turns; 0: a polynomial of this degree, whose square has no mean."""
 
     cycles: float = 0.0
     degree: float = max(DEGREES)
@@ -83,7 +82,7 @@ class SpatialWarp(Effect):
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """The amplitude over the panel, of a wave's sine and cosine or a polynomial."""
+        """The amplitude over the panel, of a wave or a polynomial."""
         sizes, x = found.sizes, found.fit.view.panel_x
         if Setting(*found.term.theta).cycles > 0:
             amplitude, reach = float(np.hypot(*sizes[:2])), Z95 * float(np.max(found.se[:2]))
@@ -97,8 +96,10 @@ class SpatialWarp(Effect):
 
     @classmethod
     def _amplitudes_alike(cls, found: FittedTerm) -> list[tuple[float, float]]:
-        """Intervals of a bend's amplitude with every number of cycles that the edges do not exclude. Where runs cover a
-        part of the panel, a wide wave and a narrow one of very different amplitudes bend that part alike."""
+        """Intervals of the amplitude for every number of cycles not excluded by the edges.
+
+        Runs on a part of the panel do not separate wide from narrow waves of very different amplitudes.
+        """
         fit, own = found.fit, found.own
         waves = [cls.signature_at((float(cycles),), fit.view).columns(fit.view) for cycles in CYCLES]
         others = np.delete(fit.design, own, axis=1)

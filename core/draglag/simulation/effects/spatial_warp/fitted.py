@@ -1,4 +1,4 @@
-"""A bend of the panel's coordinates as a fit found it: a wave, or a polynomial."""
+"""A bend of the panel's coordinates as fitted: a wave, or a polynomial."""
 
 from __future__ import annotations
 

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
 USUAL, OF_SCREENS_SD = Setting(1.0, 0.02), 0.5
-"""Middle of the filters that screens have, and the standard deviation of the logarithm of either parameter among them
-(fact sheet on real screens: 0.6 to 1.5 Hz, 0.01 to 0.05 per mm)."""
+"""Middle of screens' filters, and standard deviation of the logarithm of either parameter (fact sheet on real screens:
+0.6 to 1.5 Hz, 0.01 to 0.05 per mm)."""
 SETTINGS = tuple(Setting(fmin, beta) for fmin in (0.7, 1.3) for beta in (0.01, 0.02, 0.045))
-"""At which its columns are looked at: over the range of screens, a factor of two apart."""
+"""Settings tried: the range of screens by factors of two."""
 SMOOTHER_SD = 0.15
-"""Of the logarithm of either parameter: a local fit's velocity is smoother than the filter's own. Calibrated: generated
+"""Of the logarithm of either parameter: a local fit's velocity is smoother than the filter's. Calibrated: generated
 filters were off by 0.02 to 0.4, the most where the law falls as the filter's delay does."""
 LEAST_UNSURE = 1e-3  # of a parameter's logarithm: a filter's own arithmetic is known to no better
 MOST_UNKNOWN = 5.0  # of a parameter's logarithm: a factor of 150 is nothing known
@@ -92,7 +92,7 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        """What the law cannot hold of it, to second order in its delay: that of a smoothed speed, and a shrunk path."""
+        """What the law cannot hold of it, to second order in its delay: smoothed speed and shrunk path."""
         each = []
         for setting in SETTINGS:
             delay_s, _ = _delays_s(view, setting)
@@ -101,8 +101,10 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def signature_at(cls, theta: Theta, view: View) -> Signature:
-        """What is left of it in a trace freed of it at the setting, by the logarithms of both parameters: the change of
-        ``signatures``. From smoothed speeds, for an edge's own lag behind the raw position has the edge's own noise."""
+        """What remains in a trace freed of it at the setting, by the logarithms of both parameters.
+
+        From smoothed speeds: an edge's own lag behind the raw position has the edge's noise.
+        """
         delay_s, at_rest = _delays_s(view, Setting(*theta[:2]))
         less_s = -delay_s[:, None] * np.column_stack([at_rest, 1 - at_rest])
         return Signature(less_s, less_s * (delay_s * view.a_across)[:, None], theta)
@@ -120,7 +122,7 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def log_prior_of(cls, theta: Theta) -> float:
-        """Of the setting among those of screens, times how much of them the edges leave (Laplace's approximation)."""
+        """Of the setting among screens', times the share left by the edges (Laplace's approximation)."""
         setting = Setting(*theta)
         off = setting.logs_from(USUAL) / OF_SCREENS_SD
         left = np.maximum(setting.unsure, LEAST_UNSURE) / OF_SCREENS_SD
@@ -142,8 +144,7 @@ def _one_contact(t_s: FloatArray) -> np.ndarray:
 
 
 def _delays_s(view: View, setting: Setting) -> tuple[FloatArray, FloatArray]:
-    """The filter's delay at every edge by the speed that the trace shows, (m,) s, and which share of the cut-off is the
-    one at rest, (m,)."""
+    """The filter's delay at every edge, (m,) s, and the share of the cut-off that is the one at rest, (m,)."""
     traces = view.averaged
     cut_off = cut_off_hz(traces.t_s, traces.xy_mm, setting, first_of_contact(traces.t_s))
     delay_s = np.asarray(traces.rows @ (1 / (2 * np.pi * cut_off)))

@@ -1,8 +1,7 @@
-"""The 1 euro filter and its inverse, of many events at once.
+"""The 1 euro filter and its inverse, for many events at once.
 
-Published as a recursion over the events: y_i = y_{i-1} + g_i (x_i − y_{i-1}), with a gain g_i by the cut-off
-fmin + β |v_i|, where v is the velocity of the raw positions behind a low-pass of 1 Hz (Casiez et al. 2012). Each
-recursion is a linear system of two diagonals.
+y_i = y_{i-1} + g_i (x_i − y_{i-1}), gain g_i by the cut-off fmin + β |v_i|, v the velocity of the raw positions behind
+a low-pass of 1 Hz (Casiez et al. 2012). Each recursion is solved as a bidiagonal linear system.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ MOST_ROUNDS = 60  # twice what the fastest circles behind the slowest filter nee
 
 
 class Setting(NamedTuple):
-    """Cut-off at rest, Hz, and by how much it rises with the speed, Hz per mm/s; of a fit, the standard deviations of
-    the logarithms of both as well."""
+    """Cut-off at rest, Hz, and its rise with speed, Hz per mm/s; of a fit also the standard deviations of both
+    logarithms."""
 
     fmin_hz: float
     beta_per_mm: float
@@ -38,7 +37,7 @@ class Setting(NamedTuple):
         return np.log([self.fmin_hz / other.fmin_hz, self.beta_per_mm / other.beta_per_mm])
 
     def moved(self, logs: FloatArray) -> Setting:
-        """Another setting, by (2,) changes of the logarithms."""
+        """The setting changed by (2,) in the logarithms."""
         return Setting(self.fmin_hz * float(np.exp(logs[0])), self.beta_per_mm * float(np.exp(logs[1])))
 
 
@@ -50,9 +49,9 @@ def filtered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.nd
 
 
 def unfiltered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
-    """Raw positions (n, 2) of those behind the filter (n, 2), by fixed-point iteration over the filter's velocity.
+    """Raw positions (n, 2) of filtered ones (n, 2), by fixed-point iteration over the filter's velocity.
 
-    Noise from before the filter comes back as it was; what is added behind it, as rounding, grows by 1 / gain.
+    Noise from before the filter is restored; noise added behind it, as by rounding, grows by 1 / gain.
     """
     before = np.vstack([xy_mm[:1], xy_mm[:-1]])
     steps = np.where(begins[:, None], 0.0, xy_mm - before)

@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Unfiltered:
-    """The path before a filter: what is shown, and the filter's time constant times its velocity.
+    """The path before a filter: what is shown plus the filter's time constant times its velocity.
 
-    The recursion's own inverse takes that velocity from one event to the next, and the noise of both 2 to 20 times; a
-    local fit takes it as smooth as a hand is.
+    By local fits: the recursion's own inverse differences single events and amplifies noise 2 to 20 times.
     """
 
     setting: Setting

@@ -1,4 +1,4 @@
-"""A filter that follows the speed: the traces freed of it, at the setting that the edges ask for."""
+"""Traces freed of a speed-adaptive filter at the edges' setting."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BACK = 0.3  # of a step that went too far
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """The traces freed of it, from the usual filter to the likeliest: its columns are too rough to begin from."""
+    """Traces freed of it, from the usual filter to the likeliest; its columns are too rough to begin from."""
     setting, law = USUAL, _law_without(before, USUAL)
     best: Fit | None = None
     step = unsure = np.zeros(2)
@@ -55,8 +55,8 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """By how much the edges would move the logarithms of both parameters, law and all else with them, (2,), and their
-    standard deviations, (2,), with what screens have as prior. The filter's term is the last."""
+    """Changes of both logarithms that the edges ask for, all else adjusted, (2,), and their standard deviations, (2,);
+    prior: other screens. The filter's term is the last."""
     white, prior, own = fit.white, fit.prior.copy(), slice(-2, None)
     prior[own] = OF_SCREENS_SD**-2
     a, b = white.apply(np.column_stack([fit.design[:, :-2], _columns(fit)])), white.apply(fit.residual_mm)
@@ -67,8 +67,8 @@ def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 
 def _columns(fit: Fit) -> FloatArray:
-    """By how much edges are displaced for a unit of each logarithm, (m, 2) mm: the lag of what is shown behind the raw
-    positions, event by event. With the events' noise, which the effect's own columns must not have."""
+    """Displacement of the edges per unit of each logarithm, (m, 2) mm, event by event: with their noise, which the
+    effect's own columns must not have."""
     traces, setting = fit.view.averaged, Setting(*fit.terms[-1].theta[:2])
     first = first_of_contact(traces.t_s)
     behind_mm = traces.xy_mm[:, 1] - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]
@@ -81,13 +81,13 @@ def _with_setting(fit: Fit, setting: Setting) -> Fit:
 
 
 def _worse(fit: Fit, before: Fit) -> bool:
-    """Whether edges lie farther off than without the filter, or at the setting before."""
+    """Whether edges lie farther off than without the filter, or than before."""
     both = fit.use & before.use
     return log_likelihood_on(fit, both) < log_likelihood_on(before, both)
 
 
 def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
-    """Eq. 5 through the runs' own latencies, each less the filter's mean delay at its edges."""
+    """Eq. 5 through the runs' latencies, each less the filter's mean delay."""
     try:
         return starting_law(before.runs, _mean_delays_s(before, setting), False)
     except EstimateError:
@@ -95,7 +95,7 @@ def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
 
 
 def _mean_delays_s(before: Fit, setting: Setting) -> FloatArray:
-    """The filter's mean delay at the edges of each run, by the speed that the trace shows, (runs,) s."""
+    """The filter's mean delay at each run's edges, (runs,) s."""
     out = np.zeros(len(before.runs))
     for k, data in enumerate(as_shown(before.runs)):
         cut_off = cut_off_hz(data.t_s, data.xy_mm, setting, first_of_contact(data.t_s))

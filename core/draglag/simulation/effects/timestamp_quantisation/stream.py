@@ -1,4 +1,4 @@
-"""Stamps that a coarse clock rounds."""
+"""Stamps rounded by a coarse clock."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def clock_in(streams: Streams) -> StreamEffect | None:
-    """A grid of stamps that is no host's polling and no batches'."""
+    """A grid of stamps that is neither polling's nor batches'."""
     other = streams.of(polls_in) is not None or streams.of(batches_in) is not None
     return None if other else coarse_clock(streams.touches)
 
 
 def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
-    """Stamps that are multiples of one quantum while the intervals themselves vary: a coarse clock."""
+    """A coarse clock: stamps are multiples of one quantum while the intervals vary."""
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
     rounded = np.round(intervals, 7)
     least = max(20, 5e-4 * intervals.size)
@@ -76,8 +76,8 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
 
 
 def _reaches_further(touches: list[TouchTrace]) -> float:
-    """How much of a longer interval the stylus uses to go further: 1 where frames are missing, 0 where stamps are
-    coarse; median over the runs that are fast enough, 0 without any."""
+    """How much further the stylus goes in longer intervals: 1 with missing frames, 0 with coarse stamps; median over
+    fast enough runs, 0 without any."""
     shares = []
     for touch in touches:
         dt = np.diff(touch.t_s)
@@ -92,7 +92,7 @@ def _reaches_further(touches: list[TouchTrace]) -> float:
 
 
 def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
-    """Stamps of an even frame clock through those of a coarse one: frames counted, the stamps' slow course kept."""
+    """The trace with stamps of an even frame clock: frames counted, the stamps' slow course kept."""
     t = touch.t_s
     if t.size < 100:
         return touch
