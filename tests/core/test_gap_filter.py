@@ -11,6 +11,7 @@ from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.results import GapReport
 from draglag.gap.traces.run_data import FINE_S, averaged
+from draglag.path.events import first_of_contact
 from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray
 from draglag.simulation import simulate_session
@@ -18,7 +19,6 @@ from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,
     filtered,
-    first_of_contact,
     unfiltered,
 )
 

@@ -6,16 +6,16 @@ Taps never touch the laser's clock. On a sound rig the latency of releases is th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
-from scipy.stats import norm
+from scipy.stats import norm, uniform
 
 from draglag.curve import CurvePoints, fit_best, fit_form
-from draglag.curve.fit import CLEARLY_BETTER
 from draglag.errors import EstimateError
-from draglag.gap.constants import P_EFFECT, P_LAW_FORM, STATED_AT_MOST
+from draglag.gap.constants import P_EFFECT, STATED_AT_MOST
 from draglag.gap.fitting.joint import Fit, latency_of_terms
 from draglag.gap.posterior.linear import likeliest_levels, linearised, normal
 from draglag.gap.posterior.pool import Pool
@@ -29,6 +29,7 @@ OFFSET_SD_S = 0.01  # of an offset of interest: clocks that nobody compared diff
 BEYOND = 0.15  # how well the law's fall beyond the fastest speed is known, as a share of it
 FEWEST = 15  # releases
 FAR_MM_S = 1e5  # where every curve has come to its end
+POINTS = 2001  # of the grid on which an offset's interval is read: a hundredth of a millisecond
 AT_AN_END = 0.3  # of the time over which taps were made
 
 
@@ -42,13 +43,13 @@ class Offset:
 
 
 def clock_offset(
-    session: Session, fit: Fit, effects: Sequence[Effect] = (), held_s: float = 0.0, known_form: bool = True
+    session: Session, fit: Fit, effects: Sequence[Effect] = (), held_s: float = 0.0, p_any_form: float = 0.0
 ) -> Offset | None:
-    """Releases against the fitted asymptote; None without enough of them.
+    """Releases against where the curve ends; None without enough of them.
 
     effects: those named, as the simulation has them: what they do to taps is no offset. ``held_s``: a time that taps or
-    drags may have waited for, one without the other. known_form: whether a form is known that describes the curve; if
-    none is, it may go on falling beyond the fastest drag.
+    drags may have waited for, one without the other. p_any_form: probability that the curve has none of
+    the known forms.
     """
     if session.taps is None:
         return None
@@ -56,18 +57,12 @@ def clock_offset(
     registered_s, late_s = session.taps.registered_s, np.zeros(session.taps.registered_s.size)
     for effect in effects:  # a latency that creeps or settles, of taps as of drags: the fitted law has none of it
         late_s = effect.tap_latency(late_s, registered_s - origin_s)
-    registered_s = registered_s - late_s
-    summary = summarise_taps(replace(session.taps, registered_s=registered_s)).get("release")
+    summary = summarise_taps(replace(session.taps, registered_s=registered_s - late_s)).get("release")
     if summary is None or summary.n < FEWEST:
         return None
-    difference_s = summary.median_s - fit.law.a7_s
-    ends = _ends_beyond(fit, known_form)
     tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / 3.92
-    variance = fit.covariance[4, 4] + ends.left_s**2 + tap_se**2 + TAP_SD_S**2 + held_s**2 / 3
-    reach_s = 1.96 * float(np.sqrt(variance))
-    p = posterior_of(ends.missed_s(difference_s), variance + INTEREST_S**2, OFFSET_SD_S)
-    low, high = difference_s - ends.highest_s - reach_s, difference_s - ends.lowest_s + reach_s
-    return Offset(float(difference_s - ends.mean_s), (float(low), float(high)), p)
+    ends = _ends_beyond(fit, p_any_form, tap_se**2 + held_s**2 / 3)
+    return ends.offset(float(summary.median_s - fit.law.a7_s))
 
 
 def shares_by_edges(
@@ -87,52 +82,70 @@ def shares_by_edges(
 
 @dataclass(frozen=True)
 class Ends:
-    """Where the forms end that describe the runs, against the fitted asymptote, s: the lowest, the highest, and their
-    mean weighted by the Akaike weight of each. left_s: standard deviation of each. of_any_s: the range of a form that
-    nobody knows, which may go on falling, or end where the drags do."""
+    """Where the curve may end, against the fitted asymptote, beyond the fastest drag.
 
-    lowest_s: float
-    highest_s: float
-    mean_s: float
-    left_s: float
-    of_any_s: tuple[float, float]
+    Attributes: at_s, weights: (k,) of the forms that describe the runs, weighed by Akaike's criterion. variance: of
+    releases about each. any_s, p_any: range and probability of a form that nobody knows: it goes on falling at most
+    to 0, or ends where the drags do.
+    """
 
-    def missed_s(self, difference_s: float) -> float:
-        """What no form reaches of a difference from the fitted asymptote: how large it is depends on which it is."""
-        return difference_s - min(max(difference_s, self.lowest_s), self.highest_s)
+    at_s: FloatArray
+    weights: FloatArray
+    variance: float
+    any_s: tuple[float, float]
+    p_any: float
+
+    def density(self, off_s: float, slab_sd_s: float = 0.0) -> float:
+        """Of releases that far off the fitted asymptote, 1/s, give or take what is of no interest; slab_sd_s: of an
+        offset besides."""
+        sd = float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2))
+        of_forms = float(self.weights @ norm.pdf(off_s, self.at_s, sd))
+        low, high = self.any_s
+        inside = float(norm.cdf(high, off_s, sd) - norm.cdf(low, off_s, sd))
+        return (1 - self.p_any) * of_forms + self.p_any * inside / (high - low) + np.finfo(float).tiny
+
+    def log_density(self, off_s: float) -> float:
+        """The same, with the offset that a clock may have."""
+        return float(np.log((1 - P_EFFECT) * self.density(off_s) + P_EFFECT * self.density(off_s, OFFSET_SD_S)))
+
+    def offset(self, off_s: float) -> Offset:
+        """Releases that far off as an offset: the mean over where the curve may end, and 95 % of the mixture."""
+        with_it, without = P_EFFECT * self.density(off_s, OFFSET_SD_S), (1 - P_EFFECT) * self.density(off_s)
+        sd, slab_sd = np.sqrt(self.variance), np.sqrt(self.variance + OFFSET_SD_S**2)
+        each = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, slab_sd)
+        low, high = self.any_s
+        any_form = self.p_any * (norm.cdf(high, off_s, slab_sd) - norm.cdf(low, off_s, slab_sd)) / (high - low)
+        sizes = off_s - self.at_s
+        grid = np.linspace(min(*sizes, off_s - high) - 4 * sd, max(*sizes, off_s - low) + 4 * sd, POINTS)
+        below = each @ norm.cdf(grid, sizes[:, None], sd) + any_form * uniform.cdf(grid, off_s - high, high - low)
+        whole = each.sum() + any_form
+        ends = np.interp(np.array([0.025, 0.975]) * whole, below, grid)
+        middle = (each @ sizes + any_form * (off_s - 0.5 * (low + high))) / whole
+        p = min(with_it / (with_it + without), STATED_AT_MOST)
+        return Offset(float(middle), (float(ends[0]), float(ends[1])), float(p))
 
 
-def _ends_beyond(fit: Fit, known_form: bool) -> Ends:
-    """Where a curve tends to lies beyond the fastest drag: Eq. 5 as fitted, and all forms as good as the best."""
+def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
+    """Where the curve of a fit may end; variance: of the taps' own level, s²."""
     fastest = float(np.quantile(fit.view.speed, 0.95))
-    of_any_s = -float(fit.law.a7_s), float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
-    left_s = BEYOND * of_any_s[1]
+    highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
+    any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
     # Runs that drift, each by its own, lie on no curve: what found effects add to a run is no part of its form.
     rows = [
         (e.speed_mm_s, e.latency_s - added_s, e.curve_se_s)
         for e, added_s in zip((data.estimate for data in fit.runs), latency_of_terms(fit), strict=True)
         if e is not None and e.latency_s is not None and e.speed_mm_s is not None
     ]
-    try:
+    at_s, weights = np.zeros(1), np.ones(1)
+    with suppress(EstimateError):
         best = fit_best(CurvePoints(*np.array(rows, float).T))
-    except EstimateError:
-        return Ends(0.0, 0.0, 0.0, left_s, of_any_s)
-    points, least = best.points, best.rivals[0].aicc
-    alike = [r for r in best.rivals if points is not None and r.aicc - least < CLEARLY_BETTER]
-    curves = [fit_form(points, r.form) for r in alike] if points is not None else []
-    ends_s = [float(curve.predict_s(np.array([FAR_MM_S]))[0] - fit.law.a7_s) for curve in curves]
-    weights = [float(np.exp(0.5 * (least - r.aicc))) for r in alike]
-    mean_s = float(np.average(ends_s, weights=weights)) if ends_s else 0.0
-    possible = [0.0, *ends_s] if known_form else [0.0, *ends_s, *of_any_s]
-    return Ends(min(possible), max(possible), mean_s, left_s, of_any_s)
-
-
-def posterior_of(value: float, variance: float, slab_sd: float) -> float:
-    """Probability that a value is more than noise of this variance: one effect of the library, N(0, slab²)."""
-    whole = variance + slab_sd**2
-    log_odds = 0.5 * np.log(variance / whole) + 0.5 * value**2 * (1 / variance - 1 / whole)
-    log_odds += np.log(P_EFFECT / (1 - P_EFFECT))
-    return float(min(1 / (1 + np.exp(-min(log_odds, 500.0))), STATED_AT_MOST))
+        if best.points is not None:
+            curves = [fit_form(best.points, rival.form) for rival in best.rivals]
+            at_s = np.array([float(c.predict_s(np.array([FAR_MM_S]))[0] - fit.law.a7_s) for c in curves])
+            aicc = np.array([rival.aicc for rival in best.rivals])
+            weights = np.exp(0.5 * (aicc.min() - aicc))
+    variance += (BEYOND * highest_s) ** 2 + float(fit.covariance[4, 4]) + TAP_SD_S**2
+    return Ends(at_s, weights / weights.sum(), variance, any_s, p_any)
 
 
 @dataclass(frozen=True)
@@ -147,7 +160,7 @@ class Creep:
         return max(self.shares, key=lambda name: self.shares[name])
 
 
-def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], known_form: bool = True) -> Creep:
+def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form: float = 0.0) -> Creep:
     """Effects of a session that drift alike on the edges, by how the taps drifted.
 
     effects: of fitted sizes, as the simulation has them: each predicts what it does to a tap's latency.
@@ -157,7 +170,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], known_form
         return Creep(even, "no taps to distinguish a clock from a latency")
     ends = _ends(session.taps, min(run.t_s[0] for run in fit.runs))
     if ends is None:
-        return _by_level(session, fit, effects, even, known_form)
+        return _by_level(session, fit, effects, even, p_any_form)
     times, levels, variance = ends
     log_odds, moved = {}, {}
     for effect in effects:
@@ -170,7 +183,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], known_form
 
 
 def _by_level(
-    session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], known_form: bool
+    session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], p_any_form: float
 ) -> Creep:
     """By taps at one end alone: their level against the asymptote that each effect leaves."""
     assert session.taps is not None
@@ -180,27 +193,12 @@ def _by_level(
     origin_s = min(run.t_s[0] for run in fit.runs)
     when_s = np.array([float(np.median(session.taps.registered_s)) - origin_s])
     off = {e.id: summary.median_s - fit.law.a7_s - float(e.tap_latency(np.zeros(1), when_s)[0]) for e in effects}
-    ends = _ends_beyond(fit, known_form)
-    variance = fit.covariance[4, 4] + ends.left_s**2 + TAP_SD_S**2 + INTEREST_S**2
+    ends = _ends_beyond(fit, p_any_form)
     words = ", ".join(f"{1e3 * value:+.1f} ms ({name})" for name, value in off.items())
     return Creep(
-        _shares({k: _log_density(v, ends, variance) for k, v in off.items()}),
+        _shares({k: ends.log_density(v) for k, v in off.items()}),
         f"releases off the asymptote: {words}",
     )
-
-
-def _log_density(off_s: float, ends: Ends, variance: float) -> float:
-    """Log density of releases that far off the asymptote: the curve ends as a form that describes the runs, or anywhere
-    that a form nobody knows may end; an offset of the clock may come on top."""
-    missed_s = ends.missed_s(off_s)
-    known = sum(
-        p * norm.pdf(missed_s, 0.0, np.sqrt(v))
-        for p, v in ((1 - P_EFFECT, variance), (P_EFFECT, variance + OFFSET_SD_S**2))
-    )
-    low, high = ends.of_any_s
-    inside = norm.cdf(high, off_s, np.sqrt(variance)) - norm.cdf(low, off_s, np.sqrt(variance))
-    any_form = inside / max(high - low, np.sqrt(variance))
-    return float(np.log(max((1 - P_LAW_FORM) * known + P_LAW_FORM * any_form, np.finfo(float).tiny)))
 
 
 def _shares(log_odds: dict[str, float]) -> dict[str, float]:

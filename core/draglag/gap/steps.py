@@ -159,8 +159,8 @@ def step_of(
     fit that its parameters are of, with all effects."""
     last = last or after
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
-    known_form = law_of(judgement, last).adequate
-    creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike), known_form)
+    p_any_form = _unknown_form(judgement, last)
+    creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike), p_any_form)
     effect = creep.best if len(alike) > 1 else alike[0]
     rivals = [e for e in alike if e != effect and creep.shares[e] > SHARED]
     rivals += _rivals(answer, name)
@@ -264,7 +264,7 @@ def with_taps(
     """Steps for what parts taps from drags, where that is more probable than not, and the fit after them."""
     parting = [e for name, e in EFFECTS.items() if e.drags_early and name in allowed]
     effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
-    offset = clock_offset(session, last, effects, waited_s(session, effects), law_of(judgement, last).adequate)
+    offset = clock_offset(session, last, effects, waited_s(session, effects), _unknown_form(judgement, last))
     if offset is None or offset.probability < 0.5:
         return [], last
     if any(_shown_by_taps(steps, k, offset) for k in range(len(steps))):
@@ -277,7 +277,8 @@ def with_taps(
     if any(effect_class(step.effect).uneven_ages for step in steps):
         # Edges whose positions were of uneven age, repaired or not, cannot identify what moves them by so little.
         shares = dict.fromkeys(moved, 1 / len(moved))
-    best = max(shares, key=lambda name: shares[name])
+    # Where edges do not decide, the one first that moves none.
+    best = min((name for name in shares if shares[name] > SHARED), key=lambda name: np.ptp(likeliest[name]))
     after = replace(last, residual_mm=last.residual_mm - likeliest[best])
     rivals = tuple(name for name in shares if name != best and shares[name] > SHARED)
     step = Step(
@@ -295,6 +296,13 @@ def with_taps(
         after,
     )
     return [step], after
+
+
+def _unknown_form(judgement: Judgement, fit: Fit) -> float:
+    """Probability that the curve may end anywhere beyond the fastest drag: where Eq. 5 describes it at the speeds that
+    there are, it ends as one of the known forms."""
+    law = law_of(judgement, fit)
+    return 0.0 if law.adequate else law.probability
 
 
 def _shown_by_taps(steps: list[Step], k: int, offset: Offset) -> bool:
