@@ -17,6 +17,7 @@ from draglag.gap.wording import (
     drift_in_analysis,
     headline,
     law_in_words,
+    noise_in_words,
     tolerated_in_words,
 )
 from draglag.gap.workflow import close_gap
@@ -202,9 +203,9 @@ def print_finding(result: GapReport, report: Path | None) -> None:
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
         f"noise floor {result.noise_floor_mm:.3f} mm ({FLOOR_REACHES})."
     )
-    for words in (also_in_words(result), law_in_words(result.law), check_in_words(result), tolerated_in_words(result)):
-        if words:
-            click.echo(words)
+    notes = (also_in_words(result), law_in_words(result.law), check_in_words(result), tolerated_in_words(result))
+    for words in filter(None, (*notes, noise_in_words(result))):
+        click.echo(words)
     for step in result.steps:
         if step.covariate == BY_TAPS:  # its gap is not the one before it
             click.echo(f"{step.effect}: {step.evidence}.")

@@ -131,6 +131,16 @@ class Tolerated:
 
 
 @dataclass(frozen=True)
+class NoisePart:
+    """A part of the noise that the session's own edges size: ``touch``, of the events, or a level of
+    ``posterior.levels``, in the unit of its name; size_mm: RMS over the edges."""
+
+    name: str
+    level: float
+    size_mm: float
+
+
+@dataclass(frozen=True)
 class Statistic:
     """One statistic of the posterior predictive check, measured and simulated. follows: the covariate of a
     disagreement."""
@@ -153,6 +163,7 @@ class GapReport:
         not_seen: effects that the session could not have shown → the recording that would show them.
         first, last: the fits without effects and with all steps. judgement: all that was compared.
         stopped_at: the limit on effects, where that ended the search. excluded: run id → why it was left out.
+        noise: what the noise floor is made of, the largest first.
         check: statistics of the session simulated again with the final model; empty where nothing was explained.
     """
 
@@ -175,6 +186,7 @@ class GapReport:
     stopped_at: int | None = None
     excluded: dict[str, str] = field(default_factory=dict)
     simulated: bool = False
+    noise: tuple[NoisePart, ...] = ()
     check: tuple[Statistic, ...] = ()
 
     def judged(self, session: Session) -> Session:
@@ -198,6 +210,7 @@ class GapReport:
             "explanations": [{"effects": list(names), "probability": p} for names, p in self.explanations],
             "law": self.law.to_dict(),
             "tolerated": [asdict(item) for item in self.tolerated],
+            "noise": [asdict(item) for item in self.noise],
             "check": [asdict(item) for item in self.check],
             "missing": list(self.missing),
             "not_seen": dict(self.not_seen),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.gap.constants import SHARED
+from draglag.gap.constants import SHARED, SIZE_OF_INTEREST_MM
 from draglag.gap.results import (
     BY_TAPS,
     UNEXPLAINED,
@@ -30,6 +30,18 @@ READ_AS = {
 }  # fmt: skip
 FEWEST_STAMPS = 10  # for a rate
 LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms
+NOISE = {
+    "touch": "touch noise",
+    "edge_mm": "single edges",
+    "speed": "errors of the speed",
+    "tremor_mm_s": "tremor",
+    "uneven": "changes of speed followed unevenly",
+    "run_s": "latency from run to run",
+    "run_mm": "offset from run to run",
+    "late_s": "lateness of single reports",
+    "wander_s": "lateness that wanders",
+}
+"""Parts of the noise in words."""
 Explanations = Sequence[tuple[tuple[str, ...], float]]
 """Sets of effects with their probabilities, the most probable first."""
 
@@ -121,6 +133,12 @@ def tolerated_in_words(report: GapReport) -> str:
     """What is there beyond chance and too small to matter, with sizes; empty without."""
     items = [f"{_followed(item.follows)}, {item.size_mm:.2f} mm" for item in report.tolerated]
     return f"Tolerated, too small to matter: {'; '.join(items)}." if items else ""
+
+
+def noise_in_words(report: GapReport) -> str:
+    """What the noise floor is made of, as far as it is of interest; empty where no part is."""
+    items = [f"{NOISE[one.name]} {one.size_mm:.2f} mm" for one in report.noise if one.size_mm >= SIZE_OF_INTEREST_MM]
+    return f"Noise of the edges, as large as the session has it: {', '.join(items)}." if items else ""
 
 
 def check_in_words(report: GapReport) -> str:

@@ -20,6 +20,7 @@ from draglag.gap.wording import (
     check_in_words,
     drift_in_analysis,
     law_in_words,
+    noise_in_words,
     separating_run,
     set_in_words,
     tolerated_in_words,
@@ -71,8 +72,8 @@ def write_gap_report(
     body.append(_table(report))
     if provisional is not None:
         body.append(f"<p>{escape(provisional.words())}</p>")
-    if words := tolerated_in_words(report):
-        body.append(f"<p>{escape(words)}</p>")
+    for words in (tolerated_in_words(report), noise_in_words(report)):
+        body += [f"<p>{escape(words)}</p>"] if words else []
     body.append(_explanations(report))
     body.append(_check_table(report))
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")

@@ -208,6 +208,14 @@ class ToleratedOutput(_Output):
     size_mm: Number
 
 
+class NoisePartOutput(_Output):
+    """A part of the noise, in the unit of its name, and what it makes of the noise floor."""
+
+    name: str
+    level: Number
+    size_mm: Number
+
+
 class StatisticOutput(_Output):
     """One statistic of the posterior predictive check."""
 
@@ -234,6 +242,7 @@ class GapOutput(_Output):
     explanations: list[ExplanationOutput]
     law: LawOutput
     tolerated: list[ToleratedOutput]
+    noise: list[NoisePartOutput]
     check: list[StatisticOutput]
     missing: list[str]
     not_seen: dict[str, str] = Field(description="effect → the recording that would show it")

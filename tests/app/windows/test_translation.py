@@ -22,6 +22,7 @@ from draglag.curve import FORMS
 from draglag.errors import DataError
 from draglag.gap.by_hand import BY_HAND
 from draglag.gap.fitting.parameters import where_of
+from draglag.gap.posterior.levels import PARTS
 from draglag.gap.results import FOLLOWS
 from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
@@ -255,6 +256,7 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
         "explanations": [{"effects": names, "probability": p} for names, p in sets],
         "law": {"adequate": False, "misses_ms": 1.21, "probability_other": 0.97},
         "tolerated": [{"follows": "session_time", "probability": 0.9, "size_mm": 0.031}],
+        "noise": [{"name": name, "level": 0.1, "size_mm": 0.1} for name in ("touch", *PARTS)],
         "not_seen": {"clock_offset": "taps timed on the same clock show it"},
     }  # fmt: skip
     try:
@@ -268,6 +270,10 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
             "kruipende vertraging",
             "klokverschil: loslaattikken liggen +6.4 ms naast de asymptoot van de fit",
             "Toegestaan, te klein om ertoe te doen: de sessietijd, 0.03 mm",
+            "Ruis van de flanken, zo groot als de sessie die heeft: ruis van de aanraking 0.10 mm, losse flanken 0.10 mm, "
+            "fouten van de snelheid 0.10 mm, beven 0.10 mm, snelheidsveranderingen ongelijk gevolgd 0.10 mm, vertraging "
+            "van run tot run 0.10 mm, verschuiving van run tot run 0.10 mm, late losse meldingen 0.10 mm, vertraging die "
+            "zwerft 0.10 mm",
         ]
         assert unseen(report) == ["klokverschil: tikken op dezelfde klok laten het zien"]
         assert law_words(report) == (

@@ -45,12 +45,34 @@ class RunNoise:
             raise np.linalg.LinAlgError(f"edge {failed - 1}: the noise's covariance is not positive definite")
         return np.asarray(factor, np.float64)
 
+    def variances_mm2(self, levels: Levels) -> dict[str, FloatArray]:
+        """Of every edge, (n,), by part of the noise: "touch", what events give it, and the parts of ``Levels``."""
+        latency, offset, uneven = (self.common**2).T
+        one = np.ones(self.edges.size)
+        unit = {
+            "edge_mm": one,
+            "speed": np.diag(self.speed),
+            "tremor_mm_s": np.diag(self.tremor),
+            "uneven": uneven,
+            "run_s": latency,
+            "run_mm": offset,
+            "late_s": self.late,
+            "wander_s": np.diag(self.wander),
+        }
+        touch = np.diag(self.fixed) + self.loose_s**2 * latency
+        return {"touch": touch} | {name: getattr(levels, name) ** 2 * v for name, v in unit.items()}
+
 
 @dataclass(frozen=True)
 class Noise:
     """Of all runs."""
 
     runs: tuple[RunNoise, ...]
+
+    def rms_mm(self, levels: Levels) -> dict[str, float]:
+        """By how much each part of the noise moves the edges, mm RMS."""
+        each = [run.variances_mm2(levels) for run in self.runs]
+        return {name: float(np.sqrt(np.mean(np.concatenate([one[name] for one in each])))) for name in each[0]}
 
     def whitened(self, levels: Levels, columns: FloatArray) -> tuple[FloatArray, float]:
         """Columns (m, k) made white under these levels, and ln |C|."""

@@ -24,6 +24,7 @@ from draglag_app.windows.wording.gap_words import (
     compared_words,
     followed,
     names_words,
+    noise_words,
     tolerated_words,
 )
 from draglag_app.windows.wording.library_words import in_words
@@ -180,7 +181,7 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
     gone = [f"{run} ({', '.join(map(flag_name, why.split(', ')))})" for run, why in report.get("excluded", {}).items()]
     if gone:
         lines.append(say("Not judged by: {runs}").format(runs=", ".join(gone)))
-    lines += [check_words(report), tolerated_words(report)]
+    lines += [check_words(report), tolerated_words(report), noise_words(report)]
     if without:
         lines.append(say("Excluded: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
     return [line for line in lines if line]

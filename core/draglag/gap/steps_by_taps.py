@@ -1,0 +1,96 @@
+"""What parts taps from drags, as a step: a clock, a filter or a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from draglag.gap.by_taps import Offset, clock_offset, shares_by_edges
+from draglag.gap.constants import SHARED
+from draglag.gap.fitting.heldout import gap_mm
+from draglag.gap.fitting.joint import Fit
+from draglag.gap.posterior.judge import Judgement
+from draglag.gap.replaying.realised import made
+from draglag.gap.results import BY_TAPS, Step
+from draglag.messages import message
+from draglag.recording import FloatArray, Session
+from draglag.simulation.effects import EFFECTS, Effect, effect_class
+
+
+def waited_s(session: Session, effects: Sequence[Effect]) -> float:
+    """By how much effects may part taps from drags, if one waits for the host or a filter and the other does not, s."""
+    frames = [float(np.mean(np.diff(run.touch.t_s))) for run in session.runs if run.touch.t_s.size > 2]
+    frame_s = float(np.median(frames)) if frames else 0.0
+    return 0.5 * max((effect.longest_wait_s(frame_s) for effect in effects), default=0.0)
+
+
+def with_taps(
+    session: Session, judgement: Judgement, last: Fit, steps: list[Step], allowed: frozenset[str], p_any_form: float
+) -> tuple[list[Step], Fit]:
+    """Steps for what parts taps from drags, where that is more probable than not, and the fit after them."""
+    parting = [e for name, e in EFFECTS.items() if e.drags_early and name in allowed]
+    effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
+    offset = clock_offset(session, last, effects, waited_s(session, effects), p_any_form)
+    if offset is None or offset.probability < 0.5:
+        return [], last
+    if any(_shown_by_taps(steps, k, offset) for k in range(len(steps))):
+        return [], last
+    possible = [e for e in parting if e.parameters[0].lower < e.drags_early * offset.value_s < e.parameters[0].upper]
+    if not possible:
+        return [], last
+    moved = {e.id: _moved_mm(e, e.drags_early * offset.value_s, last) for e in possible}
+    likeliest, shares = shares_by_edges(judgement.pool, last, moved)
+    if any(effect_class(step.effect).uneven_ages for step in steps):
+        # Edges whose positions were of uneven age, repaired or not, cannot identify what moves them by so little.
+        shares = dict.fromkeys(moved, 1 / len(moved))
+    # Where edges do not decide, the one first that moves none.
+    best = min((name for name in shares if shares[name] > SHARED), key=lambda name: np.ptp(likeliest[name]))
+    after = replace(last, residual_mm=last.residual_mm - likeliest[best])
+    rivals = tuple(name for name in shares if name != best and shares[name] > SHARED)
+    step = Step(
+        best,
+        {EFFECTS[best].parameters[0].name: _of_size(offset, EFFECTS[best].drags_early)},
+        message("every edge alike"),
+        BY_TAPS,
+        1 - offset.probability,
+        _off_the_asymptote(offset),
+        gap_mm(last),
+        gap_mm(after),
+        offset.probability * sum(shares[e] for e in (best, *rivals)),
+        rivals,
+        EFFECTS[best].separated_by if rivals else "",
+        after,
+    )
+    return [step], after
+
+
+def _shown_by_taps(steps: list[Step], k: int, offset: Offset) -> bool:
+    """Whether the k-th step parts taps from drags, and by as much as taps say: then it gets its size from them."""
+    home = effect_class(steps[k].effect)
+    if not home.drags_early:
+        return False
+    parameters = home.with_taps(steps[k].parameters, *_of_size(offset, home.drags_early))
+    if parameters is None:
+        return False
+    evidence = message("{evidence}; {taps}", evidence=steps[k].evidence, taps=_off_the_asymptote(offset))
+    steps[k] = replace(steps[k], parameters=parameters, evidence=evidence)
+    return True
+
+
+def _of_size(offset: Offset, sign: int) -> tuple[float, tuple[float, float]]:
+    """By how much drags are early (sign 1) or late (-1) against taps, and the 95 % interval, s."""
+    low, high = sorted(sign * end for end in offset.ci95_s)
+    return sign * offset.value_s, (low, high)
+
+
+def _off_the_asymptote(offset: Offset) -> str:
+    return message("release taps lie {ms:+.1f} ms off the fitted asymptote", ms=1e3 * offset.value_s)
+
+
+def _moved_mm(effect: type[Effect], value: float, fit: Fit) -> list[FloatArray]:
+    """By how much an effect of known size moves each edge beyond a constant latency, which is the curve's: (m,) mm of
+    each alternative."""
+    options = effect.columns_at((value,), fit.view)
+    return [np.asarray(one.columns(fit.view)[:, 0] * value) for one in options] or [np.zeros(fit.residual_mm.size)]
