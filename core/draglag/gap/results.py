@@ -162,7 +162,8 @@ class GapReport:
         explanations: sets of effects with their probabilities, 95 % of the mass; ``unexplained`` for what has no name.
         not_seen: effects that the session could not have shown → the recording that would show them.
         first, last: the fits without effects and with all steps. judgement: all that was compared.
-        stopped_at: the limit on effects, where that ended the search. excluded: run id → why it was left out.
+        stopped_at: the limit on effects, where that ended the search. excluded: run id → why it was left out. flagged:
+        run id → flags of the runs that are judged by, though some of their edges are not, or scatter.
         noise: what the noise floor is made of, the largest first.
         check: statistics of the session simulated again with the final model; empty where nothing was explained.
     """
@@ -185,6 +186,7 @@ class GapReport:
     judgement: Judgement | None = field(default=None, repr=False)
     stopped_at: int | None = None
     excluded: dict[str, str] = field(default_factory=dict)
+    flagged: dict[str, str] = field(default_factory=dict)
     simulated: bool = False
     noise: tuple[NoisePart, ...] = ()
     check: tuple[Statistic, ...] = ()
@@ -215,6 +217,7 @@ class GapReport:
             "missing": list(self.missing),
             "not_seen": dict(self.not_seen),
             "excluded": dict(self.excluded),
+            "flagged": dict(self.flagged),
         }
 
     def __repr__(self) -> str:
@@ -230,7 +233,7 @@ class GapReport:
 
 
 def unjudged(session: Session, report: GapReport) -> str:
-    """The session's runs that the fit does not judge by, in a sentence; or nothing."""
+    """The session's runs that the fit does not judge by, or by some of their edges only, in sentences; or nothing."""
     if report.last is None or report.first is None:
         return ""
     session = report.judged(session)
@@ -241,4 +244,6 @@ def unjudged(session: Session, report: GapReport) -> str:
         if run.id not in last
     ]
     left = [f"{run} ({why})" for run, why in report.excluded.items()] + left
-    return f"Not judged by: {', '.join(left)}." if left else ""
+    part = [f"{run} ({flags})" for run, flags in report.flagged.items()]
+    sentences = [("Not judged by", left), ("Judged by, with edges that are left out or scatter", part)]
+    return " ".join(f"{words}: {', '.join(runs)}." for words, runs in sentences if runs)

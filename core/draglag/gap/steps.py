@@ -29,6 +29,8 @@ from draglag.gap.traces.run_data import gather
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, effect_class, twins_of
 
+OF_EDGES = ("spurious_edges", "excess_scatter", "missed_edges")
+"""Flags of a run whose edges are left out in part, or scatter."""
 Streams = tuple[tuple[StreamEffect, ...], tuple[StreamEffect, ...]]
 """What the streams show: effects that may be named, and those that the library given does not have."""
 
@@ -76,11 +78,18 @@ def reported(
         law_of(judgement, last),
         tuple(Tolerated(*item) for item in answer.tolerated),
         noise=noise_parts(judgement),
+        flagged=_flagged(judgement.base),
         first=judgement.base,
         last=last,
         judgement=judgement,
         stopped_at=max_effects if unexplained and len(steps) >= max_effects else None,
     )
+
+
+def _flagged(fit: Fit) -> dict[str, str]:
+    """Run id → those of its flags that say something of its edges."""
+    each = {d.run.id: [f for f in d.estimate.flags if f in OF_EDGES] for d in fit.runs if d.estimate is not None}
+    return {run: ", ".join(flags) for run, flags in each.items() if flags}
 
 
 def noise_parts(judgement: Judgement) -> tuple[NoisePart, ...]:

@@ -247,6 +247,7 @@ class GapOutput(_Output):
     missing: list[str]
     not_seen: dict[str, str] = Field(description="effect → the recording that would show it")
     excluded: dict[str, str] = Field(description="run → why it was left out")
+    flagged: dict[str, str] = Field(description="run → flags of its edges, where it is judged by")
 
 
 class ComparedCurveOutput(CurveOutput):

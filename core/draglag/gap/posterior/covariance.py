@@ -59,8 +59,9 @@ class RunNoise:
             "late_s": self.late,
             "wander_s": np.diag(self.wander),
         }
-        touch = np.diag(self.fixed) + self.loose_s**2 * latency
-        return {"touch": touch} | {name: getattr(levels, name) ** 2 * v for name, v in unit.items()}
+        out = {"touch": np.diag(self.fixed)} | {name: getattr(levels, name) ** 2 * v for name, v in unit.items()}
+        out["uneven"] = out["uneven"] + self.loose_s**2 * latency
+        return out
 
 
 @dataclass(frozen=True)

@@ -178,13 +178,17 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
         if step["effect"] in added or step.get("covariate") == BY_TAPS:  # whose gap is not the one before it
             lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
     lines.append(in_words(report.get("drift_in_analysis") or ""))
-    gone = [f"{run} ({', '.join(map(flag_name, why.split(', ')))})" for run, why in report.get("excluded", {}).items()]
-    if gone:
-        lines.append(say("Not judged by: {runs}").format(runs=", ".join(gone)))
+    gone, part = (_with_flags(report.get(key, {})) for key in ("excluded", "flagged"))
+    lines.append(say("Not judged by: {runs}").format(runs=gone) if gone else "")
+    lines.append(say("Judged by, with edges that are left out or scatter: {runs}").format(runs=part) if part else "")
     lines += [check_words(report), tolerated_words(report), noise_words(report)]
     if without:
         lines.append(say("Excluded: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
     return [line for line in lines if line]
+
+
+def _with_flags(runs: dict[str, str]) -> str:
+    return ", ".join(f"{run} ({', '.join(map(flag_name, flags.split(', ')))})" for run, flags in runs.items())
 
 
 def _size(parameter: str, value: Any) -> str:
