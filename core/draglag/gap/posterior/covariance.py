@@ -46,7 +46,7 @@ class RunNoise:
         return np.asarray(factor, np.float64)
 
     def variances_mm2(self, levels: Levels) -> dict[str, FloatArray]:
-        """Of every edge, (n,), by part of the noise: "touch", what events give it, and the parts of ``Levels``."""
+        """Of every edge, (n,), by part of the noise floor: "touch", what events give it, and the parts of ``Levels``."""
         latency, offset, uneven = (self.common**2).T
         one = np.ones(self.edges.size)
         unit = {
@@ -59,9 +59,7 @@ class RunNoise:
             "late_s": self.late,
             "wander_s": np.diag(self.wander),
         }
-        out = {"touch": np.diag(self.fixed)} | {name: getattr(levels, name) ** 2 * v for name, v in unit.items()}
-        out["uneven"] = out["uneven"] + self.loose_s**2 * latency
-        return out
+        return {"touch": np.diag(self.fixed)} | {name: getattr(levels, name) ** 2 * v for name, v in unit.items()}
 
 
 @dataclass(frozen=True)
