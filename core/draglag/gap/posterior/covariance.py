@@ -46,7 +46,7 @@ class RunNoise:
         return np.asarray(factor, np.float64)
 
     def variances_mm2(self, levels: Levels) -> dict[str, FloatArray]:
-        """Of every edge, (n,), by part of the noise floor: "touch", what events give it, and the parts of ``Levels``."""
+        """Of every edge, (n,), by part of the noise floor: "touch", the events' own, and those of ``Levels``."""
         latency, offset, uneven = (self.common**2).T
         one = np.ones(self.edges.size)
         unit = {
