@@ -12,7 +12,7 @@ from draglag.recording import Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
-HORIZON_S, WINDOW_S = 0.04, 0.02  # the demo's circles are slow: curves show no shorter one
+HORIZON_S, WINDOW_S = 0.025, 0.02
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from scipy.stats import norm, uniform
 from draglag.curve import CurvePoints, fit_best, fit_form
 from draglag.errors import EstimateError
 from draglag.gap.constants import P_EFFECT, STATED_AT_MOST
-from draglag.gap.fitting.joint import Fit, latency_of_terms
+from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.linear import likeliest_levels, linearised, normal
 from draglag.gap.posterior.pool import Pool
 from draglag.instruments.taps import LONGEST_S, summarise_taps
@@ -130,11 +130,10 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
     fastest = float(np.quantile(fit.view.speed, 0.95))
     highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
     any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
-    # Runs that drift, each by its own, lie on no curve: what found effects add to a run is no part of its form.
     rows = [
-        (e.speed_mm_s, e.latency_s - added_s, e.curve_se_s)
-        for e, added_s in zip((data.estimate for data in fit.runs), latency_of_terms(fit), strict=True)
-        if e is not None and e.latency_s is not None and e.speed_mm_s is not None
+        (np.median(fit.view.speed[fit.run_index == k]), late_s, data.estimate.curve_se_s)
+        for k, (data, late_s) in enumerate(zip(fit.runs, _latencies_s(fit), strict=True))
+        if data.estimate is not None and data.estimate.latency_s is not None and np.isfinite(late_s)
     ]
     at_s, weights = np.zeros(1), np.ones(1)
     with suppress(EstimateError):
@@ -146,6 +145,18 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
             weights = np.exp(0.5 * (aicc.min() - aicc))
     variance += (BEYOND * highest_s) ** 2 + float(fit.covariance[4, 4]) + TAP_SD_S**2
     return Ends(at_s, weights / weights.sum(), variance, any_s, p_any)
+
+
+def _latencies_s(fit: Fit) -> FloatArray:
+    """Latency of every run without what the found effects add to it, (runs,) s, nan without edges: the law at its
+    speed, and what its edges leave of it."""
+    lever = fit.view.v_across * fit.view.stretch
+    out = np.full(len(fit.runs), np.nan)
+    for k in np.unique(fit.run_index):
+        own = fit.run_index == k
+        left_s = -float(lever[own] @ fit.residual_mm[own]) / float(lever[own] @ lever[own])
+        out[k] = float(fit.law(np.median(fit.view.speed[own])[None])[0]) + left_s
+    return out
 
 
 @dataclass(frozen=True)

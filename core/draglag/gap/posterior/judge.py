@@ -52,7 +52,7 @@ def judged(
     inside = effects_in(first)
     fits: dict[Names, Fit] = {inside: first}
     pool = compared([first], allowed, unsure_ages, most=most_effects)
-    if not inside and pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.OWN_FORM:
+    if not inside and _has_own_form(pool):
         fits = {inside: with_own_form(session, first)}
         pool = compared(list(fits.values()), allowed, unsure_ages, most=most_effects)
     barred: set[str] = set()
@@ -77,11 +77,16 @@ def judged(
                 break
         fits |= found
         pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool)
-    if fits[inside] is not first and not {LAW_FORM, IN_SPEED} & set(pool.best):
+    if fits[inside] is not first and not _has_own_form(pool):
         fits = {inside: first}
         fits |= grown(session, fits, pool, _effects_of(pool.best))
         pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool)
     return Judgement(pool, fits)
+
+
+def _has_own_form(pool: Pool) -> bool:
+    """Whether the curve is more probably than not none of Eq. 5."""
+    return pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.OWN_FORM
 
 
 def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
