@@ -8,7 +8,7 @@ script=tests/fresh/fresh.sh
 . tests/fresh/roots.sh
 
 # Few, but some that start Qt's widgets.
-TESTS="tests/core/test_curve.py tests/app/windows/test_letter_menu.py"
+TESTS="tests/core/curve/test_curve.py tests/app/windows/test_letter_menu.py"
 
 trial() { # trial ROOT WHO: the README's commands
     root=$1 who=$2 begun=$(date +%s)

@@ -68,7 +68,7 @@ def test_the_sdist_holds_what_a_package_is_built_and_tested_from(published: Path
     with tarfile.open(next(published.glob("*.tar.gz"))) as file:
         held = {name.partition("/")[2] for name in file.getnames()}
     assert {"pyproject.toml", "LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "run", "mkdocs.yml"} <= held
-    assert {"tests/core/test_curve.py", "packaging/ethercat/draglag-ethercat-master.c", "docs/method.md"} <= held
+    assert {"tests/core/curve/test_curve.py", "packaging/ethercat/draglag-ethercat-master.c", "docs/method.md"} <= held
     assert not any(name.startswith((".venv/", ".git/")) or name.endswith((".h5", ".pyc")) for name in held)
 
 

@@ -56,5 +56,5 @@ def test_more_edges_do_not_average_systematic_errors_away() -> None:
 def test_each_row_of_the_budget_is_in_the_documentation() -> None:
     from pathlib import Path
 
-    text = (Path(__file__).parents[2] / "docs" / "precision.md").read_text()
+    text = (Path(__file__).parents[3] / "docs" / "precision.md").read_text()
     assert [c.name for c in BUDGET if c.name not in text] == []

@@ -21,7 +21,7 @@ from draglag.simulation import simulate_session
 from draglag.store import add_analysis, write_session
 from draglag_app.cli.main import cli
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 @pytest.mark.parametrize("name", list(files()))

@@ -18,7 +18,7 @@ from draglag.errors import DataError
 from draglag.recording import ClockBounds, LaserTrace, LogEntry, Run, TouchTrace, empty_laser, empty_touch
 from draglag.store import SessionWriter, add_analysis, migrate, read_analyses, read_session, verify, write_session
 
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parents[2] / "data"
 
 
 def test_a_session_comes_back_as_it_went(tmp_path: Path) -> None:

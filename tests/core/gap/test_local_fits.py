@@ -13,7 +13,7 @@ from draglag.gap.traces.run_data import gather
 from draglag.path.motion import local_fit
 from draglag.recording import FloatArray, IntArray
 
-SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
 
 
 def test_fits_on_all_traces_as_one_are_those_on_each_run_alone() -> None:

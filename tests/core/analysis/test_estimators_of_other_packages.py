@@ -9,7 +9,7 @@ import pytest
 
 from plugins import example, installed, python, with_packages
 
-SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "none-A"
+SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
 TRUTH = json.loads((SAMPLE.parent / "labels.json").read_text())["none-A"]["runs"]
 GROUP = "draglag.estimators"
 

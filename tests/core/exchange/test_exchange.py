@@ -28,7 +28,7 @@ from draglag.simulation import simulate_session
 from draglag.store import add_analysis, write_session
 from draglag_app.cli.files import export
 
-SAMPLES = Path(__file__).parent.parent / "data" / "exchange"
+SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
 
 
 @pytest.mark.parametrize("name", ["none-A", "low_speed_plateau"])

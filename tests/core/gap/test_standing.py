@@ -18,7 +18,7 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.base import TouchEvents
 
-SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ from draglag.simulation.residual import LineGains, Signature, View
 
 CORE = Path(draglag.__file__).parent
 HOMES = CORE / "simulation" / "effects"
-WINDOWS = Path(__file__).parents[2] / "app" / "draglag_app"
+WINDOWS = Path(__file__).parents[3] / "app" / "draglag_app"
 OWN = [name for name, effect in EFFECTS.items() if effect.__module__.startswith("draglag.")]
 
 

@@ -15,7 +15,7 @@ from draglag.recording import FloatArray, Session, TouchTrace
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.base import TouchEvents
 
-SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ from draglag.simulation.effects import parse_effect
 from draglag.store import write_session
 from draglag_app.cli import cli
 
-SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
+SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "low_speed_plateau"
 
 
 def short() -> Protocol:

@@ -75,7 +75,7 @@ def test_a_value_that_is_no_number_is_refused(value: object) -> None:
 
 def test_the_manual_s_example_runs_as_printed(session: Session) -> None:
     """The lines under “One by one, in Python” of docs/gap.md."""
-    page = (Path(__file__).parents[2] / "docs" / "gap.md").read_text("utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "gap.md").read_text("utf-8")
     code = page.split("```python")[1].split("```")[0]
     scope: dict[str, object] = {"session": session}
     exec(code.replace('session = read_session("session.h5")', ""), scope)

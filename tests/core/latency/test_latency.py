@@ -244,7 +244,7 @@ def test_touch_axes_that_are_swapped_give_no_silent_latency(plain: Run, estimato
 
 def test_edges_that_determine_no_line_give_no_latency() -> None:
     """With swapped axes, the edges of this run that can be placed are all of one line."""
-    run = read_exchange(Path(__file__).parents[1] / "data/exchange/none-A").run("run-02")
+    run = read_exchange(Path(__file__).parents[2] / "data/exchange/none-A").run("run-02")
     found = measured(replace(run, touch=TouchTrace(run.touch.t_s, run.touch.y_mm, run.touch.x_mm)))
     assert found.latency_s is None
     assert "unidentifiable" in found.flags

@@ -135,7 +135,7 @@ def test_an_exponential_that_hardly_any_run_can_see_has_an_open_interval() -> No
 
 
 def test_runs_that_something_else_than_speed_moves_are_reported() -> None:
-    session = read_exchange(Path(__file__).parents[1] / "data/exchange/none-A")
+    session = read_exchange(Path(__file__).parents[2] / "data/exchange/none-A")
     assert not analyze(session).warnings
     late = tuple(
         replace(run, touch=replace(run.touch, t_s=run.touch.t_s + 0.01 * (k % 3))) for k, run in enumerate(session.runs)

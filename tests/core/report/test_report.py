@@ -20,7 +20,7 @@ from draglag.recording import LogEntry, Run, Session, empty_laser, empty_touch
 from draglag.report import figures, write_report
 from draglag.report.journal import write_journal_figures
 
-SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
+SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
 
 
 @pytest.fixture(scope="module")

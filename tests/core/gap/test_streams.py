@@ -24,7 +24,7 @@ from draglag.simulation.effects.base import Edges
 from draglag.simulation.effects.laser_bounce import LaserBounce
 from draglag.simulation.effects.timestamp_quantisation.stream import evened
 
-SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
+SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from draglag.exchange import read_exchange
 from draglag.latency.flags import MEANING
 from draglag.report import write_report
 
-SAMPLE = Path(__file__).parent.parent / "data" / "exchange" / "none-A"
+SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
 OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer")
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PAPER_PT = {"A4": (595, 842), "Letter": (612, 792)}

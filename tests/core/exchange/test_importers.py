@@ -21,7 +21,7 @@ from draglag.recording import LaserTrace, Run, Session, TouchTrace
 from draglag.store import read_session
 from draglag_app.cli.main import cli
 
-SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "none-A"
+SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
 UNITS_PER_MM = 100
 # On the wall clock, as evtest and WALT's tool have it.
 EPOCH_S = 1.7e9

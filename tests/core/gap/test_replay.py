@@ -20,7 +20,7 @@ from draglag.report.replayed import binned
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS
 
-SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
+SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "low_speed_plateau"
 
 
 def few_runs(session: Session) -> Session:

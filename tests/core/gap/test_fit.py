@@ -84,7 +84,7 @@ def test_a_law_that_no_edge_can_be_placed_by_is_refused(plain: tuple[Session, Fi
 @pytest.mark.parametrize("skew_s", [0.02, 0.04])
 def test_edges_next_to_holes_in_the_trace_stop_no_search(skew_s: float) -> None:
     """An edge that a step moves beside a hole may lie anywhere: one such edge used to refuse every step."""
-    sound = read_exchange(Path(__file__).parents[1] / "data" / "exchange" / "none-A")
+    sound = read_exchange(Path(__file__).parents[2] / "data" / "exchange" / "none-A")
 
     def skewed(run: Run) -> Run:
         touch = run.touch
