@@ -97,7 +97,7 @@ class Ends:
 
     def density(self, off_s: float, slab_sd_s: float = 0.0) -> float:
         """Of releases that far off the fitted asymptote, 1/s, give or take what is of no interest; slab_sd_s: of an
-        offset besides."""
+        offset in addition."""
         sd = float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2))
         of_forms = float(self.weights @ norm.pdf(off_s, self.at_s, sd))
         low, high = self.any_s
