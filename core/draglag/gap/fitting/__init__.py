@@ -1,1 +1,1 @@
-"""The joint fit of curve, beam and named effects, under the noise that the session itself shows."""
+"""The joint fit of curve, beam and named effects, with noise estimated from the session."""

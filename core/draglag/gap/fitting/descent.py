@@ -1,4 +1,4 @@
-"""The search of the joint fit: damped Gauss–Newton steps, with edges and noise that follow the law at first."""
+"""Damped Gauss–Newton search of the joint fit; edges and noise follow the law only at first."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges ar
 
 @dataclass(frozen=True)
 class Search:
-    """Where the search stands: a point, the edges (of all) to judge by, and their noise there."""
+    """State of the search: parameters, mask of the edges used, and their noise."""
 
     state: State
     use: np.ndarray
@@ -38,15 +38,16 @@ class Search:
         return cls(state, use, components, whitener(scatter(runs, state.placed, use, state.blur_mm), components))
 
     def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float) -> Search:
-        """From the likeliest law of a grid of rates, where that is better."""
+        """The search moved to the likeliest law of a grid of rates, where that is better."""
         state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm)
         return self if state is self.state else Search.at(runs, state, use, self.components)
 
 
 def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
-    """The search at its end. fixed: the edges to judge by are those of a smaller model.
+    """The search at its end. fixed: the edges are those of a smaller model.
 
-    Edges and weights follow the law at first, but not to the end: or the search would chase them.
+    Edges and weights are frozen once near the optimum: updated at every step, they would keep the search from
+    converging.
     """
     width_mm = session.screen.width_mm
     settled = judged = False
@@ -77,7 +78,7 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
 
 
 def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
-    """The same with the edges and the noise that decide: near a fit, not where it began."""
+    """The search with its final edges and noise, chosen near the optimum."""
     state = search.state
     use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))
     if not use.any():
@@ -100,9 +101,11 @@ def _next(
     damping: float,
     least: float,
 ) -> tuple[State, np.ndarray, float, float] | None:
-    """A point further down, which edges cannot be placed there, by how much the cost fell and the damping to go on with
-    (Levenberg–Marquardt: Eq. 5's amplitudes and rates lie in a valley that plain steps leave). None where a
-    plain step promises less than that, or no step goes down."""
+    """A point of lower cost, edges that cannot be placed there, the fall of the cost, and the next damping; None at the
+    end.
+
+    Levenberg–Marquardt damping: Eq. 5's amplitudes and rates lie in a narrow valley that plain steps leave.
+    """
     down = downhill(white, state, use)
     if down.step(state.prior, 0.0)[1] < least:
         return None

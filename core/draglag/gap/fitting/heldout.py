@@ -1,4 +1,4 @@
-"""The gap on runs held out of the fit, and the floor that noise alone would leave."""
+"""The gap on runs held out of the fit, and its noise floor."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ IN_EVERY_FIT = -1
 
 
 def folds(fit: Fit) -> IntArray:
-    """Fold of each used edge: by run; replicates of one speed in different folds, neighbouring speeds too.
+    """Fold of each used edge, (m,), by run: replicates and neighbouring speeds in different folds.
 
-    A law is not extrapolated: where the slowest or the fastest speed was run only once, it stays in every fit.
+    The slowest and the fastest speed stay in every fit (−1) where they were run once, for a law is not extrapolated.
     """
     nominal = [data.run.nominal_speed_mm_s for data in fit.runs]
     steady = sorted((round(float(v), 1), k) for k, v in enumerate(nominal) if v is not None)
@@ -33,7 +33,7 @@ def folds(fit: Fit) -> IntArray:
 
 
 def held_out_residual_mm(fit: Fit) -> FloatArray:
-    """Residual of every used edge under parameters fitted without its fold, mm."""
+    """Residual of every used edge under parameters fitted without its fold, (m,) mm."""
     fold = folds(fit)
     a, b = _white(fit)
     out = fit.residual_mm.copy()
@@ -45,10 +45,9 @@ def held_out_residual_mm(fit: Fit) -> FloatArray:
 
 
 def noise_variance_mm2(fit: Fit) -> FloatArray:
-    """What noise alone leaves at every used edge, parameters fitted without its fold.
+    """Variance that noise alone leaves at every used edge, parameters fitted without its fold, (m,) mm².
 
-    That a run of changing speed may miss the law as a whole, and follow its own changes of speed unevenly, is allowed
-    for by the fit, but it is no noise.
+    The latency offset and uneven following of runs of changing speed, which the fit allows for, do not count as noise.
     """
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     noise_mm = np.where(fit.placed.steady[fit.use], parts.uneven_mm, 0.0)
@@ -72,13 +71,13 @@ def _spread(fit: Fit, design: FloatArray) -> FloatArray:
 
 
 def _counted(fit: Fit, edges: np.ndarray | None) -> np.ndarray:
-    """Used edges (m,) that count in a gap: of runs that are held out of some fit, and among ``edges``."""
+    """Used edges (m,) that count in a gap: of runs held out of some fit, and among ``edges``."""
     counted: np.ndarray = folds(fit) != IN_EVERY_FIT
     return counted if edges is None else counted & edges[fit.use]
 
 
 def gap_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
-    """RMS residual on held-out runs, mm. edges: mask over all placed edges, those that count; None for all."""
+    """RMS residual on held-out runs, mm. edges: mask over all placed edges; None for all."""
     return float(np.sqrt(np.mean(held_out_residual_mm(fit)[_counted(fit, edges)] ** 2)))
 
 
@@ -88,8 +87,7 @@ def floor_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
 
 
 def predictive_gain(before: Fit, after: Fit) -> float:
-    """By how much ``after`` predicts held-out runs better, nats of log predictive density on the edges that both use,
-    each under its own noise."""
+    """Gain of log predictive density on held-out runs, nats, on the edges that both use, each under its own noise."""
     both = before.use & after.use
     return _log_predictive(after, both) - _log_predictive(before, both)
 
@@ -108,10 +106,10 @@ def shrinks(before: Fit, after: Fit) -> bool:
 
 
 def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
-    """Whether held-out runs favour the larger model: their RMS shrinks, or they are predicted better and do not agree
-    that it grows.
+    """Whether held-out runs favour the larger model: their RMS shrinks, or they are predicted better and it does not
+    grow.
 
-    What moves few edges, or all of them a little, hardly shows in an RMS, which rests on the fastest runs.
+    The RMS rests on the fastest runs: what moves few edges, or all a little, hardly shows in it.
     """
     if shrinks(before, after):
         return True
@@ -119,7 +117,7 @@ def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
 
 
 def grows(before: Fit, after: Fit) -> bool:
-    """Whether the mean square on held-out runs is larger than before by more than runs differ in that, at 95 %."""
+    """Whether the mean square on held-out runs grows, at 95 % by its variance between runs."""
     both = before.use & after.use
     old, new = squares_by_run(before, both), squares_by_run(after, both)
     more_mm2 = np.array([new[run][0] - old[run][0] for run in old])
@@ -127,13 +125,13 @@ def grows(before: Fit, after: Fit) -> bool:
 
 
 def squares_by_run(fit: Fit, edges: np.ndarray | None = None) -> dict[int, tuple[float, int]]:
-    """Sum of squares, mm², and number of the held-out residuals of each run. edges: as for ``gap_mm``."""
+    """Run → sum of squares, mm², and number of its held-out residuals. edges: as for ``gap_mm``."""
     counted = _counted(fit, edges)
     residual_mm, run = held_out_residual_mm(fit)[counted], fit.run_index[counted]
     return {int(k): (float(np.sum(residual_mm[run == k] ** 2)), int(np.sum(run == k))) for k in np.unique(run)}
 
 
 def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
-    """``shrinks`` for columns that are added to the linear model, an effect without a name."""
+    """``shrinks`` for columns (m, k) of an unnamed effect, added to the linear model."""
     prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
     return shrinks(fit, replace(fit, design=np.column_stack([fit.design, columns]), prior=prior))

@@ -1,4 +1,4 @@
-"""Standard deviation of a fit's numbers by the jackknife over runs, whatever its noise model."""
+"""Jackknife standard deviations over runs, valid for any noise model."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ LEAST_RUNS = 5  # of a jackknife
 
 
 def jackknife_sd(fit: Fit) -> FloatArray:
-    """Standard deviation of every number of the linear model as the runs themselves show it, (p,): the jackknife that
-    leaves out one run at a time (Efron & Stein 1981). A run without which a number is undefined is left out.
+    """Standard deviation of each linear parameter, (p,), by leaving out one run at a time (Efron & Stein 1981).
 
-    The fit's covariance knows of runs only its components; a latency that follows the place or the hour from
-    run to run, or noise that lasts for a whole pass, is in here too. Zero with too few runs.
+    It holds what the fit's covariance does not: latency that depends on place or time from run to run, noise that lasts
+    for a whole pass. A run without which a parameter is undefined is skipped. Zero with fewer than 5 runs.
     """
     white = fit.white
     a, b = white.apply(fit.design), white.apply(fit.residual_mm)

@@ -1,4 +1,4 @@
-"""The joint fit: curve, beam and all accepted effects, by Gauss–Newton under the session's own noise."""
+"""The joint fit of curve, beam and accepted effects, by Gauss–Newton under the session's own noise."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 class Fit:
     """A converged joint fit.
 
-    Attributes (m used edges): use: mask over placed; residual_mm; design (m, p): columns that explain residuals, base
-    then terms; view: restricted to the used edges; white: under the likeliest of the ``noises``, a grid of what is
-    common to a run; only: mask over placed of the edges that the fit was to judge by, None for all.
+    Attributes (m used edges): use: mask over placed; residual_mm: (m,); design: (m, p) columns, base then terms; view:
+    restricted to the used edges; white: under the likeliest of ``noises``, a grid of what is common to a run; only:
+    mask over placed of the edges allowed, None for all.
     """
 
     runs: tuple[RunData, ...]
@@ -61,13 +61,12 @@ class Fit:
 
 
 def effects_in(fit: Fit) -> tuple[str, ...]:
-    """Ids of the effects in a fit, sorted: its terms, and those of its law."""
+    """Ids of the effects in a fit, sorted: its terms and those in its law."""
     named = [term.effect for term in fit.terms if term.effect in EFFECTS]
     return tuple(sorted([*named, *effects_in_law(fit)]))
 
 
 def effects_in_law(fit: Fit) -> tuple[str, ...]:
-    """Ids of the effects that a fit holds in its law."""
     return tuple(name for name, effect in EFFECTS.items() if effect.in_law(fit.law))
 
 
@@ -89,8 +88,8 @@ def fit_session(
 ) -> Fit:
     """Fit law, beam and terms jointly.
 
-    ``start`` is a fit of a smaller model: its edges are judged by, so that the two can be compared, and it sizes the
-    new terms. ``law`` is where to begin instead of the runs' own latencies. ``only``: of all edges, those to judge by.
+    start: fit of a smaller model, whose edges are used, so that the two can be compared, and which sizes the new terms.
+    law: initial law instead of the runs' latencies. only: mask over all edges, those allowed.
 
     Raises EstimateError when the session cannot carry the law.
     """
@@ -120,7 +119,7 @@ def fit_session(
 
 
 def _begun(session: Session, runs: tuple[RunData, ...], law: LawParameters, terms: Sequence[Term]) -> State:
-    """The first point: a law, the beam of the runs' own alignments, and terms of known or no size."""
+    """The first point: a law, the median beam of the runs, and terms of known or no size."""
     found = [d.estimate.alignment for d in runs if d.estimate and d.estimate.alignment]
     middle_mm = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for a in found]))
     geometry = Geometry(float(np.median([a.slope for a in found])), middle_mm, session.stylus.diameter_mm)
@@ -172,14 +171,16 @@ def _concluded(
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
-    """Traces with the terms' displacement removed, and the terms: each keeps what is left of it."""
+    """Traces with the terms' displacement removed, and the terms as what remains of them."""
     each = [effect_class(term.effect).undoing(term, runs) for term in terms]
     ready = undone(runs, [what for what, _ in each if what is not None])
     return ready, [left for _, left in each]
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:
-    """Of several sets of sized terms added to a law, the one that the edges of ``before`` fit best, unrefined."""
+    """Of several sets of sized terms, the one that fits the edges of ``before`` best under a given law, without a
+    refit.
+    """
     values: list[float] = []
     for terms in options:
         state = linearise(before.runs, law, before.geometry, terms, before.width_mm, None)
@@ -192,10 +193,9 @@ def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParam
 
 
 def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
-    """The fit's log-likelihood on some of its edges, so that a refit that lost a few can be compared.
+    """Log-likelihood of a fit on some of its edges, so that a refit that lost a few can be compared.
 
-    Args:
-        edges: mask over all placed edges, a subset of ``fit.use``.
+    edges: mask over all placed edges, a subset of ``fit.use``.
     """
     parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
     keep = edges[fit.use]
@@ -204,7 +204,7 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
 
 
 def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:
-    """The terms roughly sized by one linear step: the mean latency that they add to each run, s, and the sizes."""
+    """The mean latency that the terms add to each run, (runs,) s, and their sizes, from one linear step."""
     signatures = [term_signature(t, start.view) for t in terms]
     new = np.column_stack([s.columns(start.view) for s in signatures])
     n_base = base_prior(start.law).size

@@ -1,6 +1,6 @@
-"""The latency curve's own form: a smooth function of ln v added to Eq. 5, as a Gaussian process.
+"""A latency curve of free form: Eq. 5 plus a smooth function of ln v, a Gaussian process.
 
-Screens follow laws of other forms than Eq. 5: constant, power, logistic, adaptive low-passes. Such a curve is no gap.
+Screens also follow constant, power, logistic and adaptive low-pass laws; such a curve is no gap.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SPEEDS = 60  # at which a curve is compared with Eq. 5
 
 @dataclass(frozen=True)
 class FlexibleLaw(LawParameters):
-    """Eq. 5 plus a smooth remainder: knots in ln v and the size of each direction, s."""
+    """Eq. 5 plus a smooth remainder. knots: in ln v; remainder_s: size of each direction, s."""
 
     knots: tuple[float, ...] = ()
     remainder_s: tuple[float, ...] = ()
@@ -37,7 +37,7 @@ class FlexibleLaw(LawParameters):
         return np.asarray(super().__call__(speed) + rest.reshape(speed.shape))
 
     def columns(self, speed_mm_s: FloatArray) -> FloatArray:
-        """Those of Eq. 5, and of the remainder's directions, (m, 5 + k) s."""
+        """Columns of Eq. 5 and of the remainder's directions, (m, 5 + k) s."""
         return np.column_stack([super().columns(speed_mm_s), basis(speed_mm_s, self.knots)])
 
     @property
@@ -58,7 +58,7 @@ def knots_over(speed_mm_s: FloatArray) -> tuple[float, ...]:
 
 
 def basis(speed_mm_s: FloatArray, knots: tuple[float, ...]) -> FloatArray:
-    """Directions of a Gaussian process with the knots' covariance, (m, k), of unit prior variance each."""
+    """Directions of the Gaussian process at given speeds, (m, k), of unit prior variance each."""
     at = np.array(knots)
     ln = np.clip(np.log(np.maximum(speed_mm_s, 1.0)), at[0] - BEYOND, at[-1] + BEYOND)
     return np.asarray(_covariance(ln, at) @ _directions(knots))
@@ -66,7 +66,7 @@ def basis(speed_mm_s: FloatArray, knots: tuple[float, ...]) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _directions(knots: tuple[float, ...]) -> FloatArray:
-    """Sizes of the covariances with the knots that make the directions, (knots, k)."""
+    """Weights of the knots' covariance functions in each direction, (knots, k)."""
     at = np.array(knots)
     variance, axes = np.linalg.eigh(_covariance(at, at))
     return np.asarray(axes / np.sqrt(np.maximum(variance, TRIVIAL)))
@@ -77,19 +77,19 @@ def _covariance(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def flexible(law: LawParameters, knots: tuple[float, ...]) -> FlexibleLaw:
-    """Eq. 5 with a remainder of no size over the knots."""
+    """Eq. 5 with a remainder of zero over the knots."""
     none = (0.0,) * len(knots)
     return FlexibleLaw(law.a1_s, law.a2_s_mm, law.a4_s, law.a5_s_mm, law.a7_s, 0.0, knots, none)
 
 
 def _speeds(speed_mm_s: FloatArray) -> FloatArray:
-    """Speeds over those of the edges, evenly in ln v."""
+    """Speeds between the 1 % and 99 % quantiles, evenly in ln v."""
     low, high = np.quantile(speed_mm_s, [0.01, 0.99])
     return np.geomspace(float(low), float(high), SPEEDS)
 
 
 def nearest_eq5(law: LawParameters, speed_mm_s: FloatArray) -> LawParameters:
-    """The Eq. 5 nearest to a law over the speeds of a session's edges; Eq. 5 itself, with its plateau, as it is."""
+    """The Eq. 5 nearest to a law over the speeds of the edges; an Eq. 5, with its plateau, is returned unchanged."""
     if not isinstance(law, FlexibleLaw):
         return law
     v = _speeds(speed_mm_s)
@@ -117,6 +117,6 @@ def _eq5_through(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters
 
 
 def remainder_rms_s(law: LawParameters, speed_mm_s: FloatArray) -> float:
-    """By how much a law misses its nearest Eq. 5, RMS over the speeds, s; 0 for Eq. 5 itself."""
+    """RMS difference of a law from its nearest Eq. 5 over the speeds, s; 0 for Eq. 5 itself."""
     v = _speeds(speed_mm_s)
     return float(np.sqrt(np.mean((law(v) - nearest_eq5(law, speed_mm_s)(v)) ** 2)))

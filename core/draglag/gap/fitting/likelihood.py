@@ -1,4 +1,4 @@
-"""How likely residuals are under a scatter, and which scatter makes them likeliest."""
+"""Likelihood of residuals under a scatter, and the scatter that maximises it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HUBER_K = 4.0  # standard deviations: Huber's corner
 
 
 def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: FloatArray) -> tuple[float, FloatArray]:
-    """Log likelihood with the linear parameters at their best, and their covariance."""
+    """Profile log-likelihood over the linear parameters, and their covariance."""
     a, b = white.apply(design), white.apply(residual)
     spread = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
     moment = a.T @ b
@@ -29,8 +29,7 @@ def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: Fl
 def likelihoods(
     parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray
 ) -> Callable[[Components], float]:
-    """The log likelihood of ``profile`` under any scatter of these parts. What is banded in it is factored once: most
-    scatters that are compared differ in what is common to a run."""
+    """The log-likelihood of ``profile`` as a function of the scatter. Its banded part is cached."""
     both = np.column_stack([design, residual])
 
     @cache
@@ -58,7 +57,7 @@ def likeliest(
     starts: Sequence[Components],
     rounds: int = 2,
 ) -> Components:
-    """The components of greatest likelihood: one kind after the other, from several starts, for they trade places."""
+    """Components of maximum likelihood, by coordinate search from several starts."""
     value = likelihoods(parts, residual, design, prior)
     ends = []
     for best in starts:
@@ -70,16 +69,16 @@ def likeliest(
 
 
 def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:
-    """Huber's cost after the best nuisances: a step must not be refused for what they would take up."""
+    """Huber's cost at the best nuisances, so that no step is refused for what they would absorb."""
     left, own_cost = _without_nuisances(white, state, use)
     return _huber_cost(left) + own_cost
 
 
 @dataclass(frozen=True)
 class Downhill:
-    """What Gauss–Newton knows at a point of all that is sought, the nuisances at their best.
+    """Gauss–Newton's local model of the cost, the nuisances at their best.
 
-    Attributes: curvature (p, p) and slope (p,) of the cost; rows and columns of nuisances are empty. cost: there.
+    Attributes: curvature (p, p) and slope (p,): zero for nuisances. cost: at this point.
     """
 
     curvature: FloatArray
@@ -87,14 +86,14 @@ class Downhill:
     cost: float
 
     def step(self, prior: FloatArray, damping: float) -> tuple[FloatArray, float]:
-        """A damped step (p,) and by how much the cost should fall. prior: (p,) precision of the step itself."""
+        """A damped step (p,) and the predicted fall of the cost. prior: (p,) precision of the step."""
         damped = self.curvature + np.diag(prior + damping * np.diag(self.curvature))
         step = np.linalg.pinv(damped, hermitian=True) @ self.slope
         return step, float(step @ self.slope - 0.5 * step @ self.curvature @ step)
 
 
 def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
-    """The way down from a point, far edges pulling but not with their square (Huber)."""
+    """The Gauss–Newton model at a point, outlying edges weighted down (Huber)."""
     left, own_cost = _without_nuisances(white, state, use)
     sought = white.apply(state.design[use])
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / HUBER_K))
@@ -113,7 +112,7 @@ def _nuisances(state: State) -> slice:
 
 
 def _without_nuisances(white: Whitener, state: State, use: np.ndarray) -> tuple[FloatArray, float]:
-    """What the best nuisances leave (m,), and what they cost themselves."""
+    """Whitened residual after the best nuisances (m,), and the cost of their prior."""
     own = _nuisances(state)
     a, b = white.apply(state.design[use][:, own]), white.apply(state.residual[use])
     precision: FloatArray = state.prior[own]

@@ -12,7 +12,7 @@ from draglag.simulation.residual import LineGains
 
 
 def line_gains(fit: Fit, parts: Scatter) -> LineGains:
-    """Of columns (m, 2 k), how much each pair gains on the white residual, (k,)."""
+    """Function of columns (m, 2 k): gain of each pair on the whitened residual, (k,)."""
     white = fit.white
     design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])
     target = np.append(white.apply(fit.residual_mm), np.zeros(fit.prior.size))

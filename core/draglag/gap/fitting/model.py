@@ -1,4 +1,4 @@
-"""The model of a session: a latency law, a beam, and the effects added so far."""
+"""The model of a session: latency law, beam and effects."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 
 @dataclass(frozen=True)
 class LawParameters:
-    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is constant; 0 = none."""
+    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is constant; 0: none."""
 
     a1_s: float
     a2_s_mm: float
@@ -65,18 +65,17 @@ class LawParameters:
 
     @property
     def step_sd(self) -> tuple[float, ...]:
-        """Prior standard deviation of a step of each parameter, in the order of ``columns``."""
+        """Prior standard deviation of a step of each parameter, as in ``columns``."""
         plateau = (PLATEAU_SD_MM_S,) if self.plateau_mm_s > 0 else ()
         return AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, *plateau
 
     def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """The law's argument: not below the plateau's speed."""
+        """The law's argument: the speed, at least the plateau's."""
         return self._held(speed_mm_s)[0] if self.plateau_mm_s > 0 else speed_mm_s
 
     def _held(self, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The speed that counts, and its derivative by the plateau's speed.
-
-        Rounded by what a speed is unsure by: an edge a little below the corner may as well be one above it.
+        """The law's argument and its derivative by the plateau's speed, the corner rounded by the uncertainty of a
+        speed.
         """
         if self.plateau_mm_s <= 0:
             return speed_mm_s, np.zeros_like(speed_mm_s)
@@ -87,13 +86,13 @@ class LawParameters:
 
     @property
     def at_bounds(self) -> np.ndarray:
-        """Which of a1, a2, a4, a5 have come to the end of their range, (4,) bool."""
+        """Which of a1, a2, a4, a5 are at a bound, (4,) bool."""
         small = [a <= LEAST_AMPLITUDE_S for a in (self.a1_s, self.a4_s)]
         ends = [not LEAST_RATE_S_MM < rate < MOST_RATE_S_MM for rate in (self.a2_s_mm, self.a5_s_mm)]
         return np.array([small[0], ends[0], small[1], ends[1]])
 
     def moved(self, step: FloatArray) -> Self:
-        """The law after a Gauss–Newton step in the order of ``columns``; rates move by their logarithm."""
+        """The law after a Gauss–Newton step as in ``columns``; rates move by their logarithm."""
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
         moved = replace(
             self,
@@ -111,7 +110,7 @@ class LawParameters:
 
 
 def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:
-    """Eq. 5 through the runs' own latencies, each less the effects' latency (per run, s). Raises EstimateError."""
+    """Eq. 5 fitted to the runs' latencies less ``less_s`` of effects, (runs,) s. Raises EstimateError for too few."""
     rows = []
     for k, data in enumerate(runs):
         e = data.estimate
@@ -162,10 +161,8 @@ def side_of(placed: Placed) -> FloatArray:
 
 
 def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
-    """How the residual moves with the law's parameters, the beam's slope and intercept and the speed's nuisances,
-    (m, law's + 5) mm per unit.
-
-    A longer latency reads the trace later: the residual grows by the velocity across the beam.
+    """Derivatives of the residual by the law, the beam's slope and intercept and the speed's nuisances, (m, law's + 5)
+    mm.
     """
     v_n = placed.v_mm_s[:, 1] * placed.stretch
     columns = v_n[:, None] * law.columns(placed.speed_mm_s)

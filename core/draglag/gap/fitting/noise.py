@@ -1,8 +1,7 @@
-"""What the residuals scatter by when nothing is missing: touch noise, single edges, whole runs.
+"""Covariance of the residuals of a complete model.
 
-Touch noise is known from the trace itself and is shared by edges whose windows overlap; it enters twice, through the
-position and through the speed at which the law is evaluated. On top come a scatter of single edges (τ), and a random
-latency and a random offset of each run. Those three are estimated, over a grid, by the likelihood.
+Touch noise is known from the trace, is shared by edges whose windows overlap, and enters through the position and the
+speed. Single edges, speed, uneven following, run latency and run offset add to it, sized by likelihood on a grid.
 """
 
 from __future__ import annotations
@@ -36,9 +35,9 @@ Sizes = dict[str, float]
 class Components:
     """Standard deviations beyond the touch noise.
 
-    edge_mm: single edges. speed: relative error of the speed the law is evaluated at; tremor_mm_s: of any drag, a
-    tenth of a millimetre at 9 Hz is 5 mm/s. uneven: share by which a run's latency follows its own changes of speed
-    more or less than the law does from run to run. run_s, run_mm: a random latency and a random offset of each run.
+    edge_mm: single edges. speed: relative error of the law's speed. tremor_mm_s: absolute error of it, 5 mm/s for 0.1
+    mm at 9 Hz. uneven: relative error with which a run's latency follows its changes of speed. run_s, run_mm: latency
+    and offset of a run.
     """
 
     edge_mm: float
@@ -60,17 +59,13 @@ BETWEEN = tuple(product(RUN_S, RUN_MM))
 
 @dataclass(frozen=True)
 class Scatter:
-    """What the covariance of the used edges (m,) of all runs is made of, per unit of its component.
+    """Covariance of the used edges (m,) by component, per unit.
 
-    Bands lie below the diagonal: row j holds the covariances of edges i and i + j, (b, m); none between runs.
+    Bands (b, m): row j holds the covariances of edges i and i + j; none between runs.
 
-    Attributes:
-        fixed_mm2: touch noise, how badly the time of a speed is known, and what effects that follow the acceleration
-            leave because it is only estimated. speed_mm2: a relative error of the speed; tremor_s2:
-            one of so many mm/s.
-        late_mm_s: by how much a latency of the whole run moves each edge. uneven_mm: following the run's changes of
-            speed twice. run: (m,) index of the run.
-        loose_s: (runs,) by how much a run of changing speed may miss the law as a whole: its dynamics are its own.
+    Attributes: fixed_mm2: touch noise, time of the speed, estimated acceleration. speed_mm2, tremor_s2: relative and
+    absolute error of the speed. late_mm_s: (m,) by a latency of the run. uneven_mm: (m,) by uneven following. run: (m,)
+    index. loose_s: (runs,) by how much a run of changing speed may miss the law.
     """
 
     fixed_mm2: FloatArray
@@ -83,7 +78,7 @@ class Scatter:
 
 
 def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
-    """Collect it from a placing. blur_mm: over all placed edges, what is left by effects of the acceleration."""
+    """The scatter of the used edges. blur_mm: over all placed edges, left by effects of the acceleration."""
     run, t_s = placed.run[use], placed.t_s[use]
     m = run.size
     late_mm_s = placed.v_mm_s[use, 1]
@@ -119,6 +114,6 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
 
 
 def timing_mm(placed: Placed) -> FloatArray:
-    """What not knowing the time of a speed does to the residual, (m,) mm standard deviation."""
+    """Error of the residual from the time of the speed, (m,) mm standard deviation."""
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
     return np.asarray(follows * placed.accel_mm_s2 * SPEED_TIMING_S)

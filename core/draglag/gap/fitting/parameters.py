@@ -1,4 +1,4 @@
-"""An accepted term's numbers in the effect's own parameters, with 95 % intervals and where it acts."""
+"""Parameters of a fitted effect, with 95 % intervals and where it acts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from draglag.simulation.effects.in_fits import FittedTerm, Parameters
 
 
 def parameters_of(effect: str, fit: Fit) -> Parameters:
-    """Sizes of an effect in a fit, in the units of its class in the simulation; empty where the fit has none."""
+    """Parameters of an effect in a fit, in the units of its class; empty where the fit has none."""
     home = effect_class(effect)
     if home.of_the_law:
         return home.law_parameters(fit)
@@ -28,7 +28,7 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
 
 
 def whole_size_mm(fit: Fit, effect: str) -> float | None:
-    """By how much an effect of a fit's terms moves the edges in all, mm RMS to first order; None for no term."""
+    """By how much a term moves the edges, mm RMS to first order; None where the fit has none."""
     column, at = column_of(effect), base_prior(fit.law).size
     for term in fit.terms:
         k = len(term.sizes)
@@ -45,6 +45,5 @@ def _fitted(term: Term, fit: Fit, own: slice) -> FittedTerm:
 
 
 def where_of(effect: str, fit: Fit) -> str:
-    """Where the effect acts, in words."""
     home = effect_class(effect)
     return home.where_in(fit) or home.where

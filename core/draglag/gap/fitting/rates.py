@@ -1,9 +1,7 @@
-"""Where Eq. 5's rates, and a plateau's speed, would best be sought: over a grid, all else linear.
+"""Grid search of Eq. 5's rates and plateau, all else linear (variable projection, Golub and Pereyra 1973).
 
-Gauss–Newton walks along the valley of two exponentials only as far as its start allows. Linearised about one placing
-of the edges the residual is linear in everything but the rates and the plateau, and every pair of rates shares its
-columns with the others: white columns of a dozen rates give all pairs at the cost of one step (variable projection,
-Golub and Pereyra 1973).
+It finds the valley that Gauss–Newton, which depends on its start, may miss. All pairs of rates share the whitened
+columns of a dozen rates.
 """
 
 from __future__ import annotations
@@ -24,10 +22,10 @@ PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one
 
 @dataclass(frozen=True)
 class WithoutLaw:
-    """White residuals of m edges that a law as a whole has yet to explain, and what is common to all laws.
+    """Whitened residuals of m edges with the law put back, and what all laws share.
 
-    Attributes: target (m,), others (m, q): the asymptote and all that is no law; spread (q, q): their covariance;
-    moment (q,) of the target; v_n (m,) mm/s across; speed_mm_s (m,); huber (m, 1): weights of Huber's loss.
+    Attributes: target (m,). others (m, q): asymptote and all that is no law; spread (q, q): their covariance; moment
+    (q,) of the target. v_n (m,) mm/s across. huber (m, 1): weights of Huber's loss.
     """
 
     target: FloatArray
@@ -42,9 +40,9 @@ class WithoutLaw:
 
 @dataclass(frozen=True)
 class Pairs:
-    """All pairs of rates at one plateau's speed. first, second: (k,) indices of the rates; sizes: (k, 2) amplitudes, s;
-    gain: (k,) twice the log-likelihood they add, −∞ where an amplitude is none; alone: that of the best single rate;
-    cross: (q, rates) with what is common to all laws."""
+    """All pairs of rates at one plateau. first, second: (k,) indices; sizes: (k, 2) amplitudes, s; gain: (k,) twice the
+    log-likelihood added, −∞ for a vanishing amplitude; alone: gain of the best single rate; cross: (q, rates).
+    """
 
     first: np.ndarray
     second: np.ndarray
@@ -63,7 +61,7 @@ def without_law(
     prior: FloatArray,
     white: Whitener,
 ) -> WithoutLaw:
-    """Take the present law out of residuals (m,). rest: (m, p) columns that are no law's, prior (p,) theirs."""
+    """The system without its present law. rest: (m, p) columns of all else, with precision prior (p,)."""
     whole = white.apply(np.column_stack([residual_mm - v_n * law(speed_mm_s), -v_n, rest]))
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(residual_mm)) / HUBER_K))[:, None]
     target, others = whole[:, 0] * huber[:, 0], whole[:, 1:] * huber
@@ -73,7 +71,7 @@ def without_law(
 
 
 def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArray) -> Pairs:
-    """Every pair of rates, its amplitudes at their best, what is common to all laws projected off."""
+    """Every pair of rates with its best amplitudes, all else at its best."""
     counted_mm_s = LawParameters(1.0, 1.0, 0.0, 1.0, 0.0, plateau_mm_s).counted_mm_s(white_system.speed_mm_s)
     slow = (
         white_system.white.apply(-white_system.v_n[:, None] * np.exp(-counted_mm_s[:, None] * rates_s_mm))
@@ -93,9 +91,8 @@ def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArr
 
 
 def best_rates(state: State, white: Whitener, use: np.ndarray) -> tuple[LawParameters, FloatArray] | None:
-    """The likeliest law of the grid, and the step of everything else that goes with it ((p,), the law's own part 0).
-
-    None where no pair of rates has two falling exponentials.
+    """The likeliest law of the grid and the step (p,) of all else, 0 for the law; None where no pair has two falling
+    exponentials.
     """
     law = state.law
     n_law = 6 if law.plateau_mm_s > 0 else 5

@@ -1,4 +1,4 @@
-"""What the search of the joint fit needs of a point: its cost relative to another, and the best law near it."""
+"""Relative cost of a point of the joint fit, and the best law near it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ MAY_STRAY = 0.1  # of the edges
 
 
 def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
-    """Cost of a state, and which of the used edges (m,) cannot be placed there: these cost what they did before, so
-    that nothing is refused or taken for a few. Infinite where they are many."""
+    """Cost of a state, ∞ where many edges cannot be placed, and mask of those (m,); few of them cost what they did
+    before.
+    """
     strayed = use & ~(state.placed.ok & np.isfinite(state.residual))
     if np.count_nonzero(strayed) > MAY_STRAY * np.count_nonzero(use):
         return np.inf, strayed
@@ -31,9 +32,9 @@ def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarr
 def at_best_rates(
     state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
 ) -> tuple[State, np.ndarray]:
-    """The point of the grid's best rates and the edges that can be placed there, where that is likelier than this.
+    """The state with the grid's best rates and its edges, where that is likelier.
 
-    A law with a form of its own has no other rates to be found at: the form makes up for them.
+    A law with a form of its own is returned unchanged: the form makes up for its rates.
     """
     if isinstance(state.law, FlexibleLaw):
         return state, use

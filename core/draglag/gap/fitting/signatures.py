@@ -1,4 +1,4 @@
-"""What the effects' signatures see of a session, and smooth terms for effects that are in no library."""
+"""What effects' signatures see of a session, and smooth terms for unknown effects."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
 
 
 def averaged_of(placed: Placed) -> Averaged:
-    """The weights by which each edge's position is averaged from the events of its run."""
+    """Weights by which each edge's position is averaged from events of its run."""
     x_mm, y_mm = placed.traces.smooth_mm.T
     return Averaged(partial(_position_rows, placed), x_mm, y_mm, placed.traces.t_s, placed.traces.xy_mm)
 
@@ -92,14 +92,14 @@ def _spline(values: FloatArray, knots: int) -> FloatArray:
 
 
 def _settled_s(v: View) -> FloatArray:
-    """Time in the run where nothing but time passes: in a chirp it is the frequency, and the hand's trouble with it."""
+    """Time in the run, s; constant in a chirp, where it stands for the frequency."""
     return (
         np.where(v.steady, v.in_run_s, np.median(v.in_run_s[v.steady])) if v.steady.any() else np.zeros(v.steady.size)
     )
 
 
 def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
-    """(covariate, role) → residual columns of a smooth term: what an effect in no library would follow."""
+    """(covariate, role) → residual columns of a smooth, unnamed term."""
     covariates = {
         "session_time": (v.session_time, 5),
         "time_in_run": (_settled_s(v), 5),
@@ -126,11 +126,7 @@ def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
 
 
 def jumps(v: View) -> list[tuple[str, str, Signature]]:
-    """(covariate, role, signature): a jump of the position or of the latency, at a vertical line on the panel or at a
-    moment of the session.
-
-    A smooth term follows a jump badly, and a smooth effect follows it as well as any smooth term.
-    """
+    """(covariate, role, signature) of jumps in position or latency, at a place x or a moment of the session."""
     at = np.quantile(v.x_mm, JUMPS)
     shifted = v.averaged.rows @ (v.averaged.x_mm[:, None] > at).astype(float)
     out = []

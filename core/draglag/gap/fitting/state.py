@@ -1,4 +1,4 @@
-"""One point of the joint fit's search: parameters, and the session linearised there."""
+"""A point of the joint fit: parameters, and the session linearised there."""
 
 from __future__ import annotations
 
@@ -35,20 +35,17 @@ class Term:
 
 
 def term_signature(term: Term, view: View) -> Signature:
-    """The signature of a term at its setting."""
     return EFFECTS[term.effect].signature_at(term.theta, view)
 
 
 def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
-    """Prior precision of a step of every term's sizes."""
+    """Prior precision of a step of every size."""
     each = [max(effect_class(term.effect).prior_sd ** -2, FREE) for term in terms]
     return np.repeat(each, [c.shape[1] for c in columns]).astype(float)
 
 
 @dataclass(frozen=True)
 class State:
-    """One point of the search: parameters, and the session linearised there."""
-
     law: LawParameters
     geometry: Geometry
     terms: tuple[Term, ...]
@@ -94,19 +91,19 @@ def linearise(
 
 @lru_cache(maxsize=2)
 def _placed_by_law(runs: tuple[RunData, ...], law: LawParameters, delay: SpeedDelay) -> Placed:
-    """Cached by law: many sets of terms are tried with one."""
+    """Cached: many sets of terms are tried with one law."""
     return place(runs, law, delay=delay)
 
 
 def _speed_delay(terms: Sequence[Term]) -> SpeedDelay:
-    """Of which moment the law's speed is: delays in time add up, a share of the latency stands alone."""
+    """The delay of the law's speed: delays add up, a share of the latency replaces them."""
     delays = [one for t in terms if (one := effect_class(t.effect).speed_delay(t.theta)) is not None]
     shares = [one for one in delays if one[0]]
     return shares[0] if shares else (0.0, sum(delay_s for _, delay_s in delays))
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
-    """What effects leave at each edge whose columns are not known but to a share of what they vary by, mm."""
+    """Error of each edge by columns that are known to a share only, mm."""
     blur = np.zeros(view.x_mm.size)
     for term, column in zip(terms, columns, strict=True):
         share = effect_class(term.effect).unsure_share
@@ -125,7 +122,7 @@ def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, place
 def stepped(
     state: State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float, law: LawParameters | None = None
 ) -> State:
-    """The point a step away. law: to be there instead of the stepped one."""
+    """The point a step away. law: replaces the stepped one."""
     n = base_prior(state.law).size
     beam = n - N_NUISANCES - 2
     law = law or state.law.moved(step[:beam])
@@ -149,7 +146,7 @@ def stepped(
 
 
 def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
-    """Edges to judge by: well placed, not far from their run, and not too uncertain to matter."""
+    """Edges to judge by: well placed, not outlying in their run, not too uncertain."""
     placed = state.placed
     use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
@@ -174,7 +171,7 @@ def total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, ro
 
 
 def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarray, loose: bool) -> np.ndarray:
-    """Edges within a few robust standard deviations of their own run, whatever latency and offset that run has."""
+    """Edges that are no outliers about their run's latency and offset."""
     keep = np.ones(residual.size, bool)
     most = 9 if loose else 5
     for k in np.unique(placed.run):
@@ -198,8 +195,7 @@ def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarr
 
 
 def _residual_after_levels(z: FloatArray, design: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What robust levels leave of each edge, in robust standard deviations of what they leave of it, and the share of
-    leverage of each edge, (m,)."""
+    """Robust residuals in their standard deviations, and leverage, (m,), about the levels of a run."""
     weight = np.ones(z.size)
     for _ in range(5):
         beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]

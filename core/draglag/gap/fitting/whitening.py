@@ -1,8 +1,7 @@
-"""White residuals: the covariance of all edges, banded within a run, and what is common to a whole run of low rank.
+"""Whitening by the covariance of all edges: banded within a run, plus a part of low rank common to it.
 
-C = B + U Uᵀ with B banded and U three columns of each run. With B = L Lᵀ and Ũ = L⁻¹ U, the Cholesky factor of C is
-L M, M that of I + Ũ Ũᵀ, whose row i is what recursive least squares expects of x_i after the edges before it (any
-textbook on linear filtering). So time and memory grow with the number of edges, not with its square and cube.
+C = B + U Uᵀ, B banded, U three columns of each run. With B = L Lᵀ and Ũ = L⁻¹ U, the Cholesky factor of C is L M, M
+that of I + Ũ Ũᵀ, by recursive least squares along the edges: time and memory are linear in their number.
 """
 
 from __future__ import annotations
@@ -19,12 +18,10 @@ from draglag.recording import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Whitener:
-    """Cholesky factor of one grid point: ``apply`` makes residuals (m,) or (m, k) white; ``log_det`` is ln |C|.
+    """Cholesky factor of a covariance C; ``log_det`` is ln |C|.
 
-    Attributes:
-        variance_mm2: (m,) diagonal of C. banded: (b, m) factor L. common: (m, 3) columns Ũ. lead: (m, 3) the row of Ũ
-            times the inverse of I + Ũᵀ Ũ over the run's earlier edges. step: (m,) diagonal of M. begin: (m,) first edge
-            of the own run.
+    Attributes: variance_mm2: (m,) diagonal of C. banded: (b, m) L. common: (m, 3) Ũ. lead: (m, 3) rows of Ũ times the
+    inverse of I + Ũᵀ Ũ over the run's earlier edges. step: (m,) diagonal of M. begin: (m,) the run's first edge.
     """
 
     components: Components
@@ -37,7 +34,7 @@ class Whitener:
     log_det: float
 
     def apply(self, values: FloatArray) -> FloatArray:
-        """Whiten (m,) or (m, k)."""
+        """White values of the shape given, (m,) or (m, k)."""
         columns = values.reshape(values.shape[0], -1)
         if not columns.size:
             return np.zeros(values.shape)
@@ -46,7 +43,7 @@ class Whitener:
         return np.asarray(white, np.float64).reshape(values.shape)
 
     def colour(self, white: FloatArray) -> FloatArray:
-        """Residuals (m, k) of this covariance from white ones: the inverse of ``apply``."""
+        """Residuals (m, k) from white ones: the inverse of ``apply``."""
         x = self._without_common(white * self.step[:, None], self.lead / self.step[:, None] ** 2, self.common, 1)
         out = np.zeros_like(x)
         for j, band in enumerate(self.banded):
@@ -66,9 +63,8 @@ class Whitener:
 
 
 def whitener(parts: Scatter, components: Components) -> Whitener:
-    """Factor C = touch + τ² I + speed error + uneven following + run latency + run offset.
-
-    Raises numpy.linalg.LinAlgError when it is not positive definite.
+    """The Cholesky factor of the scatter at these sizes. Raises numpy.linalg.LinAlgError when it is not positive
+    definite.
     """
     banded = _banded(parts, components)
     common = _common(parts) * _sizes(parts, components)[parts.run]
@@ -89,12 +85,10 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
 
 @dataclass(frozen=True)
 class WhitenedColumns:
-    """Columns (m, k) whitened by B = LLᵀ, for inner products under every C that has it: xᵀ C⁻¹ y is that of ``columns``
-    less that of ``common``'s rows (Woodbury).
+    """Columns (m, k) for inner products xᵀ C⁻¹ y: those of ``columns`` less those of ``common`` (Woodbury).
 
-    Attributes:
-        columns: (m, k) L⁻¹ of them. log_det: ln |B|. cross: (runs, 3, k) and own: (runs, 3, 3) products of what is
-            common to a run, per unit, with the columns and with itself.
+    Attributes: columns: (m, k) L⁻¹ times them, B = L Lᵀ. log_det: ln |B|. cross: (runs, 3, k) and own: (runs, 3, 3)
+    products of what is common to a run, per unit, with the columns and with itself.
     """
 
     parts: Scatter
@@ -104,7 +98,7 @@ class WhitenedColumns:
     own: FloatArray
 
     def common(self, components: Components) -> tuple[FloatArray, float]:
-        """Rows (3 runs, k) to be taken off inner products, and ln |C|."""
+        """Rows (3 runs, k) whose inner products are subtracted, and ln |C|."""
         size = _sizes(self.parts, components)[:, :, None]
         root = np.linalg.cholesky(np.eye(3) + size * self.own * np.swapaxes(size, 1, 2))
         rows = np.linalg.solve(root, size * self.cross).reshape(-1, self.columns.shape[1])
@@ -112,8 +106,7 @@ class WhitenedColumns:
 
 
 def whitened_columns(parts: Scatter, components: Components, columns: FloatArray) -> WhitenedColumns:
-    """Columns (m, k) through the banded part of a scatter; of its components only those of single edges and of the
-    speed matter.
+    """Columns (m, k) whitened by the banded part of a scatter, of the sizes of single edges and speed.
 
     Raises numpy.linalg.LinAlgError when it is not positive definite.
     """
@@ -131,7 +124,7 @@ def whitened_columns(parts: Scatter, components: Components, columns: FloatArray
 
 
 def _banded(parts: Scatter, components: Components) -> FloatArray:
-    """B (b, m): what edges do not share with their whole run."""
+    """B (b, m)."""
     banded = parts.fixed_mm2 + components.speed**2 * parts.speed_mm2
     banded += components.tremor_mm_s**2 * parts.tremor_s2
     banded[0] += components.edge_mm**2
@@ -146,11 +139,11 @@ def _factor(banded: FloatArray) -> FloatArray:
 
 
 def _common(parts: Scatter) -> FloatArray:
-    """By how much a latency, an offset and an uneven following of the whole run move each edge, per unit, (m, 3)."""
+    """Effect of a latency, an offset and an uneven following of the run on each edge, per unit, (m, 3)."""
     return np.column_stack([parts.late_mm_s, np.ones(parts.run.size), parts.uneven_mm])
 
 
 def _sizes(parts: Scatter, components: Components) -> FloatArray:
-    """How large those are in each run, (runs, 3)."""
+    """Standard deviations of those in each run, (runs, 3)."""
     late_s = np.hypot(components.run_s, parts.loose_s)
     return np.column_stack([late_s, *(np.full(late_s.size, q) for q in (components.run_mm, components.uneven))])
