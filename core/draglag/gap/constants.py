@@ -1,22 +1,25 @@
-"""Every constant of the posterior: its unit and meaning, and where it comes from.
+"""Constants of the posterior: unit, meaning and origin.
 
 Origins: *physical* = from what hands, screens and sensors do; *derived* = follows from the model or the numerics;
-*judgement* = a prior belief, stated once; *calibrated* = sized on sessions, which are named.
+*judgement* = a prior belief; *calibrated* = sized on sessions, which are named.
 """
 
 from __future__ import annotations
 
 SIZE_OF_INTEREST_MM = 0.05
 """mm RMS over the edges. An effect that moves them by less is tolerated and not named. Physical: a tenth of a
-millimetre peak to peak, below what any compensation of a drag can use."""
+millimetre peak to peak, below what any compensation of a drag can use.
+"""
 
 TOLERANCE_MM = 0.02
 """mm RMS. Prior standard deviation of every smooth shape, and of the columns of effects, that are too small to matter.
-Judgement: 0.4 of the size of interest, so that two and a half of it are of interest."""
+Judgement: 0.4 of the size of interest.
+"""
 
 SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
-"""mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: twice the size of interest to
-what a screen of use to anybody shows."""
+"""mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: from twice the size of interest to
+the most that a usable screen shows.
+"""
 
 P_EFFECT = 0.02
 """Prior probability of each effect of the library, shared by its settings. Judgement: one session in two has one."""
@@ -25,8 +28,9 @@ P_LAW_FORM = 0.2
 """Prior probability that the curve is not Eq. 5. Judgement: one screen in five."""
 
 OWN_FORM = 0.5
-"""Probability from which on the curve is said not to be Eq. 5, and fits have its own form. Derived: what is more
-probable than not."""
+"""Probability from which on the curve is said not to be Eq. 5, and fits have its own form. Derived: more probable than
+not.
+"""
 
 P_FALLING = 0.5
 """Prior probability that a smooth form of the curve falls with speed all along. Derived: the order of magnitude, which
@@ -48,7 +52,7 @@ LAW_KNOTS = 11
 """Knots of the curve's own form, 0.2 to 0.3 of ln v apart: closer than its length. Derived."""
 
 MEMORY_S = 0.5
-"""s. How long a wandering lateness lasts. Physical: a hand's pressure and tilt change within half a second."""
+"""s. Correlation time of a wandering lateness. Physical: a hand's pressure and tilt change within half a second."""
 
 LEAST_DIRECTION_MM = 0.001
 """mm RMS. Directions of the tolerance that move edges by less are left out. Derived: the rounding of the placing."""
@@ -84,7 +88,7 @@ LEAST_EDGES = 0.85
 """Share of the edges that a refit has to place. Judgement: one that loses more is no rival."""
 
 STATED_AT_MOST = 0.99
-"""No probability is stated beyond it: fewer than a hundred sessions of a kind have been counted. Calibrated."""
+"""Largest probability that is stated. Calibrated: fewer than a hundred sessions of a kind have been counted."""
 
 NEXT_TO_UNNAMED = 0.5
 """Share of the names that are right where something else stays without one: the model they were compared in is

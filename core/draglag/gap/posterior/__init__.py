@@ -1,1 +1,1 @@
-"""The posterior over explanations: one model, one rule for every member (docs/gap.md)."""
+"""The posterior over explanations (docs/gap.md)."""

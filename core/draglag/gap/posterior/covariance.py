@@ -1,4 +1,4 @@
-"""The noise of a linearised session: one covariance a run, built of its parts."""
+"""The noise of a linearised session: a covariance for each run."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from draglag.recording import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class RunNoise:
-    """Parts of one run's covariance, (n, n) each or (n,), per unit of their level. common: (n, 3) columns of a latency,
-    an offset and an uneven following of the whole run; loose_s: by how much a run of changing speed may miss the law.
+    """Parts of a run's covariance, (n, n) or (n,), per unit of their level. common: (n, 3) columns of the run's
+    latency, offset and uneven following; loose_s: by how much a run of changing speed may miss the law.
     """
 
     edges: IntArray
@@ -29,9 +29,8 @@ class RunNoise:
     wander: FloatArray
 
     def factor(self, levels: Levels) -> FloatArray:
-        """Lower Cholesky factor of the run's covariance, (n, n).
-
-        Raises numpy.linalg.LinAlgError when it is not positive definite.
+        """Lower Cholesky factor of the covariance, (n, n). Raises numpy.linalg.LinAlgError when it is not positive
+        definite.
         """
         out = self.fixed + levels.speed**2 * self.speed + levels.tremor_mm_s**2 * self.tremor
         if levels.wander_s:
@@ -46,7 +45,7 @@ class RunNoise:
         return np.asarray(factor, np.float64)
 
     def variances_mm2(self, levels: Levels) -> dict[str, FloatArray]:
-        """Of every edge, (n,), by part of the noise floor: "touch", the events' own, and those of ``Levels``."""
+        """Variance of every edge, (n,), by part of the noise: "touch" and those of ``Levels``."""
         latency, offset, uneven = (self.common**2).T
         one = np.ones(self.edges.size)
         unit = {
@@ -64,17 +63,15 @@ class RunNoise:
 
 @dataclass(frozen=True)
 class Noise:
-    """Of all runs."""
-
     runs: tuple[RunNoise, ...]
 
     def rms_mm(self, levels: Levels) -> dict[str, float]:
-        """By how much each part of the noise moves the edges, mm RMS."""
+        """RMS of each part of the noise, mm."""
         each = [run.variances_mm2(levels) for run in self.runs]
         return {name: float(np.sqrt(np.mean(np.concatenate([one[name] for one in each])))) for name in each[0]}
 
     def whitened(self, levels: Levels, columns: FloatArray) -> tuple[FloatArray, float]:
-        """Columns (m, k) made white under these levels, and ln |C|."""
+        """Whitened columns (m, k), and ln |C|."""
         # Scipy's checks would take longer than a run's own few edges.
         out, log_det = np.empty(columns.shape, order="F"), 0.0
         for run in self.runs:
@@ -85,7 +82,7 @@ class Noise:
 
 
 def noise_of(parts: Scatter, t_s: FloatArray) -> Noise:
-    """The covariance's parts from a fit's scatter; t_s: (m,) times of its edges."""
+    """The noise of a fit's scatter; t_s: (m,) times of its edges."""
     return Noise(tuple(_of_run(parts, t_s, int(k)) for k in np.unique(parts.run)))
 
 

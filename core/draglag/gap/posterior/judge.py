@@ -1,4 +1,4 @@
-"""The search for the most probable explanation of a session: linearise, refit what is probable, compare, again."""
+"""Search for the most probable explanation: linearise, refit what is probable, compare, repeat."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Judgement:
-    """All that was compared. fits: by the effects that they hold, all with the curve's own form where that is part of
-    the most probable explanation, else with Eq. 5; the first is the one without effects."""
+    """All explanations compared. fits: by the effects that they hold, the first the one that the search began with;
+    with the curve's own form where the best explanation has it.
+    """
 
     pool: Pool
     fits: dict[Names, Fit]
 
     @property
     def base(self) -> Fit:
-        """The fit without effects."""
+        """The fit that the search began with."""
         return next(iter(self.fits.values()))
 
 
@@ -48,7 +49,7 @@ def judged(
     most_effects: int = constants.MOST_MEMBERS,
     progress: Progress = lambda fraction, text: None,
 ) -> Judgement:
-    """The posterior over explanations of a session, from a fit without effects."""
+    """The posterior over explanations of a session, from a first fit."""
     inside = effects_in(first)
     fits: dict[Names, Fit] = {inside: first}
     pool = compared([first], allowed, unsure_ages, most=most_effects)
@@ -85,19 +86,18 @@ def judged(
 
 
 def _has_own_form(pool: Pool) -> bool:
-    """Whether the curve is more probably than not none of Eq. 5."""
+    """Whether the curve is probably not Eq. 5."""
     return pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.OWN_FORM
 
 
 def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
-    """Of effects that could not all be fitted together, the one that failed: they are added in the order of what they
-    gain alone."""
+    """The effect that failed, of those to be fitted together: they are added in the order of their gain alone."""
     start = max((names for names in fits if set(names) <= set(wanted)), key=len)
     return max(set(wanted) - set(start), key=lambda name: pool.alone(name))
 
 
 def with_own_form(session: Session, first: Fit) -> Fit:
-    """The fit with the curve's own form in its law, where the form can be fitted; else the fit itself."""
+    """The fit with the curve's own form in its law; unchanged where that cannot be fitted."""
     try:
         law = flexible(first.law, knots_over(first.view.speed))
         fit = fit_session(session, first.runs, (), False, None, law)
@@ -108,12 +108,11 @@ def with_own_form(session: Session, first: Fit) -> Fit:
 
 
 def _effects_of(names: Names) -> Names:
-    """The library's effects of an explanation: what a refit is made of."""
     return tuple(name for name in names if name in EFFECTS)
 
 
 def _probable(pool: Pool) -> list[Names]:
-    """Sets of effects that are probable enough to be refitted, the most probable first."""
+    """Sets of effects that are probable enough to be refitted, in falling order."""
     sets: dict[Names, float] = {}
     for names, p in pool.probabilities().items():
         key = _effects_of(names)
@@ -122,7 +121,7 @@ def _probable(pool: Pool) -> list[Names]:
 
 
 def _in_doubt(pool: Pool) -> bool:
-    """Whether something without a name, or scatter beyond that of sound rigs, is probable."""
+    """Whether an unnamed term, or scatter beyond that of sound rigs, is probable."""
     unnamed = sum(p for names, p in pool.probabilities().items() if any(n.startswith(UNNAMED) for n in names))
     return unnamed > DOUBT or unsound_share(pool, pool.best) > DOUBT
 
@@ -133,8 +132,7 @@ def _leading(pool: Pool, wanted: Names) -> Names:
 
 
 def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -> dict[Names, Fit]:
-    """Joint refits with these effects, grown one by one from the largest part of them that is there; without the last
-    ones where one cannot be fitted."""
+    """Joint refits with these effects, added one by one to the largest fitted subset, up to the first that fails."""
     names = max((names for names in fits if set(names) <= set(wanted)), key=len)
     theta = pool.settings_of(_leading(pool, wanted))
     base = next(iter(fits.values()))
@@ -150,8 +148,10 @@ def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -
 
 
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
-    """The likeliest of several refits, on the edges that all have; without those that lost many, and those in which the
-    effect is none that its class allows. None where it is as sound rigs have it."""
+    """The likeliest refit on the edges that all have; None where the effect is as small as on sound rigs.
+
+    Refits that lost many edges or lie beyond the effect's bounds are skipped.
+    """
     enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
     options = [fit for fit in options if np.count_nonzero(fit.use) >= enough and _possible(effect, fit)]
     if not options:
@@ -162,7 +162,7 @@ def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
 
 
 def _possible(effect: str, fit: Fit) -> bool:
-    """Whether the parameters lie within the bounds of the effect's class: a low-pass cannot swell."""
+    """Whether the parameters lie within the class's bounds, the leading one not at its lower bound."""
     numbers = parameters_of(effect, fit)
     for spec in EFFECTS[effect].parameters:
         value = numbers[spec.name][0] if spec.name in numbers else spec.typical
@@ -173,21 +173,20 @@ def _possible(effect: str, fit: Fit) -> bool:
 
 
 def _sound(effect: str, fit: Fit) -> bool:
-    """Whether the effect is no larger than sound rigs have it."""
+    """Whether the effect is no larger than on sound rigs."""
     leading = EFFECTS[effect].parameters[0]
     size, _ = parameters_of(effect, fit).get(leading.name, (np.inf, None))
     return bool(abs(size) < leading.sound)
 
 
 def _gains(pool: Pool, allowed: Collection[str]) -> dict[str, float]:
-    """Effect → nats that it gains alone by its columns."""
+    """Effect → nats that its columns gain alone."""
     empty = pool.found[pool.emptiest].log_mass
     return {name: pool.alone(name) - empty for name in sorted(allowed)}
 
 
 def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]:
-    """Effects whose columns change with their size, and that may explain the session: each is judged at a refit of its
-    own, whichever explanation leads by columns. Those that the touch events show by themselves are among them."""
+    """Effects to refit at any rank: promising ones whose columns change with size, and those that traces show."""
     gains = _gains(pool, allowed)
     least = max(PROMISING, HOPELESS * max(gains.values(), default=0.0))
     changing = [name for name, gain in gains.items() if gain > least and refit_module(name) is not None]
@@ -195,7 +194,7 @@ def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]
 
 
 def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]) -> list[str]:
-    """Effects that gain most alone by their columns, and those that single edges show."""
+    """Effects that gain most alone by their columns, those like the unnamed term, and those that single edges show."""
     gain = _gains(pool, set(allowed) - barred)
     order = sorted((n for n in gain if gain[n] > PROMISING), key=lambda n: -gain[n])[:PROPOSED]
     base = next(iter(fits.values()))
@@ -205,7 +204,7 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], bar
 
 
 def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names) -> dict[Names, Fit]:
-    """Refits without one of several effects each: one that was found before the others may have stood in for them."""
+    """Refits without each of several effects: an earlier one may have stood in for later ones."""
     out: dict[Names, Fit] = {}
     for name in wanted:
         fewer = tuple(other for other in wanted if other != name)
@@ -217,7 +216,7 @@ def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted:
 def _proposed(
     session: Session, pool: Pool, fits: dict[Names, Fit], options: Collection[str], starts: tuple[Names, ...]
 ) -> dict[Names, Fit]:
-    """Refits with one of several effects more, each added to the fits of these effects."""
+    """Refits that add one of ``options`` to the fits ``starts``."""
     base = next(iter(fits.values()))
     out: dict[Names, Fit] = {}
     for name in options:

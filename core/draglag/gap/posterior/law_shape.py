@@ -1,7 +1,6 @@
-"""Whether the curve falls with speed, given an explanation in which it has a form of its own.
+"""Whether the curve's own form falls with speed.
 
-Laws of screens fall, or are flat: filters open with speed. A curve that rises is no law of another form, it is a
-structure in speed without a name.
+Laws of screens fall or are flat: a rising curve is an unnamed structure in speed.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ DRAWS, SPEEDS, SEED = 4000, 30, 20260101
 def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scales_mm: tuple[float, ...]) -> float:
     """Posterior probability that the curve nowhere rises by more than the size of interest, given an explanation.
 
-    Args: members, scales_mm: the explanation, with the curve's own form among them.
+    members, scales_mm: the explanation, with the curve's own form.
     """
     names = [linear.members[i].name for i in members]
     which = names.index(LAW_FORM)
@@ -43,9 +42,9 @@ def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scal
 
 
 def _rise_mm(linear: Linear, knots: tuple[float, ...], law: FloatArray, form: FloatArray) -> FloatArray:
-    """By how much the curve rises at the most between two speeds, as displacement at the lower one, (draws,) mm.
+    """Largest rise of the curve between two speeds, as displacement at the lower one, (draws,) mm.
 
-    Args: law: (5, draws) steps of Eq. 5's parameters; form: (k, draws) of the form's columns of 1 mm RMS.
+    law: (5, draws) steps of Eq. 5's parameters; form: (k, draws) of columns of 1 mm RMS.
     """
     member = next(m for m in linear.members if m.name == LAW_FORM)
     size = max(float(np.sqrt(np.mean(member.columns**2) * member.columns.shape[1])), 1e-12)

@@ -1,8 +1,7 @@
-"""What a hypothesis pays for edges that it cannot be judged by: none may choose its data.
+"""What a hypothesis pays for edges that it cannot be judged by, so that none chooses its data.
 
-All explanations are compared on the edges that all of them use. An edge that one of them leaves open, because its
-effect leaves an edge anywhere within a range, is penalised by the density that it gives the edge:
-a uniform range, widened by the noise, against the noise alone.
+An edge that an effect leaves anywhere within a range costs the uniform density over it, widened by noise, relative to
+that of noise alone.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from draglag.recording import FloatArray
 
 
 def freedom_nats(fit: Fit, base: Fit) -> float:
-    """Nats that a fit pays for the edges of ``base`` that its effects leave open; 0 where they leave none."""
+    """Nats that a fit pays for edges of ``base`` that its effects leave open."""
     if fit.only is None or fit.use.size != base.use.size:
         return 0.0
     left = base.use & ~fit.only
@@ -35,7 +34,7 @@ def freedom_nats(fit: Fit, base: Fit) -> float:
 
 
 def _log_uniform(residual_mm: FloatArray, sd_mm: FloatArray, width_mm: FloatArray) -> FloatArray:
-    """Log density of residuals (m,) that lie anywhere within ± width, with normal noise."""
+    """Log density of residuals (m,) uniform within ± width, with normal noise."""
     high, low = (residual_mm + width_mm) / sd_mm, (residual_mm - width_mm) / sd_mm
     flip = np.where(residual_mm > 0, -1.0, 1.0)  # in the tail where differences keep their digits
     a, b = np.where(flip > 0, high, -low), np.where(flip > 0, low, -high)
@@ -45,7 +44,7 @@ def _log_uniform(residual_mm: FloatArray, sd_mm: FloatArray, width_mm: FloatArra
 
 
 def _residual_mm(fit: Fit) -> FloatArray:
-    """Residual of every placed edge under the fit, (m,) mm."""
+    """Residual of every placed edge, (m,) mm; nan where not placed."""
     view = view_of(fit.placed, fit.law, fit.geometry, fit.width_mm)
     signatures = tuple(term_signature(term, view) for term in fit.terms)
     out = residual_mm(fit.placed, fit.geometry) - total(signatures, fit.terms, view, "offset")
@@ -53,7 +52,7 @@ def _residual_mm(fit: Fit) -> FloatArray:
 
 
 def _sd_mm(fit: Fit) -> FloatArray:
-    """Standard deviation of every placed edge by itself, (m,) mm."""
+    """Standard deviation of every placed edge, (m,) mm."""
     placed, levels = fit.placed, fit.white.components
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
     variance = placed.touch_variance_mm2 + timing_mm(placed) ** 2 + levels.edge_mm**2 + levels.run_mm**2

@@ -1,4 +1,4 @@
-"""How large the scatter may be: grids, priors and what sound rigs show, for each part of the noise."""
+"""Grids, priors and sound sizes of the parts of the noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from draglag.gap import constants
 
 @dataclass(frozen=True)
 class Part:
-    """Of one part of the noise: values tried, standard deviation of its half-normal prior, the most of a sound rig."""
+    """A part of the noise: values tried, standard deviation of its half-normal prior, the most of a sound rig."""
 
     values: tuple[float, ...]
     prior_sd: float
@@ -44,7 +44,7 @@ UNSURE_AGE_SD_S = 0.002
 
 @dataclass(frozen=True)
 class Levels:
-    """Standard deviations of the parts of the noise beyond the touch noise."""
+    """Standard deviations beyond the touch noise."""
 
     edge_mm: float = 0.05
     speed: float = 0.01
@@ -60,7 +60,6 @@ class Levels:
 
     @property
     def sound(self) -> bool:
-        """Whether no part is larger than sound rigs have."""
         return all(getattr(self, name) <= part.sound * 1.001 for name, part in PARTS.items())
 
     def within_sound(self) -> Levels:

@@ -1,8 +1,8 @@
-"""A session linearised about one fit: the residual is linear in everything that may explain it.
+"""A session linearised about one fit.
 
-r = A b + T t + Σ X_j g_j + e: law, beam and nuisances b with their priors; tolerance t, everything smooth that is too
-small to matter; members j, g_j ~ N(0, s² I) in columns of 1 mm RMS; e the noise. Evidence has b, t and g integrated
-out (Rasmussen & Williams 2006, sections 2.3 and 2.7).
+r = A b + T t + Σ X_j g_j + e: law, beam and nuisances b; tolerance t, all smooth misfit too small to matter; members
+g_j ~ N(0, s² I) in columns of 1 mm RMS; noise e. Evidence has b, t and g integrated out (Rasmussen & Williams 2006,
+sections 2.3 and 2.7).
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ ROUNDS = 2  # over the levels
 class Linear:
     """One linearisation on m edges.
 
-    Attributes: residual_mm (m,): of what is no member; base (m, p): A and T, with prior precision (p,); columns (m, q):
-    of all members, 1 mm RMS each; at: each member's columns; law: Eq. 5 about which the base is linear. edges: mask
-    over all placed edges, those to judge by; None: the fit's. whole: the same on all edges of the fit.
+    Attributes: residual_mm (m,): without members. base (m, p): A and T, of prior precision (p,). columns (m, q): of all
+    members, 1 mm RMS each. at: columns of each member. law: the Eq. 5 of the base. edges: mask over all placed edges;
+    None: the fit's. whole: the same on all edges of the fit.
     """
 
     fit: Fit
@@ -53,20 +53,21 @@ class Linear:
     whole: Whole
 
     def on(self, edges: np.ndarray) -> Linear:
-        """The same on edges that a mask over all placed edges has."""
+        """The linearisation on the edges of a mask over all placed ones."""
         same = self.edges is not None and np.array_equal(self.edges, edges)
         return self if same else _restricted(self.whole, edges)
 
     @property
     def model(self) -> FloatArray:
-        """Columns (m, k) of Eq. 5 and the beam, the first of the base."""
+        """Columns (m, k) of Eq. 5 and the beam."""
         return self.base[:, : len(self.law.step_sd) + 2]
 
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of the members given base and tolerance, under one set of levels. gram (q, q), moment (q,);
-    base: log evidence of no member, with the levels' prior."""
+    """Normal equations of the members given base and tolerance: gram (q, q), moment (q,); base: log evidence without
+    members, with the levels' prior.
+    """
 
     levels: Levels
     gram: FloatArray
@@ -76,7 +77,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class Whole:
-    """A linearisation on all edges of a fit, before some of them are chosen. Attributes: as of ``Linear``."""
+    """A linearisation on all edges of a fit. Attributes: as of ``Linear``."""
 
     fit: Fit
     members: tuple[Member, ...]
@@ -91,7 +92,7 @@ class Whole:
 def linearised(
     fit: Fit, allowed: Sequence[str] | frozenset[str], unsure_ages: bool = False, edges: np.ndarray | None = None
 ) -> Linear:
-    """The session linearised about a fit. edges: mask over all placed edges, those to judge by; None: the fit's."""
+    """The session linearised about a fit. edges: mask over all placed edges; None: the fit's."""
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     possible = members_of(fit, parts, allowed)
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
@@ -104,7 +105,6 @@ def linearised(
 
 
 def _restricted(whole: Whole, edges: np.ndarray | None) -> Linear:
-    """The linearisation on some edges of the fit."""
     fit, parts = whole.fit, whole.parts
     keep = np.ones(fit.residual_mm.size, bool) if edges is None else edges[fit.use]
     if not keep.all():
@@ -127,7 +127,6 @@ def _restricted(whole: Whole, edges: np.ndarray | None) -> Linear:
 
 
 def _own(fit: Fit) -> list[Member]:
-    """The effects of the fit as members at their settings."""
     out, at = [], base_prior(fit.law).size
     for term in fit.terms:
         own = fit.design[:, at : at + len(term.sizes)]
@@ -138,8 +137,10 @@ def _own(fit: Fit) -> list[Member]:
 
 
 def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawParameters]:
-    """Base columns (m, p), their prior precision (p,), the residual (m,) with the terms' own share put back, and the
-    Eq. 5 nearest to the curve, about which both are linear: what the curve has beyond it is the member ``law_form``."""
+    """Base columns (m, p), prior precision (p,), residual (m,) with the terms put back, and the nearest Eq. 5.
+
+    What the curve has beyond Eq. 5 is the member ``law_form``.
+    """
     at = base_prior(fit.law).size
     base, residual, prior = fit.design[:, :at], fit.residual_mm.copy(), fit.prior[:at]
     for term in fit.terms:
@@ -157,8 +158,7 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawP
 
 
 def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
-    """Columns (m, k) of what is too small to matter, of unit prior variance each: the leading directions of all smooth
-    terms and effects together, the rest of which is less than the rounding."""
+    """Columns (m, k) of unit prior variance: leading directions of all smooth terms and effects too small to matter."""
     blocks = [(of_unit_rms(c), constants.TOLERANCE_MM) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}
     for member in members:
@@ -174,7 +174,6 @@ def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
 
 
 def normal(linear: Linear, levels: Levels) -> Normal:
-    """Normal equations of all members under these levels."""
     p = linear.base.shape[1]
     white, log_det = linear.noise.whitened(levels, np.column_stack([linear.base, linear.columns, linear.residual_mm]))
     a, x, b = white[:, :p], white[:, p:-1], white[:, -1]
@@ -187,8 +186,9 @@ def normal(linear: Linear, levels: Levels) -> Normal:
 def _base_value(
     linear: Linear, a: FloatArray, b: FloatArray, log_det: float, extra: int = 0
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Cholesky factor of the scaled information, its scale, and the log evidence. extra: members' unit-prior columns
-    at the end of ``a``."""
+    """Cholesky factor of the scaled information, its scale, and the log evidence. extra: unit-prior columns at the end
+    of ``a``.
+    """
     precision = np.append(linear.precision, np.ones(extra))
     information = a.T @ a
     information[np.diag_indices_from(information)] += precision
@@ -207,10 +207,7 @@ def likeliest_levels(
     start: Levels | None = None,
     sound: bool = False,
 ) -> Levels:
-    """The levels of the noise that are likeliest with some members at their scales, by search along each level's grid.
-
-    sound: none beyond those of sound rigs.
-    """
+    """The likeliest levels given members at their scales, by coordinate search. sound: only those of sound rigs."""
     own = [linear.columns[:, linear.at[i]] * s for i, s in zip(chosen, sizes_mm, strict=True)]
     extra = sum(c.shape[1] for c in own)
     data = np.column_stack([linear.base, *own, linear.residual_mm])
@@ -236,7 +233,7 @@ def likeliest_levels(
 
 
 def _along(levels: Levels, name: str, grid: Sequence[float], value) -> Levels:  # type: ignore[no-untyped-def]
-    """The best along one level's grid, uphill from where it is."""
+    """The levels improved uphill along one grid."""
     at = int(np.argmin(np.abs(np.array(grid) - getattr(levels, name))))
     best = value(levels)
     for way in (1, -1):

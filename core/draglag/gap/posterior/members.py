@@ -1,4 +1,4 @@
-"""What an explanation may be made of: library effects, the curve's own form, smooth terms, jumps and levels."""
+"""Possible members of an explanation: effects, the curve's own form, smooth terms, jumps and levels."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ UNNAMED = "?"
 
 @dataclass(frozen=True)
 class Member:
-    """One thing that may be part of an explanation.
+    """A possible part of an explanation.
 
-    Attributes: name: an effect's id, ``law_form``, or ``?covariate:role`` of what has no name. theta: its setting.
-    columns: (m, k) mm. log_prior: of this member at this setting.
+    Attributes: name: an effect's id, ``law_form``, or ``?covariate:role``. theta: its setting. columns: (m, k) mm.
+    log_prior: at this setting.
     """
 
     name: str
@@ -43,12 +43,12 @@ class Member:
 
 
 def members_of(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
-    """Everything that may be added to a fit, columns on its edges."""
+    """All members that may be added to a fit."""
     return [*_effects(fit, parts, allowed), *_smooth(fit), *_jumps(fit), *_levels(fit), _law_form(fit)]
 
 
 def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
-    """Library effects at every setting; those in the fit whose columns change with their size at their own only."""
+    """Library effects at every setting; without those in the fit that a refit improves."""
     gains = line_gains(fit, parts)
     own, columns = effects_in(fit), {column_of(effect) for effect in allowed}
     out = []
@@ -65,7 +65,7 @@ def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]
 
 
 def smooth_columns(fit: Fit) -> dict[tuple[str, str], FloatArray]:
-    """(covariate, role) → columns of a smooth term; latency by speed is the curve's own form."""
+    """(covariate, role) → columns of a smooth term, without latency by speed, the curve's own form."""
     return {key: columns for key, columns in shape_free(fit.view).items() if key != ("speed", "latency")}
 
 
@@ -94,8 +94,7 @@ def _jumps(fit: Fit) -> list[Member]:
 
 
 def _levels(fit: Fit) -> list[Member]:
-    """A latency of every run, or of one; one by the kind of edge or the direction; a width; a latency or an offset by
-    which way round the circles went."""
+    """Constants by run, kind of edge, direction and sense of the circles."""
     prior = float(np.log(constants.P_SMOOTH))
     lever = fit.view.v_across * fit.view.stretch
     ids = np.unique(fit.run_index)

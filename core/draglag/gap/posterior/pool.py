@@ -1,4 +1,4 @@
-"""Explanations compared, each at its own joint refit, on edges that all of them share and under the same noises."""
+"""Explanations compared, each at its own joint refit, on the same edges and noises."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ class Found:
 
 @dataclass(frozen=True)
 class Pool:
-    """Fits of one session, and what every set of names is worth at the best of them.
+    """Fits of one session, and the evidence of every set of names at the best of them.
 
-    Attributes: searches: one a fit. edges: mask over all placed edges, shared by all. levels: of the noise, under which
-    all are compared. found: sorted names → the explanation.
+    Attributes: searches: one a fit. edges: mask over all placed edges. levels: of the noise, common to all. found:
+    sorted names → the explanation.
     """
 
     searches: tuple[Search, ...]
@@ -52,7 +52,7 @@ class Pool:
 
     @property
     def emptiest(self) -> Names:
-        """The set with nothing but what is in every fit."""
+        """The set of what is in every fit."""
         return min(self.found, key=len)
 
     @property
@@ -60,22 +60,22 @@ class Pool:
         return float(logsumexp([f.log_mass for f in self.found.values()]))
 
     def probabilities(self) -> dict[Names, float]:
-        """Of each set of names, the most probable first."""
+        """Set of names → probability, in falling order."""
         total = self.total
         each = {names: float(np.exp(f.log_mass - total)) for names, f in self.found.items()}
         return dict(sorted(each.items(), key=lambda item: -item[1]))
 
     def probability_of(self, name: str) -> float:
-        """That a name is part of the explanation."""
+        """Probability that a name is part of the explanation."""
         return sum(p for names, p in self.probabilities().items() if name in names)
 
     def alone(self, name: str) -> float:
-        """Log mass of one name alone, −∞ where it was not looked at."""
+        """Log mass of one name alone, −∞ where it was not compared."""
         found = self.found.get(tuple(sorted({*self.emptiest, name})))
         return float("-inf") if found is None else found.log_mass
 
     def settings_of(self, names: Names) -> dict[str, tuple[float, ...]]:
-        """The setting of each member of an explanation; empty for one that was not looked at."""
+        """Member → setting in an explanation; empty for one that was not compared."""
         found = self.found.get(names)
         if found is None:
             return {}
@@ -94,10 +94,9 @@ def compared(
     most: int = constants.MOST_MEMBERS,
     before: Pool | None = None,
 ) -> Pool:
-    """Everything that may explain the session, at each of its fits; the first is the one without effects.
+    """All explanations of a session, compared at its fits; the first fit has the fewest effects.
 
-    A set that holds an effect of some fit is judged there too; a fit with an effect does not judge sets without it.
-    before: a pool of some of these fits, whose levels of the noise are taken over.
+    A fit judges only sets that hold all its effects. before: a pool of some of these fits, whose levels are taken over.
     """
     edges = np.logical_and.reduce([fit.use for fit in fits])
     made = () if before is None else before.searches
@@ -124,7 +123,7 @@ def compared(
 
 
 def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[Levels]:
-    """The levels that hold some of the mass of the most probable explanation, or of the one without effects."""
+    """Levels with some mass of the most probable explanation, or of the emptiest."""
     best, empty = max(found, key=lambda n: found[n].log_mass), min(found, key=len)
     each = np.array([log_evidence(found[n].search, found[n].explanation) for n in (best, empty)])
     near = each > each.max(axis=1, keepdims=True) - constants.GIVEN_UP
@@ -134,8 +133,7 @@ def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[
 def _likely_levels(
     linear: Linear, without: Collection[str], seeds: tuple[Levels, ...], most: int
 ) -> tuple[tuple[Levels, ...], Search]:
-    """Levels that are likely with no member, and with the best explanation under them; of sound rigs too. And the
-    search that this explanation is of."""
+    """Likely levels without members and with the best explanation, also within those of sound rigs; and its search."""
     out: dict[Levels, None] = dict.fromkeys(seeds)
     if not out:
         found = likeliest_levels(linear)
@@ -159,7 +157,7 @@ def _and_sound(linear: Linear, levels: Levels) -> tuple[Levels, ...]:
 def _searched(
     linear: Linear, levels: tuple[Levels, ...], without: Collection[str], most: int, made: Sequence[Search] = ()
 ) -> Search:
-    """The search under these levels; of those made before, the same one or its normal equations."""
+    """The search under these levels, reusing earlier ones."""
     made = [search for search in made if search.linear is linear]
     for search in made:
         if (search.levels, search.without, search.most) == (levels, frozenset(without), most):
@@ -177,8 +175,7 @@ def _own_best(search: Search) -> Explanation | None:
 
 
 def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
-    """Sets of names with all effects of the fit, their settings summed. open_nats: what the fit pays for edges that it
-    leaves open."""
+    """Sets of names with all effects of the fit, summed over settings. open_nats: paid for edges left open."""
     fit = search.linear.fit
     inside = set(effects_in(fit))
     of_law = effects_in_law(fit)
@@ -203,7 +200,7 @@ def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
 
 
 def _falling(search: Search) -> float:
-    """Probability that the curve falls with speed, given the most probable explanation with a form of its own."""
+    """Probability that the curve falls, given the best explanation with its own form; 1 where that is improbable."""
     forms = {i for i, member in enumerate(search.linear.members) if member.name == LAW_FORM}
     own = [e for e in search.explanations if not forms.isdisjoint(e.members)]
     if not own:
@@ -216,8 +213,9 @@ def _falling(search: Search) -> float:
 
 
 def _by_shape(names: Names, falls: float) -> list[tuple[Names, float]]:
-    """A set of names and its share of the log mass; one with a form of the curve parts into a law that falls with
-    speed, and a structure in speed that has no name."""
+    """Sets and shares of the log mass: a form of the curve is split into a falling law and an unnamed structure in
+    speed.
+    """
     if LAW_FORM not in names or falls >= 1.0:
         return [(names, 0.0)]
     bump = tuple(sorted((*(n for n in names if n != LAW_FORM), IN_SPEED)))
@@ -227,7 +225,7 @@ def _by_shape(names: Names, falls: float) -> list[tuple[Names, float]]:
 
 
 def unsound_share(pool: Pool, names: Names) -> float:
-    """Probability that the edges scatter by more than those of sound rigs, given an explanation."""
+    """Probability that the edges scatter by more than on sound rigs, given an explanation."""
     found = pool.found[names]
     search = found.search
     if search.linear.unsure_ages:

@@ -1,7 +1,7 @@
-"""Which sets of members explain a linearised session, and how probable each is.
+"""Probable sets of members of a linearised session.
 
-The evidence of one more member given a set is a closed form in the eigenvalues of its own normal equations, given the
-set: all members and all their scales are weighed at once.
+The evidence that one more member adds to a set is a closed form in the eigenvalues of its normal equations given the
+set: all members and scales are weighed at once.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ SCALES_MM = np.array(constants.SLAB_MM)
 
 @dataclass(frozen=True)
 class Explanation:
-    """A set of members. log_mass: log prior times evidence, up to a constant of all explanations; scales_mm: where each
-    member's size is likeliest."""
+    """A set of members. log_mass: log prior times evidence, up to a common constant; scales_mm: likeliest for each
+    member.
+    """
 
     members: tuple[int, ...] = ()
     scales_mm: tuple[float, ...] = ()
@@ -40,8 +41,9 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Search:
-    """All explanations looked at from one linearisation, under some levels of the noise. without: names that were
-    impossible; most: effects that might be named."""
+    """Explanations from one linearisation under some levels of the noise. without: excluded names; most: limit on
+    effects.
+    """
 
     linear: Linear
     normals: tuple[Normal, ...]
@@ -67,8 +69,9 @@ def searched(
     without: Collection[str] = (),
     most: int = constants.MOST_MEMBERS,
 ) -> Search:
-    """Explanations of up to ``MOST_MEMBERS`` members, by beam search. without: names that are impossible; most: effects
-    that may be named."""
+    """Explanations of up to ``MOST_MEMBERS`` members, by beam search. without: excluded names; most: limit on
+    effects.
+    """
     empty = Explanation(log_mass=float(logsumexp([n.base for n in normals])))
     found: dict[tuple[int, ...], Explanation] = {(): empty}
     joining, groups = Joining.of(linear.members), _of_one_width(linear, normals)
@@ -108,11 +111,10 @@ def _front(linear: Linear, ranked: list[Explanation]) -> list[Explanation]:
 
 @dataclass(frozen=True)
 class Joining:
-    """Which of c members may be in one explanation: one of a name, but several without a name that are of different
-    places; and one statement about the curve.
+    """Which of c members may be combined: one of a name, unnamed ones once a place, and one statement about the curve.
 
-    Attributes, (c,) each: name, setting: equal where names, and names with settings, are equal. single: one of its name
-    only. form: the curve's own. of_law, effect: an effect on the law, or of any kind.
+    Attributes, (c,) each: name, setting: codes of names, and of names with settings. single: at most one of its name.
+    form: the curve's own. of_law, effect: an effect on the law, or any.
     """
 
     name: IntArray
@@ -136,7 +138,7 @@ class Joining:
         )
 
     def with_all(self, inside: Sequence[int]) -> np.ndarray:
-        """Members (c,) that may join these; of the law as ``one_law`` says."""
+        """Members (c,) that may join these."""
         form, of_law = self.form | self.form[inside].any(), self.of_law | self.of_law[inside].any()
         usable: np.ndarray = ~(form & of_law)
         for i in inside:
@@ -147,8 +149,9 @@ class Joining:
 
 @dataclass(frozen=True)
 class OfOneWidth:
-    """Members (c,) of one number of columns k, which columns of all they are, (c, k), and their part of the normal
-    equations under each of the levels, (levels, c, k, k) and (levels, c, k)."""
+    """Members (c,) of k columns each: their indices, their columns (c, k), and their blocks of the normal equations,
+    (levels, c, k, k) and (levels, c, k).
+    """
 
     which: IntArray
     at: IntArray
@@ -174,7 +177,7 @@ def _extended(
     groups: list[OfOneWidth],
     usable: np.ndarray,
 ) -> list[Explanation]:
-    """The explanation with each further usable member, whose size is integrated over its scales."""
+    """The explanation with each usable member added, its size integrated over its scales."""
     given = _given(linear, normals, explanation)
     gains = np.empty((len(normals), len(linear.members), SCALES_MM.size))
     for group in groups:
@@ -195,13 +198,13 @@ def _extended(
 
 
 def _log_sum(values: FloatArray, axis: int) -> FloatArray:
-    """Logarithm of the sum of exponentials of finite values along an axis."""
+    """log Σ exp along an axis, of finite values."""
     top = values.max(axis=axis, keepdims=True)
     return np.asarray(np.log(np.exp(values - top).sum(axis=axis)) + top.squeeze(axis))
 
 
 def one_law(names: Collection[str]) -> bool:
-    """Whether names make one statement about the curve: a form of its own leaves nothing to an effect on the law."""
+    """Whether names make one statement about the curve: its own form excludes effects on the law."""
     return LAW_FORM not in names or not any(map(_of_the_law, names))
 
 
@@ -210,7 +213,7 @@ def _of_the_law(name: str) -> bool:
 
 
 def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, FloatArray]:
-    """Columns (k,) of an explanation's members and the scale of each, (k,) mm."""
+    """Columns (k,) of an explanation and the scale of each, (k,) mm."""
     if not explanation.members:
         return np.zeros(0, np.int64), np.zeros(0)
     at = [linear.at[i] for i in explanation.members]
@@ -219,10 +222,10 @@ def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, Floa
 
 @dataclass(frozen=True)
 class Given:
-    """An explanation of r columns at its scales, under each of the levels.
+    """An explanation of r columns at its scales.
 
-    Attributes: value: (levels,) log evidence. taken: (levels, r, q) the root of what it takes off the normal equations
-    of all q columns; taken_moment: (levels, q) what it takes off their moments.
+    Attributes: value: (levels,) log evidence. taken: (levels, r, q) root of the reduction of all normal equations;
+    taken_moment: (levels, q) reduction of their moments.
     """
 
     value: FloatArray
@@ -241,8 +244,7 @@ def _given(linear: Linear, normals: Sequence[Normal], explanation: Explanation) 
 def _evidence(
     linear: Linear, normals: Sequence[Normal], explanation: Explanation
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Log evidence (levels,) of an explanation at its scales; the root of its normal equations (levels, r, r), its
-    moments through that (levels, r), and the scale of each column (r,)."""
+    """Log evidence (levels,), Cholesky factor (levels, r, r), moments through it (levels, r), and scales (r,)."""
     at, scale = columns_of(linear, explanation)
     base = np.array([one.base for one in normals])
     if not at.size:
@@ -257,8 +259,7 @@ def _evidence(
 
 
 def _gain(given: Given, group: OfOneWidth) -> FloatArray:
-    """Log evidence that each member of a group adds to those in the set, under each of the levels, for each scale,
-    (levels, c, scales)."""
+    """Log evidence that each member of a group adds to the set, (levels, c, scales)."""
     gram, moment = group.gram, group.moment
     if given.taken.shape[1]:
         taken = np.moveaxis(given.taken[:, :, group.at], 1, 2)  # (levels, c, r, k)
@@ -275,13 +276,15 @@ def _gain(given: Given, group: OfOneWidth) -> FloatArray:
 
 
 def log_evidence(search: Search, explanation: Explanation) -> FloatArray:
-    """Log evidence of an explanation under each of the levels, (levels,)."""
+    """Log evidence of an explanation, (levels,)."""
     return _evidence(search.linear, search.normals, explanation)[0]
 
 
 def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
-    """Posterior mean size of each member, mm RMS over the edges, under the likeliest levels; of one without a name what
-    Eq. 5 and a straight beam would leave of it, for they may be what it is."""
+    """Posterior mean size of each member, mm RMS over the edges, under the likeliest levels.
+
+    Of an unnamed one, only what Eq. 5 and a straight beam would leave.
+    """
     linear = search.linear
     at, scale = columns_of(linear, explanation)
     if not at.size:

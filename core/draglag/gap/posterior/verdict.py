@@ -1,4 +1,4 @@
-"""The posterior's answer: no gap, a set of names, or something without one; and how sure that is."""
+"""The posterior's answer: no gap, named effects, or something unnamed; with its probability."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ REPORTED = 0.95  # of the mass
 class Answer:
     """The verdict of a pool.
 
-    Attributes: verdict: no_gap | explained | unexplained. effects: those named. unexplained_by: covariate. probability:
-    of the verdict. explanations: sets of effects with their probabilities, ``unexplained`` for what has no name.
-    tolerated: members beyond chance that are too small to matter, with probability and size.
+    Attributes: verdict: no_gap | explained | unexplained. effects: named. unexplained_by: covariate. probability: of
+    the verdict. explanations: sets of effects with probabilities, ``unexplained`` for the unnamed. tolerated: name,
+    probability and size of members too small to matter.
     """
 
     verdict: str
@@ -38,7 +38,7 @@ class Answer:
 
 
 def answer_of(pool: Pool) -> Answer:
-    """What of a pool is of interest."""
+    """The verdict of a pool, members below the size of interest left out."""
     sets: dict[Names, float] = {}
     leading: dict[Names, Names] = {}
     for names, p in pool.probabilities().items():
@@ -71,16 +71,14 @@ def answer_of(pool: Pool) -> Answer:
 
 
 def _that_stand(pool: Pool, names: Names) -> Names:
-    """The effects of interest of a set. Where more follows what an effect follows, and has no name, the whole of it has
-    none."""
+    """Effects of interest in a set, without those whose covariate an unnamed term follows too."""
     kept = _of_interest(pool, names)
     unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
     return tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in unnamed)
 
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:
-    """Size of each member, mm RMS over the edges; of an effect that is undone in the traces, or part of the law, the
-    whole."""
+    """Size of each member, mm RMS; the whole size of effects undone in the traces or in the law."""
     found = pool.found[names]
     out = sizes_mm(found.search, found.explanation)
     fit = pool.fit_of(names)
@@ -96,8 +94,10 @@ def _without_form(names: Names) -> Names:
 
 
 def _of_interest(pool: Pool, names: Names) -> Names:
-    """The members that are large enough to matter, without the curve's form. What an effect's columns leave open is the
-    effect's own: an unnamed term of what it follows, within the 95 % interval of that."""
+    """Members of at least the size of interest, without the curve's form.
+
+    An unnamed term within the 95 % uncertainty of an effect's columns is part of that effect.
+    """
     sizes = _sizes(pool, names)
     open_mm = {
         effect_class(name).follows: Z95 * effect_class(name).unsure_share * sizes.get(name, 1.0)
