@@ -1,1 +1,1 @@
-"""Refits with one more effect: where each begins, and what the traces show of it. They propose; evidence decides."""
+"""Refits with one more effect, proposed by traces, edges and columns."""

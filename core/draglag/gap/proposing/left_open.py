@@ -1,4 +1,4 @@
-"""By how much effects leave open where the edges lie that they cannot be judged by."""
+"""By how much effects leave edges open."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from draglag.recording import FloatArray
 
 
 def open_mm(placed: Placed, terms: Sequence[Term]) -> FloatArray:
-    """By how much the terms leave open where each edge lies that they cannot be judged by, (m,) mm either way."""
+    """Half range in which the terms leave each edge open, (m,) mm."""
     out = np.zeros(len(placed))
     for term in terms:
         own = refit_module(term.effect)

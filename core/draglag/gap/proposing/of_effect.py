@@ -1,4 +1,4 @@
-"""The module in which an effect begins its refits, where a plain one does not find it."""
+"""Modules of effects that need a special start of their refits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from draglag.simulation.effects import effect_class
 
 
 def refit_module(effect: str) -> ModuleType | None:
-    """It may have ``refits(session, before, theta)``, ``shown_by_traces(before)``, ``shown_by_edges(before)`` and
-    ``open_mm(placed, term)``."""
+    """The effect's module, or None; it may have ``refits(session, before, theta)``, ``shown_by_traces(before)``,
+    ``shown_by_edges(before)``, ``possible_in(before)`` and ``open_mm(placed, term)``.
+    """
     home = effect_class(effect)
     return home.own_module() if home.refitted_by else None

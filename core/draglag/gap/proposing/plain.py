@@ -1,4 +1,4 @@
-"""A joint refit with given terms, on the edges of a smaller model."""
+"""A joint refit with given terms."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ def refit(
     law: LawParameters | None = None,
     only: np.ndarray | None = None,
 ) -> Fit | None:
-    """The model with these terms; None where it cannot be fitted. law: to begin from; only: edges to judge by."""
+    """The model with these terms, on the edges of ``before``; None where it cannot be fitted.
+
+    law: initial; only: mask of allowed edges.
+    """
     law = before.law if law is None else law
     try:
         return fit_session(session, before.runs, terms, law.plateau_mm_s > 0, before, law, only)

@@ -1,4 +1,4 @@
-"""Refits with one more effect: they propose, evidence decides."""
+"""Refits with one more effect."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from draglag.recording import Session
 
 
 def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, ...]) -> list[Fit]:
-    """The model of ``before`` and one effect more: one fit, or several forms of the effect to choose from.
-
-    theta: the setting at which its columns explain most.
-    """
+    """Refits of ``before`` with one more effect, one for each form of it. theta: initial setting."""
     own = refit_module(effect)
     if own is not None and hasattr(own, "refits"):
         return [fit for fit in own.refits(session, before, theta) if fit is not None]
@@ -22,7 +19,7 @@ def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, 
 
 
 def shown_by_traces(before: Fit, effect: str) -> bool:
-    """Whether the touch events show the effect by themselves: then a refit is worth it whatever the edges say."""
+    """Whether the touch events themselves show the effect."""
     own = refit_module(effect)
     return own is not None and hasattr(own, "shown_by_traces") and bool(own.shown_by_traces(before))
 
@@ -34,6 +31,6 @@ def possible_in(before: Fit, effect: str) -> bool:
 
 
 def shown_by_edges(before: Fit, effect: str) -> bool:
-    """Whether single edges show what the effect's columns do not: worth a refit where something has no name."""
+    """Whether single edges show what the effect's columns do not."""
     own = refit_module(effect)
     return own is not None and hasattr(own, "shown_by_edges") and bool(own.shown_by_edges(before))

@@ -1,1 +1,1 @@
-"""What the touch and laser streams show before any residual: how events are stamped, sampled, rounded, interpolated."""
+"""What the touch and laser streams show before any fit."""

@@ -1,4 +1,4 @@
-"""What shows in the streams themselves, before any residual: tick grids, repeats, batches, quanta, chatter."""
+"""Detection of effects in streams: tick grids, repeats, batches, quanta, chatter."""
 
 from __future__ import annotations
 
@@ -13,10 +13,7 @@ FEWEST = 50  # events of a run that is evidence
 
 
 def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
-    """Effects that the streams give away, and the session with them repaired as far as they can be.
-
-    The raw session is untouched: the repaired one is a copy for the residual tests.
-    """
+    """Effects that the streams show, and a copy of the session with them repaired as far as possible."""
     touches = [run.touch for run in session.runs if run.touch.t_s.size > FEWEST]
     if not touches:
         return (), session

@@ -1,4 +1,4 @@
-"""What streams show of an effect, and what detectors share: shares, counted frames, positions that repeat."""
+"""Effects detected in streams, and what detectors share."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True)
 class StreamEffect:
-    """One effect detected in a stream: its size with a 95 % interval, where it shows, and the evidence in words.
+    """One effect detected in a stream: its size with a 95 % interval, where it shows, the evidence in words.
 
-    ``undone``: whether the repaired session is free of what it does to the edges. ``also``: its other numbers.
-    ``rivals``: effects of which the stream could be as well.
+    undone: whether the repair removes its influence on edges. also: other parameters. rivals: alternative effects.
     """
 
     effect: str
@@ -39,12 +38,11 @@ class StreamEffect:
 
     @property
     def parameters(self) -> dict[str, tuple[float, tuple[float, float]]]:
-        """Each number with its 95 % interval."""
         return {name: (value, ci95) for name, value, ci95 in ((self.parameter, self.value, self.ci95), *self.also)}
 
 
 def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]:
-    """95 % interval of a share. together: how many of the k come at once, for each of them."""
+    """95 % interval of the share k / n. together: events that occur at once."""
     p = k / n
     reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) * together / n)
     return max(p - reach, 0.0), min(p + reach, 1.0)
@@ -52,8 +50,7 @@ def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Streams:
-    """A session's streams, unrepaired. touches: of the runs with enough events; step_mm: of coordinates that are whole
-    steps of the panel's or screen's, 0 where they are not."""
+    """Unrepaired streams. touches: of runs with enough events; step_mm: step of the coordinates, 0 for none."""
 
     session: Session
     touches: list[TouchTrace]
@@ -61,7 +58,7 @@ class Streams:
     _known: dict[Callable[..., Any], Any] = field(default_factory=dict, repr=False)
 
     def of(self, detect: Callable[[Streams], Found]) -> Found:
-        """What a detector finds in these streams, computed once: rivals use each other's."""
+        """What a detector finds here, cached: rivals use each other's."""
         if detect not in self._known:
             self._known[detect] = detect(self)
         found: Found = self._known[detect]
@@ -69,7 +66,7 @@ class Streams:
 
 
 def counted_out(t_s: FloatArray, count: FloatArray, frame_s: float, quantum_s: float) -> FloatArray:
-    """Times (n,) of counted frames of an even clock, the slow course of the stamps kept."""
+    """Times (n,) of counted frames of an even clock that follows the slow course of the stamps."""
     late = t_s - frame_s * count
     # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
     off = abs(frame_s / quantum_s - round(frame_s / quantum_s))
@@ -82,14 +79,14 @@ def counted_out(t_s: FloatArray, count: FloatArray, frame_s: float, quantum_s: f
 
 
 def _running_mean(values: FloatArray, width: int) -> FloatArray:
-    """Over so many of the values (n,); at the ends continued as it came."""
+    """Running mean (n,) over ``width`` values, continued by odd reflection."""
     width = min(width, values.size // 2)
     mean = np.convolve(values, np.full(width, 1 / width), mode="valid")
     return np.pad(mean, (width // 2, width - 1 - width // 2), mode="reflect", reflect_type="odd")
 
 
 def resolution_mm(touches: list[TouchTrace]) -> float:
-    """Step of coordinates that are whole steps of the panel's or screen's, mm; 0 where they are not."""
+    """Step of the coordinates, mm; 0 where they are not whole steps."""
     steps = []
     fresh = [np.append(True, ~repeats(t)) for t in touches]  # what a host holds is no step
     for axis in ("x_mm", "y_mm"):
@@ -103,12 +100,12 @@ def resolution_mm(touches: list[TouchTrace]) -> float:
 
 
 def repeats(touch: TouchTrace) -> np.ndarray:
-    """Whether each event but the first has the position of the one before, (n − 1,)."""
+    """Whether each event but the first repeats the position before, (n − 1,)."""
     return np.asarray((np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0))
 
 
 def first_of_repeats(touch: TouchTrace) -> TouchTrace:
-    """The touch events without those that repeat the position before."""
+    """The touch events without repeated positions."""
     keep = np.append(True, ~repeats(touch))
     ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
     return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)

@@ -1,1 +1,1 @@
-"""Edges and traces of a session: where the stylus was, and how it moved, when the beam was crossed."""
+"""Edges and traces: where the stylus was, and how it moved, at each crossing."""

@@ -1,8 +1,8 @@
-"""The stylus' own acceleration from a trace that an effect of the acceleration has warped.
+"""The stylus' acceleration from a trace whose latency depends on acceleration.
 
-When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ). About a mean speed v₀ that is
-the shown speed u = v − v₀ c·ȧ, where a is the change of the speed as the panel's tracker smooths it, G v̇: changes of
-speed are shown amplified by 1 + v₀ c ω² G, four times at 1 m/s, and a = iω G u / (1 + v₀ c ω² G).
+When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ), about a mean speed v₀ u = v −
+v₀ c·ȧ, where a = G v̇ as the tracker smooths it. Changes of speed are amplified by 1 + v₀ c ω² G, four times at 1 m/s,
+and a = iω G u / (1 + v₀ c ω² G).
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rat
 
 @dataclass(frozen=True)
 class Shown:
-    """The speed that one run's trace shows. grid_s, speed_mm_s: (g,) every step_s. apart_s: half the span of a
-    change of speed. mean_mm_s: the run's own speed."""
+    """The speed that a run's trace shows. grid_s, speed_mm_s: (g,). apart_s: half the span of a change of speed.
+    mean_mm_s: the run's speed.
+    """
 
     grid_s: FloatArray
     step_s: float
@@ -41,8 +42,9 @@ class Shown:
 
     @cached_property
     def spectrum(self) -> tuple[int, FloatArray, np.ndarray]:
-        """By how many points the run's deviations from its own speed are padded at both ends, and of these the angular
-        frequencies, (f,) rad/s, and the spectrum, (f,)."""
+        """Padding at both ends, points; angular frequencies (f,) rad/s and spectrum (f,) of the deviations from the
+        mean speed.
+        """
         edge = min(round(PADDED_S / self.step_s), self.grid_s.size - 1)
         speed = np.pad(self.speed_mm_s - self.mean_mm_s, edge, mode="reflect")
         omega = np.asarray(2 * np.pi * np.fft.rfftfreq(speed.size, self.step_s), float)
@@ -51,7 +53,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Acceleration:
-    """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, at a setting: lag_s3_mm, window_s."""
+    """Tangential acceleration and its change, (m,) mm/s² and mm/s³, at a setting (lag_s3_mm, window_s)."""
 
     setting: tuple[float, float]
     accel_mm_s2: FloatArray
@@ -60,7 +62,7 @@ class Acceleration:
 
 @dataclass(frozen=True)
 class DewarpedKinematics:
-    """Where m edges lie on their runs' traces. run: (m,) index. at_s: (m,) touch time. known: at one setting."""
+    """Where m edges lie on their traces. run: (m,) index. at_s: (m,) touch time. known: at one setting."""
 
     runs: tuple[RunData, ...]
     run: np.ndarray
@@ -73,13 +75,15 @@ class DewarpedKinematics:
         return replace(self, run=self.run[use], at_s=self.at_s[use], known=known)
 
     def accelerated(self, lag_s3_mm: float, window_s: float) -> DewarpedKinematics:
-        """The same with ``acceleration`` at this setting known."""
+        """The same with ``acceleration`` at this setting cached."""
         setting = lag_s3_mm, window_s
         return replace(self, known=Acceleration(setting, *self.acceleration(*setting)))
 
     def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
-        """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
-        ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's own smoothing of the speed."""
+        """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³.
+
+        lag_s3_mm: latency per acceleration, s per mm/s². window_s: of the panel's smoothing of the speed.
+        """
         if self.known is not None and self.known.setting == (lag_s3_mm, window_s):
             return self.known.accel_mm_s2, self.known.change_mm_s3
         out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
@@ -95,8 +99,7 @@ class DewarpedKinematics:
         return out, change
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Speed and its change that the trace shows another ``before_s`` (m,) before each edge (negative: after it),
-        (m,) mm/s and mm/s²."""
+        """Shown speed and its change, (m,) mm/s and mm/s², ``before_s`` (m,) before each edge (negative: after it)."""
         speed, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k
@@ -110,7 +113,7 @@ class DewarpedKinematics:
 
 
 def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
-    """The speed that a trace (n,), (n, 2) shows, evenly spaced. radius_mm, mean_mm_s: of a circle at constant speed."""
+    """The evenly spaced speed of a trace (n,), (n, 2). radius_mm, mean_mm_s: of a circle at constant speed."""
     interval_s = sample_interval_s(t_s)
     step_s = max(interval_s, STEP_S)
     grid_s = np.arange(t_s[0], t_s[-1], step_s)

@@ -1,4 +1,4 @@
-"""Every usable edge of a session, with the stylus' motion at it under a given latency law."""
+"""Usable edges of a session, with the stylus' motion there under a latency law."""
 
 from __future__ import annotations
 
@@ -31,17 +31,13 @@ FEW = 0.002  # of all edges
 class Placed:
     """Edges (m,) of all runs, placed on the touch trace by a law.
 
-    Attributes:
-        run: index into the runs. t_s: laser time. since_start_s: since the session's first event; in_run_s: since the
-        run's. steady: in a run of constant speed. falling: light→dark. latency_s: L at the edge. speed_mm_s: the
-        stylus' own speed.
-        xy_mm, v_mm_s, a_mm_s2: (m, 2) shown by the trace at t + L. accel_mm_s2: along the motion, in own time.
-        accel_apart_mm_s2: the same with an error that is not the position's. turn_rad_s: how fast the direction of
-        steady runs turns; 0 in others.
-        slope_s2_mm: L′. uneven_mm_s: speed less its run's mean, in runs of constant speed; else 0.
-        stretch: how much an added latency moves the placing, 1 / (1 − L′ v̇).
-        ok: placed well enough to judge by. trace: where on the traces the edges lie.
-        speed_half_s: half the window of each speed. position_at_s, speed_at_s: where on ``traces`` the fits were made.
+    Attributes: run: index. t_s: laser time; since_start_s, in_run_s: since the first event of session and run. steady:
+    in a run of constant speed. falling: light→dark. latency_s: L. speed_mm_s: the stylus' own. xy_mm, v_mm_s, a_mm_s2:
+    (m, 2) shown at t + L. accel_mm_s2: along the motion, in own time; accel_apart_mm_s2: with an error independent of
+    the position's. turn_rad_s: turn of the direction in steady runs, else 0. slope_s2_mm: L′. uneven_mm_s: speed less
+    the run's mean in steady runs, else 0. stretch: shift per added latency, 1 / (1 − L′ v̇). ok: placed well enough.
+    trace: where on the traces. speed_half_s: half window of each speed. position_at_s, speed_at_s: where on ``traces``
+    the fits were made.
     """
 
     run: IntArray
@@ -73,22 +69,21 @@ class Placed:
 
     @cached_property
     def position_rows(self) -> csr_matrix:
-        """By how much each event of all runs enters each position, (m, n)."""
+        """Weight of each event in each position, (m, n)."""
         return self.traces.rows(self.position_at_s, self.traces.half_s, lambda by_event: by_event.position)
 
     @cached_property
     def velocity_rows(self) -> csr_matrix:
-        """By how much each event of all runs enters each velocity, (m, n) 1/s."""
+        """Weight of each event in each velocity, (m, n) 1/s."""
         return self.traces.rows(self.speed_at_s, self.speed_half_s, lambda by_event: by_event.velocity)
 
     @cached_property
     def touch_noise(self) -> TouchNoise:
-        """By how much the events' own noise moves the edges."""
         return touch_noise(self)
 
     @property
     def touch_variance_mm2(self) -> FloatArray:
-        """Variance of every edge from the touch noise alone, (m,)."""
+        """Variance of every edge by touch noise, (m,)."""
         return self.touch_noise.variance_mm2(len(self))
 
 
@@ -99,8 +94,10 @@ def place(
     start: Placed | None = None,
     delay: SpeedDelay = NO_DELAY,
 ) -> Placed:
-    """Solve L = law(v) + extra at every edge. extra_s: (m,) from effects. start: a previous placing to begin from.
-    delay: of which moment v is."""
+    """The solution of L = law(v) + extra at every edge.
+
+    extra_s: (m,) from effects. start: a previous placing. delay: of the moment of v.
+    """
     traces = traces_of(runs)
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
@@ -173,10 +170,9 @@ def place(
 
 
 def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int) -> FloatArray:
-    """Median curvature of the run of each judged edge, (m,) rad/mm; 0 at others.
+    """Median curvature of each judged edge's run, (m,) rad/mm; 0 at others.
 
-    From directions apart, which a window does not flatten as it does a bent position, and whose errors are not those of
-    the edge's position: a column of that would take position noise for a bend.
+    It comes from directions apart: windows do not flatten it, and its errors are independent of the edge's position.
     """
     out = np.zeros(run.size)
     for k in range(n_runs):
@@ -187,14 +183,14 @@ def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int
 
 
 def _accelerations(v_mm_s: FloatArray, change_mm_s2: FloatArray, turn_rad_s: FloatArray) -> FloatArray:
-    """Accelerations (m, 2) mm/s² of a path whose speed and direction change so fast."""
+    """Accelerations (m, 2) mm/s² from changes of speed and direction."""
     shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
     aside = np.column_stack([-v_mm_s[:, 1], v_mm_s[:, 0]])
     return np.asarray((change_mm_s2 / shown)[:, None] * v_mm_s + turn_rad_s[:, None] * aside)
 
 
 def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
-    """Latencies to begin from and half widths of the speeds' windows, (m,) s each."""
+    """Initial latencies and half widths of the speeds' windows, (m,) s each."""
     latency, half_s = [], []
     for data in traces.runs:
         if data.steady:
@@ -212,8 +208,9 @@ def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class _LawSpeeds:
-    """Over all traces: the law's argument where a run keeps moving, and what is added to the edge's own
-    speed elsewhere; None where the edge's own is meant."""
+    """The law's argument along runs that keep moving, and corrections to the edge's own speed elsewhere, None for
+    none.
+    """
 
     followed: tuple[FloatArray, FloatArray]
     apart: tuple[FloatArray, FloatArray] | None
@@ -243,9 +240,9 @@ def _solved(
     added_s: FloatArray,
     law_speeds: _LawSpeeds,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Latency, stylus' speed and last step, (q,) each, of L = law(v) + added at some edges, traces taken for straight.
+    """Latency, stylus' speed and last step, (q,) each, of L = law(v) + added, traces taken as straight.
 
-    fast: (q, 8) rows of the speeds' fits. An edge that has left where its fit is valid waits for another.
+    fast: (q, 8) fits of the speeds. An edge that leaves the range of its fit waits for a new one.
     """
     latency, step, speed = latency.copy(), np.zeros(edges.size), np.zeros(edges.size)
     edge_s, followed = traces.edge_t_s[edges], traces.keeps_moving[edges]
@@ -272,7 +269,7 @@ def _solved(
 
 
 def _moved(rows: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity of fits a little away from where they were made, (m, 2) each."""
+    """Position and velocity of fits a little away from their times, (m, 2) each."""
     apart_s = (at_s - rows[:, 0])[:, None]
     change = rows[:, 5:7] * apart_s
     return rows[:, 1:3] + (rows[:, 3:5] + 0.5 * change) * apart_s, rows[:, 3:5] + change

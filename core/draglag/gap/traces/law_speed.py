@@ -1,9 +1,8 @@
-"""The speed that is the law's argument, from the speed that a trace shows: of the same moment, or of another.
+"""The speed that is the law's argument, from the speed that a trace shows.
 
-An event at t + L(w) runs 1 + L′ ẇ times slower than the stylus: the trace shows u = v / (1 + L′ ẇ), where the stylus
-has the speed v and the law's argument is w, v itself or that of d before. As functions of the event's time that is
-v + τ ẇ = u with τ = −v L′(w): where d = 0, a first-order low-pass of the shown speed whose time constant follows the
-speed.
+An event at t + L(w) runs 1 + L′ ẇ times slower than the stylus: of the stylus' speed v the trace shows u = v / (1 + L′
+ẇ), w being v or its value d before. In the event's time v + τ ẇ = u with τ = −v L′(w): for d = 0 a first-order low-pass
+whose time constant follows the speed.
 """
 
 from __future__ import annotations
@@ -34,8 +33,7 @@ LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it 
 
 
 def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
-    """For each of some runs that keep moving, times (g,) s on its trace and the speed that is the law's argument there,
-    (g,) mm/s."""
+    """For each run that keeps moving, times (g,) s on its trace and the law's argument, (g,) mm/s."""
     if delay[1] and runs:
         return _delayed(runs, law, delay)
     steady = iter(_now([data for data in runs if data.steady], law))
@@ -44,8 +42,7 @@ def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list
 
 
 def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tuple[FloatArray, FloatArray]:
-    """Times (g,) s on the trace and by how much the law's argument differs from the one of that moment,
-    (g,) mm/s, in a run of changing speed: to first order, as smooth as a hand's speed changes."""
+    """Times (g,) s and difference of the law's argument from the present speed, (g,) mm/s, to first order."""
     shown = data.shown
     around = np.maximum(shown.speed_mm_s, 1.0)
     slope = law(around + 0.5) - law(around - 0.5)
@@ -62,7 +59,7 @@ def before_s(delay: SpeedDelay, latency_s: FloatArray) -> FloatArray:
 
 
 def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
-    """About a run's usual speed the time constant is one."""
+    """The low-pass with one time constant for each run, that of its usual speed."""
     if not runs:
         return []
     usual = np.array([data.usual_mm_s for data in runs])
@@ -82,7 +79,7 @@ def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray
 
 
 def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
-    """The low-pass step by step, backwards in each: no size of a step lets it swing."""
+    """The low-pass by implicit Euler steps, stable at any size."""
     if not runs:
         return []
     shown = np.concatenate([data.coarse[1] for data in runs])
@@ -100,10 +97,9 @@ def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, Float
 
 
 def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
-    """v + τ ẇ = u of all runs at once, w being v of ``delay`` before, as smooth as it has to be.
+    """The least-squares solution of v + τ ẇ = u for all runs, w being v ``delay`` before.
 
-    At some frequencies the delay turns τ ẇ against v, at ω d = 3π/2, or −π/2 where w is later: there u holds little of
-    v and much noise, so that the least squares also ask for little v̈.
+    v̈ is penalised, for near ω d = 3π/2 (−π/2 where w is later) τ ẇ cancels v and u holds mostly noise.
     """
     times, shown = [], []
     for data in runs:
@@ -133,9 +129,9 @@ def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple
 
 
 def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray, smooth_s4: FloatArray) -> FloatArray:
-    """v (n,) of u = v + half_tau · (v one step after ``back`` steps before, less one step before that).
+    """Least-squares v (n,) of u = v + half_tau · (v one step after ``back`` steps before, less one step before that).
 
-    The normal equations of it and of the second differences times √``smooth_s4`` (n,), whose matrix is a band.
+    Second differences are penalised by √``smooth_s4`` (n,); the normal equations are banded.
     """
     n = u.size
     row = np.arange(n)
@@ -165,7 +161,7 @@ def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray, smooth_s4: Fl
 
 
 def _falls(law: Law, fastest_mm_s: float) -> tuple[FloatArray, FloatArray]:
-    """Speeds (k,) mm/s and −L′ at each, s²/mm; no less than none."""
+    """Speeds (k,) mm/s and −L′ ≥ 0 at each, s²/mm."""
     knots = np.arange(0.0, fastest_mm_s + 2.0)
     slow, fast = np.maximum(knots - 0.5, 0.0), knots + 0.5
     return knots, np.maximum((law(slow) - law(fast)) / (fast - slow), 0.0)

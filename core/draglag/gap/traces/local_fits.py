@@ -1,7 +1,6 @@
-"""The traces of all runs as one, and local fits about their edges, each made once.
+"""Traces of all runs as one, and cached local fits about their edges.
 
-The joint fit comes back to an edge hundreds of times, mostly to where it was before. Fits are made at times of a grid
-about each edge, so fine that a fit's own velocity and acceleration bridge what is left, and kept.
+Fits are made on a grid of times so fine that a fit's velocity and acceleration bridge the rest.
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ Fitted = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 
 
 class Kept:
-    """Rows of numbers about edges at times of a grid, each row computed at its first use.
+    """Cache of rows about edges at times of a grid.
 
-    make: of times (q,) s, half widths (q,) s and edges (q,), the rows (q, c); the first column is the time.
+    make: of times (q,) s, half widths (q,) s and edges (q,), the rows (q, c), the first column the time.
     """
 
     def __init__(self, make: Fitted, edge_t_s: FloatArray, step_s: float) -> None:
@@ -46,7 +45,7 @@ class Kept:
         self._used = 0
 
     def at(self, at_s: FloatArray, half_s: FloatArray, edges: IntArray) -> FloatArray:
-        """Rows (q, c) at the times of the grid that are next to ``at_s`` (q,); each edge once."""
+        """Rows (q, c) at the grid times next to ``at_s`` (q,); each edge once."""
         away = np.rint((at_s - self._edge_t_s[edges]) / self._step_s)
         steps = np.clip(np.nan_to_num(away, nan=FURTHEST), -FURTHEST, FURTHEST).astype(np.int64)
         widths = np.minimum(np.rint(half_s / WIDTH_UNIT_S), WIDEST).astype(np.int64)
@@ -83,12 +82,11 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """All runs' traces one after another, each shifted in time so that no window reaches from one into another.
+    """All traces in sequence, shifted in time so that no window covers two.
 
-    Attributes:
-        t_s, xy_mm: (n,), (n, 2) all events. shift_s, begin: (runs,), (runs + 1,) by how much a run is shifted, and its
-        first event. losses_s: (k, 2) contact losses and what lies between the runs.
-        run, edge_t_s, falling, steady, keeps_moving, half_s: (m,) of all edges; edge_t_s shifted as the traces are.
+    Attributes: t_s, xy_mm: (n,), (n, 2) all events. shift_s, begin: (runs,), (runs + 1,) shift and first event of each
+    run. losses_s: (k, 2) contact losses and gaps between runs. run, edge_t_s (shifted), falling, steady, keeps_moving,
+    half_s: (m,) of all edges.
     """
 
     runs: tuple[RunData, ...]
@@ -105,7 +103,7 @@ class Traces:
     half_s: FloatArray
 
     def __getstate__(self) -> dict[str, object]:
-        """To another process go the traces; caches are computed again there."""
+        """Fields without caches, for another process."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
@@ -114,17 +112,16 @@ class Traces:
 
     @cached_property
     def smooth_mm(self) -> FloatArray:
-        """Positions of the path at all events, (n, 2)."""
         return np.concatenate([data.smooth_mm for data in self.runs])
 
     @cached_property
     def noise_mm(self) -> FloatArray:
-        """One event's noise in the run of each edge, (m,)."""
+        """Noise of an event in the run of each edge, (m,) mm."""
         return np.array([data.noise_mm for data in self.runs])[self.run]
 
     @cached_property
     def spread(self) -> csr_matrix | None:
-        """By how much each event shown moves each of ``t_s``; None where traces are as shown."""
+        """Influence of each shown event on each of ``t_s``; None where traces are as shown."""
         return spread_of(self.runs)
 
     @cached_property
@@ -139,8 +136,7 @@ class Traces:
 
     @cached_property
     def changes(self) -> Kept:
-        """By edge: at_s, change of speed (mm/s²), turn of the direction (rad/s), whether next to a sudden start or
-        stop."""
+        """By edge: at_s, change of speed (mm/s²), turn (rad/s), whether near a sudden start or stop."""
 
         def make(at_s: FloatArray, _: FloatArray, edges: IntArray) -> FloatArray:
             return np.column_stack([at_s, *self._changes(at_s, edges), self._catching_up(at_s, edges)])
@@ -156,14 +152,14 @@ class Traces:
         return out
 
     def _alike(self, at_s: FloatArray, half_s: FloatArray) -> list[IntArray]:
-        """Indices of windows with about as many events, together all of them."""
+        """A partition of the windows by number of events."""
         first, last = (np.searchsorted(self.t_s, at_s + side * half_s) for side in (-1, 1))
         size = np.round(SIZES * np.log2(np.maximum(last - first, 4)))
         return [np.flatnonzero(size == s) for s in np.unique(size)]
 
     @cached_property
     def _reach(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of each edge: half the span of a change of speed, half the window of its speeds, that of sudden starts, s."""
+        """By edge, s: half span of a change of speed, half window of its speeds, and of sudden starts."""
         scales, widths, sudden = [], [], []
         for data in self.runs:
             scale, interval_s = 1.0, sample_interval_s(data.t_s)
@@ -175,12 +171,10 @@ class Traces:
         return np.array(scales)[self.run], np.array(widths)[self.run], np.array(sudden)[self.run]
 
     def _changes(self, at_s: FloatArray, edges: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Change of speed about each time, (q,) mm/s², as the trace shows it, with an error that is not the position's,
-        and how fast its direction turns, (q,) rad/s, positive from x to y.
+        """Change of speed, (q,) mm/s², and turn of the direction, (q,) rad/s, positive from x to y.
 
-        Taken from speeds, not from bent positions, which a fast circle bends far more; each from a window apart from
-        the position's, so that the two share no noise, and smooth enough that a tremor, which the law turns into an
-        error of the position, is not taken for a change of speed.
+        From speeds in windows apart from the position's: independent of its noise, and smooth enough to suppress
+        tremor.
         """
         apart_s, width_s = (reach[edges] for reach in self._reach[:2])
         later, earlier = (
@@ -192,10 +186,7 @@ class Traces:
         return speed, direction
 
     def _catching_up(self, at_s: FloatArray, edges: IntArray) -> np.ndarray:
-        """Times close to a sudden start or stop, where fresh positions overtake late ones and no law holds, (q,) bool.
-
-        Where L falls faster than time passes a digitiser cannot report in order; what it sends then is not modelled.
-        """
+        """Times near a sudden start or stop, (q,) bool, where L falls faster than time passes and no law holds."""
         out = np.zeros(at_s.size, bool)
         unsteady = np.flatnonzero(~self.steady[edges])
         if not unsteady.size:
@@ -210,7 +201,7 @@ class Traces:
         return out
 
     def rows(self, at_s: FloatArray, half_s: FloatArray, weights: Callable[[FitWeights], FloatArray]) -> csr_matrix:
-        """By how much each event of all runs enters the fit at each time, (m, n)."""
+        """Weight of each event in the fit at each time, (m, n)."""
         index, values, counts, order = [], [], [], []
         for part in self._alike(at_s, half_s):
             fit = local_fit(self.t_s, self.xy_mm, at_s[part], half_s[part])
@@ -226,7 +217,7 @@ class Traces:
 
 @lru_cache(maxsize=4)
 def traces_of(runs: tuple[RunData, ...]) -> Traces:
-    """The runs' traces as one, the same for the same runs: what has been fitted stays fitted."""
+    """The runs' traces as one, cached with their fits."""
     spans = np.array([[min(d.t_s[0], d.edge_t_s.min()), max(d.t_s[-1], d.edge_t_s.max())] for d in runs])
     lengths = np.diff(spans, axis=1)[:, 0] + BETWEEN_S
     shift_s = np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) - spans[:, 0]

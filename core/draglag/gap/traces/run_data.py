@@ -1,4 +1,4 @@
-"""The runs of a session ready for the joint fit: their edges, their traces, and how widely those are smoothed."""
+"""The runs of a session, ready for the joint fit."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ FINE_S = 0.004  # between events: finer ones are averaged, for every window is t
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """One run ready for the joint fit. half_s: width of the position fits; noise_mm: one event's position noise.
+    """One run ready for the joint fit.
 
-    t_s, xy_mm: of the events, averages where they are finer than ``FINE_S``; reported_s: when each was reported.
-    undone: what effects did to the trace and was undone in it; as_shown: the run before that. spread: (n, events shown)
-    by how much each event shown, noise and all, then moves each of the n.
+    Attributes: half_s: half width of the position fits. noise_mm: of one event. t_s, xy_mm: events, averaged where
+    finer than ``FINE_S``; reported_s: each report. undone: effects undone in the trace; as_shown: the run before.
+    spread: (n, events shown) influence of each shown event.
     """
 
     run: Run
@@ -58,17 +58,19 @@ class RunData:
 
     @property
     def keeps_moving(self) -> bool:
-        """Whether its speed is that of a hand which follows on; after a rest, a panel's catching up is not modelled."""
+        """Whether the speed is that of a hand that does not rest: a panel's catching up after a rest is not
+        modelled.
+        """
         return self.steady or self.run.protocol in ("chirp", "multisine")
 
     @cached_property
     def losses_s(self) -> FloatArray:
-        """Contact losses, (k, 2) first and last time of each."""
+        """First and last time of each contact loss, (k, 2) s."""
         return contact_losses(self.t_s)
 
     @property
     def velocity_half_s(self) -> float:
-        """Half the window of a velocity along both axes: as for a speed, but no wider than a circle lets it be."""
+        """Half window of a velocity, s: as for a speed, limited on circles."""
         wide_s = float(np.median(self.speed_half_s))
         if self.estimate is None or not self.run.radius_mm or not self.estimate.speed_mm_s:
             return wide_s
@@ -76,13 +78,15 @@ class RunData:
 
     @cached_property
     def smooth_mm(self) -> FloatArray:
-        """Positions of the path at its events, (n, 2): where the stylus was, but for what the panel adds to each."""
+        """Smoothed positions at the events, (n, 2) mm."""
         fit = local_fit(self.t_s, self.xy_mm, self.t_s, self.half_s)
         return np.where(fit.ok[:, None], fit.xy_mm, self.xy_mm)
 
     @cached_property
     def quick(self) -> tuple[FloatArray, FloatArray]:
-        """Times (g,) s, evenly spaced, and the trace's speed there, with the shortest window that noise allows."""
+        """Evenly spaced times (g,) s and the trace's speed there, (g,) mm/s, in the shortest window that noise
+        allows.
+        """
         step_s = max(sample_interval_s(self.t_s), QUICK_S)
         grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
         fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))
@@ -90,7 +94,6 @@ class RunData:
 
     @cached_property
     def usual_mm_s(self) -> float:
-        """Mean of the speed of ``quick``."""
         return float(np.mean(self.quick[1]))
 
     @cached_property
@@ -101,14 +104,13 @@ class RunData:
 
     @cached_property
     def shown(self) -> Shown:
-        """The speed that the trace shows, evenly spaced."""
         return shown_speed(
             self.t_s, self.xy_mm, self.run.radius_mm, self.estimate.speed_mm_s if self.estimate else None
         )
 
 
 def gather(session: Session) -> tuple[RunData, ...]:
-    """Runs with enough usable edges, de-chattered, outliers of steady runs removed."""
+    """Runs with enough usable edges; chatter, and outliers of steady runs, removed."""
     out = []
     for run in session.runs:
         try:
@@ -151,8 +153,7 @@ def gather(session: Session) -> tuple[RunData, ...]:
 
 
 def averaged(t_s: FloatArray, xy_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times (k,) s and positions (k, 2) mm, means over the events within ``FINE_S``; the events themselves where one
-    takes longer. No group reaches across a lost contact."""
+    """Means of times (k,) s and positions (k, 2) mm within ``FINE_S``, not across contact losses."""
     each = round(FINE_S / sample_interval_s(t_s)) if t_s.size > 2 else 1
     if each < 2:
         return t_s, xy_mm
@@ -171,7 +172,7 @@ def _guess_s(estimate: RunEstimate | None) -> float:
 def _widths(
     run: Run, t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, estimate: RunEstimate | None
 ) -> tuple[float, FloatArray, float] | None:
-    """Half-widths of the fits of position, s, and of speed, (m,) s, and one event's noise, mm; None without noise."""
+    """Half widths of the fits of position, s, and speed, (m,) s, and an event's noise, mm; None without noise."""
     guess_s, dt_s = _guess_s(estimate), sample_interval_s(t_s)
     half_s, noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], edge_t_s + guess_s)
     if not np.isfinite(noise_mm):
@@ -184,7 +185,7 @@ def _widths(
 
 
 def _on_a_circle_s(radius_mm: float, speed_mm_s: float, dt_s: float) -> float:
-    """Half the widest window over which a cubic follows a circle, s; not below what a fit needs of events."""
+    """Half the widest window in which a cubic follows a circle, s, at least what a fit needs."""
     return max(CUBIC_RAD * radius_mm / speed_mm_s, 4.5 * dt_s)
 
 
@@ -194,14 +195,14 @@ def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
 
 
 def before_events(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """The runs as the panel showed them, but for effects on the events that are undone in them: a filter's."""
+    """The runs as shown, with only effects on the events, as a filter's, undone."""
     return undone(runs, [effect for effect in runs[0].undone if effect.of_events]) if runs else runs
 
 
 def undone(runs: tuple[RunData, ...], effects: Sequence[Undoing]) -> tuple[RunData, ...]:
-    """The runs with what these effects did to their traces undone.
+    """The runs with these effects undone in their traces.
 
-    Raises EstimateError where nothing of a run is left: the model would take for undone what is not.
+    Raises EstimateError where nothing of a run is left.
     """
     wanted = tuple(sorted(effects, key=lambda effect: effect.place))
     if not runs or wanted == runs[0].undone:

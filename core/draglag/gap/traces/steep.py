@@ -1,8 +1,4 @@
-"""Wider windows for the speed where the latency law is steep.
-
-A panel whose latency falls by a millisecond per mm/s turns a little noise of the speed into much latency: the edges of
-its middle speeds would be placed anywhere. There the window of the speed is widened as far as the circle allows.
-"""
+"""Wider windows for the speed where the latency law is steep: there its noise becomes latency."""
 
 from __future__ import annotations
 
@@ -23,7 +19,7 @@ EVERY = 5
 
 
 def wide_enough(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """Circle runs with speed windows at least so wide that noise of the speed is less than 0.2 ms of latency."""
+    """Circle runs with speed windows wide enough for noise below 0.2 ms of latency, as far as the circle allows."""
     known = sorted(
         (d.estimate.speed_mm_s, d.estimate.latency_s)
         for d in runs

@@ -1,4 +1,4 @@
-"""By how much the touch events' own noise moves the edges that are placed on them."""
+"""Covariance of edges by noise of the touch events."""
 
 from __future__ import annotations
 
@@ -18,20 +18,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TouchNoise:
-    """Covariances of m edges by touch noise, of all pairs that share events: first ≤ second, (k,) indices of edges;
-    mm2: (k,)."""
+    """Covariances of m edges by touch noise, of pairs that share events: first ≤ second, (k,) indices; mm2: (k,)."""
 
     first: IntArray
     second: IntArray
     mm2: FloatArray
 
     def variance_mm2(self, m: int) -> FloatArray:
-        """Of every edge by itself, (m,)."""
+        """Variance of every edge, (m,) mm²."""
         own = self.first == self.second
         return np.asarray(np.bincount(self.first[own], self.mm2[own], m))
 
     def band_mm2(self, use: np.ndarray, reach: int) -> FloatArray:
-        """Of the used edges (m,), below the diagonal: row j holds those of edges i and i + j, (reach, used)."""
+        """Lower band of the used edges: row j holds edges i and i + j, (reach, used) mm²."""
         place = np.cumsum(use) - 1
         inside = use[self.first] & use[self.second]
         first, second = place[self.first[inside]], place[self.second[inside]]
@@ -43,7 +42,7 @@ class TouchNoise:
 
 
 def touch_noise(placed: Placed) -> TouchNoise:
-    """The covariances of every placed edge by the noise of the events that it was placed by."""
+    """Covariances of all placed edges by noise of their events."""
     parts = []
     for rows in _rows(placed):
         pairs = (rows @ rows.T).tocoo()
@@ -53,7 +52,7 @@ def touch_noise(placed: Placed) -> TouchNoise:
 
 
 def _rows(placed: Placed) -> tuple[csr_matrix, csr_matrix]:
-    """By how many mm each event's own error moves each edge, for errors in y and in x; (m, events of all runs)."""
+    """Shift of each edge, mm, by the noise of each event in y and in x; (m, events of all runs)."""
     velocity, noise_mm = placed.v_mm_s, placed.traces.noise_mm
     shown = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-6)
     # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
@@ -66,12 +65,12 @@ def _rows(placed: Placed) -> tuple[csr_matrix, csr_matrix]:
 
 
 def _scaled(rows: csr_matrix, by: FloatArray) -> csr_matrix:
-    """Rows (m, n) times a number each, (m,)."""
+    """Rows (m, n) times (m,)."""
     return csr_matrix((rows.data * np.repeat(by, np.diff(rows.indptr)), rows.indices, rows.indptr), shape=rows.shape)
 
 
 def spread_of(runs: Sequence[RunData]) -> csr_matrix | None:
-    """By how much each event shown of all runs moves each of theirs; None where traces are as shown."""
+    """Influence of each shown event on each event of all runs; None where traces are as shown."""
     if all(data.spread is None for data in runs):
         return None
     each = [identity(d.t_s.size, format="csr") if d.spread is None else d.spread for d in runs]
