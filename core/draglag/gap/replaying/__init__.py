@@ -1,1 +1,1 @@
-"""Shrink: the fitted model in the forward simulation, the session simulated again, and the model as a file."""
+"""The fitted model in the forward simulation, and as a file."""

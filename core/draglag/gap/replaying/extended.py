@@ -1,4 +1,4 @@
-"""The model a gap report ends with, as a file: the law with its covariance, and every effect with its interval."""
+"""The model of a gap report as a file: law with covariance, effects with intervals."""
 
 from __future__ import annotations
 
@@ -20,12 +20,9 @@ from draglag.simulation.effects import effect_class
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
-    """The law of a joint fit as a curve: Eq. 5, with a plateau if it has one, or the one nearest to a law of another
-    form; beam and effects are marginalised.
+    """The law of a joint fit as a curve, or the Eq. 5 nearest to it; beam and effects are marginalised.
 
-    The plateau's corner, which the fit rounds by what a speed is unsure by, is sharp here.
-
-    rms_s and between_runs_s are of the runs' own latencies about the law plus the effects.
+    A plateau's corner, rounded in the fit, is sharp. rms_s and between_runs_s are of the runs about law plus effects.
     """
     plateau = fit.law.plateau_mm_s > 0
     form = FORMS["double_exponential_plateau" if plateau else "double_exponential"]
@@ -64,8 +61,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
 
 
 def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
-    """A curve that was fitted to edges of a clock that is off, on the touch events' own clock; the covariance of its
-    asymptote with the offset's."""
+    """A curve corrected for the offset of the laser's clock, whose variance is added to that of the asymptote."""
     off = next((step for step in steps if effect_class(step.effect).laser_late), None)
     if off is None:
         return curve
@@ -78,7 +74,7 @@ def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
 
 
 def _undone_s(fit: Fit) -> FloatArray:
-    """How much later every placed edge was shown than in the trace from which effects were removed, (m,) s."""
+    """Latency removed from the traces at every placed edge, (m,) s."""
     out = np.zeros(len(fit.placed))
     for term in fit.terms:
         out += effect_class(term.effect).undone_s(term, fit.placed)
@@ -86,10 +82,7 @@ def _undone_s(fit: Fit) -> FloatArray:
 
 
 def extended_model(session: Session, report: GapReport, created_utc: str = "", input_sha256: str = "") -> LatencyModel:
-    """The model of a finished report with its provenance.
-
-    Args:
-        created_utc: when, ISO 8601. input_sha256: checksum of the session's file.
+    """The model of a finished report with its provenance. created_utc: ISO 8601; input_sha256: of the session's file.
 
     Raises EstimateError for a report without a verdict.
     """

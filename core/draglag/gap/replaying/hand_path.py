@@ -1,4 +1,4 @@
-"""The stylus' own path, recovered from a measured trace under the present model."""
+"""The stylus' path, recovered from a trace under a model."""
 
 from __future__ import annotations
 
@@ -26,13 +26,10 @@ ROUNDS_UNSTEADY = 10
 def hand_motion(
     rig: Rig, data: RunData, latency_s: FloatArray, effects: Sequence[Effect], origin_s: float
 ) -> tuple[Motion, float]:
-    """The stylus' own motion behind a trace, on the simulation's grid, and when it begins (host time, s).
+    """The stylus' motion behind a trace, on the simulation's grid, and its start (host time, s).
 
-    At each moment t the trace is read at t + L(t), smoothed as the fit smooths it, and freed of what the model adds to
-    the position. L and that displacement come from the forward chain itself, a few times over.
-
-    Args:
-        latency_s: (edges,) where to begin.
+    By iteration of the forward chain: the trace, smoothed as in the fit, is read at t + L(t) and freed of
+    displacements. latency_s: (edges,) initial.
     """
     slowest_s = float(np.max(latency_s)) + 0.05
     start_s = float(data.t_s[0]) - slowest_s
@@ -65,11 +62,7 @@ def hand_motion(
 
 
 def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, CubicSpline]:
-    """The trace as the fit smooths it (mm) and its velocity (mm/s), as functions of the trace's own time (s).
-
-    One fit for each point of the coarse grid: between two of them, a fifth of an event's interval, a fit changes by
-    its own motion only.
-    """
+    """Splines of the smoothed trace, mm, and its velocity, mm/s, in the trace's time, s."""
     grid_s = np.linspace(data.t_s[0], data.t_s[-1], int(np.ptp(data.t_s) * GRID_HZ / COARSE) + 2)
     near = local_fit(data.t_s, data.xy_mm, grid_s, data.half_s)
     wide = local_fit(data.t_s, data.xy_mm, grid_s, np.interp(grid_s - latency_s, data.edge_t_s, data.speed_half_s))
@@ -77,7 +70,7 @@ def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, Cubic
 
 
 def _filled(values: FloatArray, ok: np.ndarray) -> FloatArray:
-    """Rows without a fit, interpolated from their neighbours, (m, 2)."""
+    """Rows (m, 2), those without a fit interpolated."""
     if ok.all() or not ok.any():
         return values
     index = np.arange(ok.size)

@@ -1,4 +1,4 @@
-"""A fitted model as the forward simulation has it: a rig with the fitted law and beam, and effects of its classes."""
+"""A fitted model in the forward simulation: a rig and effects."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from draglag.simulation.rig import Rig
 
 
 def named_effects(fit: Fit) -> dict[str, dict[str, float]]:
-    """Effects of a fit's terms and law under their own names: id → parameters."""
+    """Effects of a fit's terms and law: id → parameters."""
     ids = [*effects_in_law(fit), *(term.effect for term in fit.terms)]
     return {name: {k: value for k, (value, _) in parameters_of(name, fit).items()} for name in ids}
 
 
 def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = None) -> tuple[Effect, ...]:
-    """Effects as the simulation has them; a size beyond the bounds of its class is clipped to the bound."""
+    """Effects of a fit as simulated; sizes are clipped to the bounds of their class."""
     named = named_effects(fit) if named is None else named
     out: list[Effect] = []
     for name, numbers in named.items():
@@ -40,19 +40,19 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 
 
 def made(name: str, numbers: Mapping[str, float]) -> Effect:
-    """An effect of the library from its numbers; what is not given is typical, what is out of bounds is clipped."""
+    """An effect from its numbers; missing ones are typical, others clipped to bounds."""
     cls = EFFECTS[name]
     return cls(*(min(max(numbers.get(p.name, p.typical), p.lower), p.upper) for p in cls.parameters))
 
 
 def held_s(effects: Sequence[Effect]) -> float:
-    """By how much effects stamp events late, s: a fit to the repaired stamps has that in its law."""
+    """Delay of stamps by effects, s, which a fit to repaired stamps has in its law."""
     return float(sum(effect.stamped_late_s() for effect in effects))
 
 
 @dataclass(frozen=True)
 class LawOfOwnForm(LatencyLaw):
-    """A fitted law that is not Eq. 5, later by what its asymptote is."""
+    """A fitted law that is not Eq. 5, shifted to the asymptote a7_ms."""
 
     fitted: FlexibleLaw
 
@@ -61,7 +61,7 @@ class LawOfOwnForm(LatencyLaw):
 
 
 def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
-    """The rig that the fit describes: its law, its beam, the session's position noise; nothing else is random."""
+    """The rig of a fit: its law and beam, the session's position noise; nothing else is random."""
     law = fit.law
     # Late stamps make latency read short: what the clock is blamed for is the law's again.
     asymptote_ms = 1e3 * (law.a7_s + sum(effect.value for effect in effects if effect.laser_late))
@@ -93,14 +93,11 @@ def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
 def rig_with_law(
     rig: Rig, form: str, parameters: Mapping[str, float], effects: Sequence[Effect] = ()
 ) -> tuple[Rig, Effect | None]:
-    """A rig with the law of a model instead of its own, and the effect that its form has a parameter for, if any.
+    """A rig with the law of a model, and the effect that a parameter of its form stands for, or None.
 
-    Its taps are as much later than the rig's as the law's asymptote is.
+    Taps are delayed by the change of asymptote. effects: of the model; their delay of stamps is not the law's.
 
-    Args:
-        effects: of the same model: by how much they stamp late is not the law's.
-
-    Raises DataError for a form the simulation does not have.
+    Raises DataError for a form that the simulation does not have.
     """
     zero = dict.fromkeys(("a1_ms", "a2_s_per_mm", "a4_ms", "a5_s_per_mm", "a7_ms"), 0.0)
     homes = {home.form_parameter: home for home in EFFECTS.values() if home.form_parameter}

@@ -1,8 +1,7 @@
-"""Simulate a measured session again: the hand as measured, the rig as the present model has it.
+"""A measured session simulated again: the measured hand under the present model.
 
-The touch trace, moved back through the model, is the stylus' own path. Sent through the forward simulation with the
-effects of the model, it crosses the beam at times, and shows itself in touch events, that can be laid over what was
-measured: edge by edge, and run by run through the same estimator.
+The touch trace, moved back through the model, is the stylus' path; the forward simulation of it is compared edge by
+edge, and run by run through the same estimator.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ MATCH_S = 0.15  # a simulated edge farther from the measured one is another cros
 
 @dataclass(frozen=True)
 class Overlay:
-    """Edges of measurement and simulation as one and the same model sees them: residual_mm (m,), and their motion."""
+    """Residuals of measured or simulated edges under one model: residual_mm (m,), and their motion."""
 
     residual_mm: FloatArray
     run: IntArray
@@ -57,7 +56,7 @@ class Overlay:
 
 @dataclass(frozen=True)
 class RunReplay:
-    """One run, measured and simulated: latency and speed by the same estimator; None where it gives none."""
+    """One run, measured and simulated, by the same estimator; None where it gives no estimate."""
 
     id: str
     protocol: str
@@ -69,14 +68,10 @@ class RunReplay:
 class Replay:
     """A session simulated again.
 
-    Attributes:
-        effects: what was simulated. session: the simulated session.
-        runs: one a run of the fit, in order.
-        run, measured_s, simulated_s, falling: (m,) the edges the fit uses, and when the simulation has them (NaN where
-        it has no such edge); time of the host's clock.
-        across_mm_s: (m,) velocity across the beam.
-        between_runs_s: by how much the model lets runs differ from the law for no known reason.
-        reference: the model that sees both for the picture against a covariate. again: the simulated runs, repaired.
+    Attributes: effects, session: as simulated. runs: those of the fit, in order. run, measured_s, simulated_s, falling:
+    (m,) edges of the fit and their simulated times (NaN for none), host clock. across_mm_s: (m,) velocity across the
+    beam. between_runs_s: standard deviation between runs in the model. reference: model of the overlays. again: the
+    simulated runs, repaired.
     """
 
     effects: tuple[Effect, ...]
@@ -93,13 +88,13 @@ class Replay:
 
     @property
     def measured(self) -> Overlay:
-        """The measurement as the reference model sees it."""
+        """The measurement under the reference model."""
         fit = self.reference
         return Overlay(fit.residual_mm, fit.run_index.astype(np.int64), fit.view)
 
     @cached_property
     def simulated(self) -> Overlay | None:
-        """The simulation as the reference model sees it; placed only where a picture asks for it."""
+        """The simulation under the reference model."""
         return _overlay(self.again, self.reference)
 
     @property
@@ -120,7 +115,7 @@ class Replay:
 
     @property
     def rms_ms(self) -> float:
-        """The edge-time difference that this distance is at the session's RMS velocity across the beam."""
+        """``rms_mm`` as time at the session's RMS velocity across the beam."""
         good = np.isfinite(self.difference_mm)
         if not good.any():
             return float("nan")
@@ -128,11 +123,11 @@ class Replay:
 
     @property
     def rms_ms_ci95(self) -> tuple[float, float]:
-        """95 % interval of ``rms_ms`` from the scatter between runs (bootstrap over runs)."""
+        """95 % interval of ``rms_ms`` by bootstrap over runs."""
         return _between_runs(self.run, self.difference_mm, self.across_mm_s)
 
     def latencies_ms(self) -> list[tuple[str, float, float, float, float, float]]:
-        """(run, speed mm/s, measured, its standard error, simulated, its standard error) in ms, runs that have both."""
+        """(run, speed mm/s, measured, its standard error, simulated, its standard error), ms, of runs with both."""
         out = []
         for item in self.runs:
             a, b = item.measured, item.simulated
@@ -144,14 +139,14 @@ class Replay:
 
     @property
     def runs_that_agree(self) -> tuple[int, int]:
-        """Runs whose simulated less measured latency has a 95 % interval that holds 0, of how many."""
+        """Number of runs whose latencies agree at 95 %, and number compared."""
         rows = self.latencies_ms()
         wide = 1e3 * self.between_runs_s
         inside = [abs(s - m) <= 1.96 * float(np.sqrt(me**2 + se**2 + wide**2)) for _, _, m, me, s, se in rows]
         return sum(inside), len(rows)
 
     def to_dict(self) -> dict[str, object]:
-        """What the pictures show, in numbers for JSON."""
+        """The comparison in numbers for JSON."""
         low, high = self.rms_ms_ci95
         known = np.isfinite(self.simulated_s)
         return {
@@ -178,16 +173,11 @@ def replay(
     progress: Progress | None = None,
     raw: tuple[RunData, ...] | None = None,
 ) -> Replay:
-    """Simulate a session again with its measured hand motion.
+    """A session simulated again with its measured hand motion.
 
-    Args:
-        session: as measured; its streams give the measured estimates.
-        fit: the model: law, beam, and the edges to judge by.
-        named: effect id → parameters; None = the terms of the fit. Effects of the stream (a holding loop, batches) and
-            of the clock come only from here.
-        reference: the model whose residuals are ``measured`` and ``simulated``; None = ``fit``.
-        raw: the measured runs before their streams were repaired, where the fit is of repaired ones: both estimates of
-            a run are then of unrepaired streams.
+    session: as measured. fit: law, beam and edges. named: effect id → parameters, None for the fit's terms; effects of
+    stream and clock come only from here. reference: model of the overlays, None for ``fit``. raw: measured runs with
+    unrepaired streams, where ``fit`` is of repaired ones, so that both estimates are of unrepaired streams.
 
     Raises EstimateError where no run can be simulated.
     """
@@ -247,7 +237,7 @@ def replay(
 
 @one_blas_thread
 def replays(session: Session, report: GapReport, progress: Progress | None = None) -> tuple[Replay, ...]:
-    """The present model's replay, and one with each step of a gap report added, all compared with the present model.
+    """Replays of the model without effects and after each step of a report, all with the first model as reference.
 
     Raises EstimateError for a report without a verdict, or where no run can be simulated.
     """
@@ -275,15 +265,14 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
 
 
 def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
-    """Edge times of a run, increasing, and the latency the fit has there."""
+    """Sorted edge times of a run, s, and the fitted latency there, s."""
     own = fit.placed.run == k
     order = np.argsort(fit.placed.t_s[own])
     return fit.placed.t_s[own][order], fit.placed.latency_s[own][order]
 
 
 def _reported_s(run: Run, data: RunData, effects: Sequence[Effect]) -> FloatArray:
-    """When the panel reported: as stamped, where a repair has only removed events that it did report; else as repaired,
-    as behind a loop that repeats what it holds."""
+    """Report times: as stamped where a repair only removed events, else as repaired, as behind sample-and-hold."""
     only_removed = np.isin(data.reported_s, run.touch.t_s).all()
     loop = any(effect.estimated_with for effect in effects)
     return run.touch.t_s if only_removed and not loop else data.reported_s
@@ -299,7 +288,7 @@ def _simulated(
     origin_s: float,
     seed: int,
 ) -> Run:
-    """One run through the chain, its events at the measured rate and missing where the measured ones are missing."""
+    """One simulated run, with events at the measured rate and missing where the measured are."""
     dt_s = sample_interval_s(reported_s)
     own = replace(rig, touch_rate_hz=1 / dt_s, noise_mm=data.noise_mm)
     rng = np.random.default_rng([SEED, seed])
@@ -321,7 +310,7 @@ def _simulated(
 
 
 def _nearest(at_s: FloatArray, others_s: FloatArray) -> FloatArray:
-    """The nearest of other (sorted) times, NaN where none is near, (m,)."""
+    """The nearest of sorted times, (m,); NaN beyond ``MATCH_S``."""
     if not others_s.size:
         return np.full(at_s.size, np.nan)
     right = np.clip(np.searchsorted(others_s, at_s), 1, max(others_s.size - 1, 1))
@@ -344,7 +333,7 @@ def _between_runs(run: IntArray, values: FloatArray, across: FloatArray) -> tupl
 
 
 def _overlay(runs: tuple[RunData, ...], reference: Fit) -> Overlay | None:
-    """Simulated runs as the reference model sees them: its law and its beam, and none of its effects."""
+    """Simulated runs under the law and beam of the reference, without its effects."""
     if not runs:
         return None
     placed: Placed = place(runs, reference.law)
