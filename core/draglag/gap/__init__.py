@@ -1,6 +1,6 @@
-"""Closing the gap: find where model and measurement differ, name the cause, add it, see the gap shrink.
+"""Find where model and measurement differ, name the cause, add it, see the gap shrink.
 
-``close_gap`` is the whole workflow; ``Model``, ``find``, ``name`` and ``shrinkage`` are its verbs, one by one.
+``close_gap`` is the whole workflow; ``Model``, ``find``, ``name`` and ``shrinkage`` are its steps.
 """
 
 from draglag.gap.compose import Gap, Model, Shrinkage, find, name, shrinkage

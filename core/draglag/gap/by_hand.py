@@ -1,4 +1,4 @@
-"""An effect chosen by a person, added to a finished gap report by the same comparison as every other."""
+"""An effect chosen by a person, added to a finished gap report."""
 
 from __future__ import annotations
 
@@ -32,10 +32,9 @@ OF_THE_STREAMS = (STALLS_FOLLOW, "host_tick")  # detected before any fit, which 
 
 @one_blas_thread
 def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
-    """The report with one more effect, refitted jointly with the rest; its probability is that of the comparison with
-    all that was compared before.
+    """The report with one more effect, refitted jointly with the rest and compared with all earlier explanations.
 
-    The step states how the gap on held-out runs changed, with its interval, whether or not it shrank.
+    Its step states how the held-out gap changed, with interval, whether or not it shrank.
 
     Raises DataError for an effect that cannot be added, EstimateError when the model cannot be fitted with it.
     """

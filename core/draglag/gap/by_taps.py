@@ -1,6 +1,6 @@
-"""What taps identify that edges cannot: whether the laser's clock is off, and whether clock or latency creeps.
+"""What taps identify and edges cannot: an offset of the laser's clock, and a drift of clock or latency.
 
-Taps never touch the laser's clock. On a sound rig the latency of releases is the asymptote of the curve.
+Taps do not depend on the laser's clock: on a sound rig the latency of releases is the asymptote of the curve.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ AT_AN_END = 0.3  # of the time over which taps were made
 
 @dataclass(frozen=True)
 class Offset:
-    """Releases that disagree with the asymptote: value and 95 % interval, s; probability that this is an offset."""
+    """Offset of releases from the asymptote: value and 95 % interval, s; probability that it is real."""
 
     value_s: float
     ci95_s: tuple[float, float]
@@ -45,11 +45,10 @@ class Offset:
 def clock_offset(
     session: Session, fit: Fit, effects: Sequence[Effect] = (), held_s: float = 0.0, p_any_form: float = 0.0
 ) -> Offset | None:
-    """Releases against where the curve ends; None without enough of them.
+    """Latency of releases minus the end of the curve; None with fewer than 15 releases.
 
-    effects: those named, as the simulation has them: what they do to taps is no offset. ``held_s``: a time that taps or
-    drags may have waited for, one without the other. p_any_form: probability that the curve has none of
-    the known forms.
+    effects: those named; what they do to taps is subtracted. held_s: longest wait of taps or drags, one without the
+    other, s. p_any_form: probability that the curve has none of the known forms.
     """
     if session.taps is None:
         return None
@@ -68,8 +67,10 @@ def clock_offset(
 def shares_by_edges(
     pool: Pool, fit: Fit, moved_mm: Mapping[str, Sequence[FloatArray]]
 ) -> tuple[dict[str, FloatArray], dict[str, float]]:
-    """The likeliest alternative and the probability of each of several effects of known sizes that taps show alike, by
-    what each moves the edges by, (m,) mm of the fit; alternatives of an effect are alike probable."""
+    """For effects of known sizes that taps show alike: the likeliest alternative and the probability of each effect.
+
+    moved_mm: effect → alternatives, alike probable: by what each moves the edges, (m,) mm.
+    """
     linear = linearised(fit, frozenset(), pool.unsure_ages)
     levels = likeliest_levels(linear)
     likeliest, evidence = {}, {}
@@ -82,11 +83,10 @@ def shares_by_edges(
 
 @dataclass(frozen=True)
 class Ends:
-    """Where the curve may end, against the fitted asymptote, beyond the fastest drag.
+    """Where the curve may end beyond the fastest drag, relative to the fitted asymptote, s.
 
-    Attributes: at_s, weights: (k,) of the forms that describe the runs, weighed by Akaike's criterion. variance: of
-    releases about each. any_s, p_any: range and probability of a form that nobody knows: it goes on falling at most
-    to 0, or ends where the drags do.
+    Attributes: at_s, weights: (k,) ends and Akaike weights of the known forms. variance: of releases about each, s².
+    any_s, p_any: range and probability of an unknown form, which falls at most to 0 or ends with the fastest drag.
     """
 
     at_s: FloatArray
@@ -96,8 +96,9 @@ class Ends:
     p_any: float
 
     def density(self, off_s: float, slab_sd_s: float = 0.0) -> float:
-        """Of releases that far off the fitted asymptote, 1/s, give or take what is of no interest; slab_sd_s: of an
-        offset in addition."""
+        """Probability density of releases ``off_s`` from the asymptote, 1/s; slab_sd_s: standard deviation of an
+        offset.
+        """
         sd = float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2))
         of_forms = float(self.weights @ norm.pdf(off_s, self.at_s, sd))
         low, high = self.any_s
@@ -105,11 +106,11 @@ class Ends:
         return (1 - self.p_any) * of_forms + self.p_any * inside / (high - low) + np.finfo(float).tiny
 
     def log_density(self, off_s: float) -> float:
-        """The same, with the offset that a clock may have."""
+        """Log density, mixed over a clock with and without an offset."""
         return float(np.log((1 - P_EFFECT) * self.density(off_s) + P_EFFECT * self.density(off_s, OFFSET_SD_S)))
 
     def offset(self, off_s: float) -> Offset:
-        """Releases that far off as an offset: the mean over where the curve may end, and 95 % of the mixture."""
+        """The offset of releases ``off_s`` from the asymptote: posterior mean, 95 % interval and probability."""
         with_it, without = P_EFFECT * self.density(off_s, OFFSET_SD_S), (1 - P_EFFECT) * self.density(off_s)
         sd, slab_sd = np.sqrt(self.variance), np.sqrt(self.variance + OFFSET_SD_S**2)
         each = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, slab_sd)
@@ -126,7 +127,7 @@ class Ends:
 
 
 def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
-    """Where the curve of a fit may end; variance: of the taps' own level, s²."""
+    """Where the curve of a fit may end; variance: of the median of the taps, s²."""
     fastest = float(np.quantile(fit.view.speed, 0.95))
     highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
     any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
@@ -148,8 +149,7 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
 
 
 def _latencies_s(fit: Fit) -> FloatArray:
-    """Latency of every run without what the found effects add to it, (runs,) s, nan without edges: the law at its
-    speed, and what its edges leave of it."""
+    """Latency of each run without the found effects, (runs,) s: law plus mean residual; nan without edges."""
     lever = fit.view.v_across * fit.view.stretch
     out = np.full(len(fit.runs), np.nan)
     for k in np.unique(fit.run_index):
@@ -161,7 +161,7 @@ def _latencies_s(fit: Fit) -> FloatArray:
 
 @dataclass(frozen=True)
 class Creep:
-    """Which of the effects that move edges alike moved the taps, too. shares: id → probability of each."""
+    """Probabilities (id → share) of effects that edges cannot distinguish, by whether taps drifted too."""
 
     shares: dict[str, float]
     evidence: str
@@ -172,9 +172,9 @@ class Creep:
 
 
 def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form: float = 0.0) -> Creep:
-    """Effects of a session that drift alike on the edges, by how the taps drifted.
+    """Probabilities of effects that drift alike on the edges, by how the latency of taps drifted.
 
-    effects: of fitted sizes, as the simulation has them: each predicts what it does to a tap's latency.
+    effects: of fitted sizes; each predicts the change of a tap's latency.
     """
     even = {effect.id: 1 / len(effects) for effect in effects}
     if session.taps is None:
@@ -196,7 +196,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form
 def _by_level(
     session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], p_any_form: float
 ) -> Creep:
-    """By taps at one end alone: their level against the asymptote that each effect leaves."""
+    """The same from taps at one end of the session: their level relative to the asymptote under each effect."""
     assert session.taps is not None
     summary = summarise_taps(session.taps).get("release")
     if summary is None or summary.n < FEWEST:
@@ -219,8 +219,9 @@ def _shares(log_odds: dict[str, float]) -> dict[str, float]:
 
 
 def _ends(taps: Taps, origin_s: float) -> tuple[FloatArray, FloatArray, float] | None:
-    """Times since the session began, s, and levels, s, of the taps of the two ends, and the variance of the levels'
-    difference; None where they were made at one end only."""
+    """Times since the session's start, s, and levels, s, of the taps at both ends, and the variance of the levels'
+    difference, s²; None where taps were made at one end only.
+    """
     latency_s = taps.registered_s - taps.physical_s
     good = np.isfinite(latency_s) & (latency_s >= 0) & (latency_s <= LONGEST_S)
     at_s, latency_s, down = taps.registered_s[good] - origin_s, latency_s[good], taps.down[good]

@@ -1,7 +1,7 @@
 """Posterior predictive check: the session simulated again with the measured hand and the final model.
 
-What an explanation was not fitted to has to lie where the simulation puts it, too: the latency of every run by the
-estimator of ``analyze``, the width of the stylus, the scatter of the edges, and how often events repeat a position.
+Compared are the width of the stylus, the scatter of the edges and the share of repeated positions; also the latency of
+the runs, which decides nothing, for the law was fitted to it.
 """
 
 from __future__ import annotations
@@ -32,13 +32,12 @@ LATENCY, REPEATS = "latency by run", "repeated positions"
 
 
 def checked(session: Session, report: GapReport) -> GapReport:
-    """The report with the check of what it explains; ``unexplained`` where a statistic disagrees.
+    """The report with its predictive check; ``unexplained`` where a statistic other than latency disagrees.
 
-    Effects that streams show have to make the streams: where repeated positions disagree, they are withdrawn. A session
-    that cannot be simulated again keeps its verdict, without a check.
+    Where repeated positions disagree, effects read off the streams are withdrawn. Where the latency disagrees, the
+    hand's motion could not be recovered and the verdict stays; so it does, without a check, when the simulation fails.
 
-    Args:
-        session: as measured, without the runs that were left out.
+    session: as measured, without the runs that were left out.
     """
     if report.last is None:
         return report
@@ -64,10 +63,9 @@ def checked(session: Session, report: GapReport) -> GapReport:
 
 
 def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...]:
-    """Statistics of a session and of its simulation; those that cannot be had of both are left out.
+    """Statistics of the measured session and of its simulation, those that both have.
 
-    Args:
-        session: the measured runs, as their streams came.
+    session: the measured runs, with their unrepaired streams.
     """
     both = [
         (one.measured, one.simulated) for one in again.runs if one.measured is not None and one.simulated is not None
@@ -77,8 +75,7 @@ def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...
 
 
 def _latency(again: Replay) -> Statistic | None:
-    """Latency of the runs as displacement at their speed: RMS of what simulation and measurement differ by, against
-    what the estimates' errors leave."""
+    """RMS difference of run latencies, simulated − measured, times speed, mm; next to what the errors would leave."""
     rows = again.latencies_ms()
     if len(rows) < FEWEST_RUNS:
         return None
@@ -92,7 +89,7 @@ def _latency(again: Replay) -> Statistic | None:
 
 
 def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """The stylus' width, mean over the runs, weighted by what each run knows of it."""
+    """Stylus width, mm: mean over the runs, weighted by inverse variance."""
     rows = [
         (a.stylus_diameter_mm, b.stylus_diameter_mm, a.stylus_diameter_se_mm or 0.0, b.stylus_diameter_se_mm or 0.0)
         for a, b in both
@@ -110,7 +107,7 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """RMS residual of the edges about the two lines, median over the runs."""
+    """RMS residual of the edges about their two lines, mm: median over the runs."""
     rows = [(a.j_per_edge_mm2, b.j_per_edge_mm2) for a, b in both if a.j_per_edge_mm2 and b.j_per_edge_mm2]
     if len(rows) < FEWEST_RUNS:
         return None
@@ -120,7 +117,7 @@ def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _repeats(session: Session, again: Session) -> Statistic | None:
-    """Share of events that repeat the position before them, the simulated ones rounded as the measured are."""
+    """Share of events that repeat the previous position; simulated ones rounded to the measured resolution."""
     own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:

@@ -42,18 +42,17 @@ from draglag.system.blas import one_blas_thread
 
 
 def shown_by_streams(effect_id: str) -> bool:
-    """Whether the streams show the effect, so that it is repaired there instead of fitted to edges."""
+    """Whether the streams show the effect: it is repaired there instead of fitted to edges."""
     return effect_class(effect_id).undone_in == "stream"
 
 
 @dataclass(frozen=True)
 class Model:
-    """What a session is compared with: a law, a beam, and effects.
+    """A law, a beam and effects, to be compared with a session.
 
-    Attributes:
-        effects: ids of effects that are fitted, in order. held: id → parameters of effects of a known size, which are
-            taken out of the session instead.
-        law, geometry, terms: what the last fit found; None and empty before any. of: the session it was fitted to.
+    Attributes: effects: ids of fitted effects, in order. held: id → parameters of effects of known size, which are
+    removed from the session. law, geometry, terms: of the last fit, None and empty before. of: the session it was
+    fitted to.
     """
 
     effects: tuple[str, ...] = ()
@@ -65,10 +64,10 @@ class Model:
     of: tuple[object, ...] = field(default=(), repr=False, compare=False)
 
     def with_effect(self, effect_id: str, values: Mapping[str, float] | None = None) -> Model:
-        """The model with one more effect: of fitted size, or held at ``values``.
+        """The model with one more effect, of fitted size or held at ``values``.
 
-        Raises DataError for an unknown effect or parameter, one that is there already, one that cannot be held, and for
-        values that are missing, no number or beyond what the library allows.
+        Raises DataError for an unknown effect or parameter, an effect that is there already or cannot be held, and a
+        value that is missing, no number or beyond its bounds.
         """
         if effect_id not in EFFECTS:
             raise DataError(
@@ -95,7 +94,7 @@ class Model:
         return replace(self, held=(*self.held, (effect_id, tuple(sorted(values.items())))))
 
     def without_effect(self, effect_id: str) -> Model:
-        """The model without one of its effects. Raises DataError where it has none of that id."""
+        """The model without one effect, not fitted yet. Raises DataError where it has none of that id."""
         if effect_id not in self.effects and effect_id not in dict(self.held):
             raise DataError(message("{effect} is not in the model", effect=effect_id), "Take out one that is")
         effects = tuple(e for e in self.effects if e != effect_id)
@@ -103,7 +102,7 @@ class Model:
 
     @property
     def parameters(self) -> dict[str, dict[str, tuple[float, tuple[float, float]]]]:
-        """Effect → parameter → (value, 95 % interval), of the effects that were fitted."""
+        """Effect → parameter → (value, 95 % interval), of the fitted effects."""
         if self.fit is None:
             return {}
         return {effect: parameters_of(effect, self.fit) for effect in self.effects if not shown_by_streams(effect)}
@@ -113,9 +112,8 @@ class Model:
 class Gap:
     """Where a session and a model disagree.
 
-    Attributes: model: with what the fit found. pool: everything that may explain the rest, with its probability.
-    streams: effects that the streams show. gap_mm: RMS residual on runs held out of the fit; noise_floor_mm:
-    what noise leaves.
+    Attributes: model: as fitted. pool: explanations of the rest, with probabilities. streams: effects that the streams
+    show. gap_mm: RMS residual on held-out runs. noise_floor_mm: what noise alone leaves of it.
     """
 
     session: Session = field(repr=False)
@@ -128,14 +126,13 @@ class Gap:
 
     @property
     def probability(self) -> float:
-        """Posterior probability of anything beyond the model, the curve's form and noise, of whatever size."""
+        """Posterior probability of anything beyond the model, the curve's form and noise, of any size."""
         inside = set(self.pool.emptiest)
         return sum(p for names, p in self.pool.probabilities().items() if set(names) - inside - {LAW_FORM})
 
     @property
     def members(self) -> dict[str, float]:
-        """Effect id, or ``?covariate:role`` of what has no name → probability that it is part of the explanation,
-        the most probable first; of at least 0.1."""
+        """Effect id, or ``?covariate:role`` of an unnamed term → probability, at least 0.1, in falling order."""
         names = {name for found in self.pool.found for name in found} - set(self.pool.emptiest) - {LAW_FORM}
         each = {name: self.pool.probability_of(name) for name in names}
         return {n: p for n, p in sorted(each.items(), key=lambda item: -item[1]) if p >= SHARED}
@@ -143,8 +140,11 @@ class Gap:
 
 @dataclass(frozen=True)
 class Shrinkage:
-    """How the gap on held-out runs changed. change_ci95_mm: bootstrap over the runs; improves: runs agree that it
-    shrank; verdict: shrinks | open | grows."""
+    """Change of the gap on held-out runs, mm.
+
+    Attributes: change_ci95_mm: bootstrap over the runs. improves: the RMS falls by more than ``SHRINKS_BY``. verdict:
+    shrinks | open | grows.
+    """
 
     before_mm: float
     after_mm: float
@@ -174,11 +174,10 @@ class Shrinkage:
 
 @one_blas_thread
 def find(session: Session, model: Model | None = None) -> Gap:
-    """Fit a model to a session and find where they disagree.
+    """The disagreement of a session and a model, which is fitted to it.
 
-    A model that another ``find`` returned is fitted from where that stood, on the same edges, so that the two gaps can
-    be compared; to another session it is fitted again. Runs that went wrong are left out, as ``analyze``
-    leaves them out.
+    A model that ``find`` returned for the same session starts from its fit and uses its edges, so that two gaps can be
+    compared; for another session it is fitted again. Runs that ``analyze`` leaves out are left out.
 
     Raises EstimateError when the session cannot carry the model.
     """
@@ -216,10 +215,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
 
 
 def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) -> Fit:
-    """The joint refit with one more effect, begun in the effect's own way.
-
-    Raises EstimateError where the session cannot carry it.
-    """
+    """The joint refit with one more effect. Raises EstimateError where the session cannot carry it."""
     pool = compared([fit], {effect}, unsure_ages, most=1)
     wanted = tuple(sorted({*effects_in(fit), effect}))
     fits = grown(session, {effects_in(fit): fit}, pool, wanted)
@@ -235,12 +231,9 @@ def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) ->
 def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Step, ...]:
     """Effects that explain a gap, the most probable first, each refitted jointly with the model; empty when none does.
 
-    Effects that the streams show by themselves come first: they have to be repaired before edges can be judged.
+    Effects that the streams show are returned alone: they have to be repaired before edges can be judged.
 
-    Args:
-        candidates: ids of the effects to choose among; None = the whole library.
-
-    Raises DataError for a candidate that the library does not have.
+    candidates: ids of the effects to choose among; None: the whole library. Raises DataError for an unknown id.
     """
     allowed = known_effects(candidates)
     shown = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
@@ -264,10 +257,7 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
 
 @one_blas_thread
 def shrinkage(before: Gap, after: Gap) -> Shrinkage:
-    """How much smaller the gap on held-out runs is after an effect was added.
-
-    Raises DataError where the two gaps are not of one session.
-    """
+    """Change of the gap on held-out runs from one model to another. Raises DataError for gaps of two sessions."""
     if _of(before.session) != _of(after.session):
         raise DataError(
             message(
@@ -331,7 +321,7 @@ def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
 
 
 def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, float], ...]]]) -> Session:
-    """The session with effects of known size taken out, on the law of a first fit."""
+    """The session with effects of known size removed, under the law of a first fit."""
     if not held:
         return session
     law = fit_session(session, gather(session)).law
@@ -339,7 +329,7 @@ def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, f
 
 
 def _of(session: Session) -> tuple[object, ...]:
-    """What a session keeps however its streams are repaired."""
+    """What identifies a session, unchanged by repairs of its streams."""
     return session.name, session.started_utc, tuple((run.id, run.start_s) for run in session.runs)
 
 

@@ -15,7 +15,7 @@ TOO_SUDDEN = message("a slower chirp or step: no edge of those here could be pla
 
 
 def not_shown(session: Session, fit: Fit) -> dict[str, str]:
-    """Effect id → in words the recording that would show it, for effects that this session could not have shown."""
+    """Effect id → the recording, in words, that would show it."""
     lacks = _lacking(session, fit)
     inside = set(effects_in(fit))
     out = {}

@@ -1,4 +1,4 @@
-"""A smooth term without a name: what to go on with when a gap remains that no effect of the library explains."""
+"""A smooth, unnamed term for a gap that no effect explains."""
 
 from __future__ import annotations
 
@@ -27,13 +27,11 @@ ROLES = {"latency": "ms", "direction": "ms", "offset": "mm", "width": "mm"}
 
 @dataclass(frozen=True)
 class Provisional:
-    """A smooth function of a covariate, added to the model and marked unnamed.
+    """A smooth function of a covariate, marked unnamed.
 
-    Attributes:
-        name: ``unnamed:speed``. role: what it changes: latency (ms), offset (mm), width (mm), or direction, a latency
-        (ms) that is opposite for opposite travel. probability: of the term against noise alone.
-        x, value, low, high: (k,) the function over the covariate with its 95 % band.
-        improves: held-out runs agree that the gap shrank.
+    Attributes: name: ``unnamed:speed``. role: latency (ms), offset (mm), width (mm), or direction, a latency (ms) of
+    opposite sign for opposite travel. probability: relative to noise alone. x, value, low, high: (k,) the function with
+    its 95 % band. improves: the held-out gap shrank.
     """
 
     name: str
@@ -54,7 +52,7 @@ class Provisional:
         return ROLES[self.role]
 
     def words(self) -> str:
-        """What it closes and how large it is, in two sentences."""
+        """Size and benefit of the term in two sentences."""
         k = int(np.abs(self.value).argmax())
         return (
             f"Provisional term {self.name} ({self.role}): gap {self.gap_before_mm:.3f} → {self.gap_after_mm:.3f} mm, "
@@ -84,9 +82,9 @@ class Provisional:
 
 
 def provisional_term(report: GapReport) -> Provisional | None:
-    """The smooth term that closes most of what a report leaves unexplained; None where nothing smooth does.
+    """The most probable smooth term that shrinks a report's held-out gap; None where none does.
 
-    The term follows the covariate that the report names; where that is none with a smooth term, the best of all.
+    It follows the covariate that the report names, or any where that has no smooth term.
     """
     if report.last is None or report.judgement is None or report.unexplained_by is None:
         return None
@@ -134,7 +132,7 @@ def _added(fit: Fit, covariate: str, role: str, probability: float, columns: Flo
 
 
 def _per_unit(view: View, role: str, columns: FloatArray) -> tuple[FloatArray, float]:
-    """The function whose residual columns these are, (m, k), and the factor to ms or mm."""
+    """The function of which these are residual columns, (m, k), and the factor to ms or mm."""
     lever = view.v_across * view.stretch
     if role == "offset":
         return columns, 1.0

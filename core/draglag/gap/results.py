@@ -1,4 +1,4 @@
-"""What the workflow finds: the effects added, step by step, the verdict and how probable it is."""
+"""Results of the workflow: steps, verdict and probability."""
 
 from __future__ import annotations
 
@@ -33,18 +33,21 @@ UNEXPLAINED = ("unexplained",)
 
 
 def stated(probability: float) -> str:
-    """A probability as people read it: none is zero, and none is stated beyond what has been counted."""
+    """A probability in words of two digits, within what has been counted."""
     return f"{min(probability, STATED_AT_MOST):.2f}" if probability >= 0.005 else "< 0.01"
 
 
 def followed(covariate: str) -> str:
-    """What a gap follows, in words; an effect's id stays."""
+    """What a gap follows, in words; an effect's id is unchanged."""
     return FOLLOWS.get(covariate, covariate)
 
 
 def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, probability: float | None = None) -> str:
-    """The verdict ``unexplained`` in a sentence. ``scatter`` is no covariate. stopped_at: the limit on effects, where
-    that ended the search. probability: that something without a name is there, where it was stated."""
+    """The verdict ``unexplained`` in a sentence.
+
+    covariate: ``scatter`` for none. stopped_at: limit on effects that ended the search. probability: of something
+    unnamed.
+    """
     word = "Unexplained" if probability is None else f"Unexplained (probability {stated(probability)})"
     scatter = covariate == "scatter"
     what = (
@@ -61,9 +64,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, p
 class Step:
     """One effect added.
 
-    Attributes: parameters: name → (value, (low, high)). p_value: of the deviance gained (likelihood ratio). gaps: on
-    held-out runs, mm RMS. probability: that the effect, or one it cannot be distinguished from, is part of the
-    explanation.
+    Attributes: parameters: name → (value, (low, high)). p_value: likelihood ratio test. gaps: on held-out runs, mm RMS.
+    probability: that the explanation holds the effect or one that cannot be distinguished from it.
     """
 
     effect: str
@@ -80,7 +82,6 @@ class Step:
     fit: Fit | None = field(default=None, repr=False)
 
     def to_dict(self) -> dict[str, object]:
-        """One step of the design's ``gap --json`` (section 5)."""
         gain = 1 - self.gap_after_mm / self.gap_before_mm if self.gap_before_mm > 0 else 0.0
         return {
             "effect": self.effect,
@@ -97,15 +98,16 @@ class Step:
 
 
 def next_to_unnamed(step: Step) -> Step:
-    """A step as sure as it is where something else stays without a name; as it was, where the streams show it."""
+    """The step at the lower probability of names next to something unnamed; unchanged where the streams show it."""
     in_streams = effect_class(step.effect).detected_by
     return step if in_streams else replace(step, probability=NEXT_TO_UNNAMED * step.probability)
 
 
 @dataclass(frozen=True)
 class LawStatement:
-    """The curve's form. adequate: whether Eq. 5 describes it; probability: that it does not; misses_s: RMS by which the
-    curve misses its nearest Eq. 5."""
+    """The curve's form. adequate: Eq. 5 describes it; probability: that it does not; misses_s: RMS from the nearest
+    Eq. 5.
+    """
 
     adequate: bool = True
     probability: float = 0.0
@@ -123,7 +125,7 @@ class LawStatement:
 
 @dataclass(frozen=True)
 class Tolerated:
-    """Structure beyond chance that is smaller than the size of interest. follows: covariate or effect id."""
+    """Structure beyond chance below the size of interest. follows: covariate or effect id."""
 
     follows: str
     probability: float
@@ -132,8 +134,9 @@ class Tolerated:
 
 @dataclass(frozen=True)
 class NoisePart:
-    """A part of the noise that the session's own edges size: ``touch``, of the events, or a level of
-    ``posterior.levels``, in the unit of its name; size_mm: RMS over the edges."""
+    """A part of the noise: ``touch`` or a level of ``posterior.levels``, in the unit of its name; size_mm: RMS over
+    the edges.
+    """
 
     name: str
     level: float
@@ -142,8 +145,7 @@ class NoisePart:
 
 @dataclass(frozen=True)
 class Statistic:
-    """One statistic of the posterior predictive check, measured and simulated. follows: the covariate of a
-    disagreement."""
+    """A statistic of the posterior predictive check. follows: covariate of a disagreement."""
 
     name: str
     follows: str
@@ -157,15 +159,11 @@ class Statistic:
 class GapReport:
     """The workflow's result.
 
-    Attributes:
-        verdict: explained | no_gap | unexplained, or None with ``missing`` for a session without enough data.
-        explanations: sets of effects with their probabilities, 95 % of the mass; ``unexplained`` for what has no name.
-        not_seen: effects that the session could not have shown → the recording that would show them.
-        first, last: the fits without effects and with all steps. judgement: all that was compared.
-        stopped_at: the limit on effects, where that ended the search. excluded: run id → why it was left out. flagged:
-        run id → flags of the runs that are judged by, though some of their edges are not, or scatter.
-        noise: what the noise floor is made of, the largest first.
-        check: statistics of the session simulated again with the final model; empty where nothing was explained.
+    Attributes: verdict: explained | no_gap | unexplained, or None with ``missing``. explanations: sets of effects with
+    probabilities, 95 % of the mass. not_seen: effect → the recording that would show it. first, last: fits without
+    effects and with all steps. judgement: all that was compared. stopped_at: limit on effects that ended the search.
+    excluded: run id → why it was left out. flagged: run id → flags of its edges. noise: parts of the noise floor, the
+    largest first. check: of the final model, empty without steps.
     """
 
     session: str
@@ -198,7 +196,6 @@ class GapReport:
         return replace(session, runs=tuple(run for run in session.runs if run.id not in self.excluded))
 
     def to_dict(self) -> dict[str, object]:
-        """The design's ``gap --json`` (section 5)."""
         return {
             "session": self.session,
             "simulated": self.simulated,
@@ -226,14 +223,13 @@ class GapReport:
         return f"GapReport({self.session!r}: {self.verdict or 'no verdict'}{sure}{': ' + names if names else ''})"
 
     def _repr_html_(self) -> str:
-        """The verdict and its steps as a notebook shows them."""
         head = ["effect", "probability", "where", "gap before, mm", "gap after, mm"]
         rows = [(s.effect, stated(s.probability), s.where, s.gap_before_mm, s.gap_after_mm) for s in self.steps]
         return table_html(f"Gap of {self.session}: {self.verdict or 'no verdict'}", head, rows)
 
 
 def unjudged(session: Session, report: GapReport) -> str:
-    """The session's runs that the fit does not judge by, or by some of their edges only, in sentences; or nothing."""
+    """Runs not used, or used in part, in sentences; empty for none."""
     if report.last is None or report.first is None:
         return ""
     session = report.judged(session)

@@ -1,4 +1,4 @@
-"""Whether a session has enough for a verdict, in plain words."""
+"""Whether a session has enough for a verdict."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BACK_AT_MOST = 0.01  # of the touch events
 
 
 def what_is_missing(session: Session) -> tuple[str, ...]:
-    """Plain words on what a session lacks before any verdict can be given; empty when it has enough."""
+    """What a session lacks for a verdict, in words; empty when it has enough."""
     steady = [r for r in session.runs if r.protocol in ("circle", "free") and r.laser.t_s.size >= FEWEST_EDGES]
     missing: list[str] = []
     if len(steady) < 5:
@@ -64,7 +64,7 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
 
 
 def times_out_of_order(session: Session) -> str:
-    """In words the runs whose touch events have times that are no numbers or go back; empty where none has."""
+    """A sentence on runs whose touch times go back or are no numbers; empty for none."""
     bad = [run.id for run in session.runs if _is_out_of_order(run.touch.t_s)]
     if not bad:
         return ""
@@ -77,7 +77,7 @@ def times_out_of_order(session: Session) -> str:
 
 
 def _is_out_of_order(t_s: FloatArray) -> bool:
-    """A stamp or two may change places on the way; more is no recording in order of its stamps."""
+    """Whether times are not finite, or more than a few go back."""
     return bool(not np.isfinite(t_s).all() or np.count_nonzero(np.diff(t_s) < 0) > BACK_AT_MOST * t_s.size)
 
 
@@ -87,6 +87,6 @@ def _edges_while_touched(run: Run) -> int:
 
 
 def _travel_mm(run: Run) -> float:
-    """How far the circle's centre travels sideways, mm."""
+    """Sideways travel of the circle's centre, mm."""
     x = run.touch.x_mm[np.isfinite(run.touch.x_mm)]
     return float(np.ptp(x)) - 2 * (run.radius_mm or 0.0) if x.size else 0.0

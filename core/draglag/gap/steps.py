@@ -1,4 +1,4 @@
-"""A judgement as a report: the effects one by one, each with its parameters and what it does to held-out runs."""
+"""The report of a judgement: effects one by one, with parameters and held-out gaps."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def reported(
     allowed: frozenset[str],
     max_effects: int,
 ) -> GapReport:
-    """The report of a judgement. sessions: as measured, and repaired as the fits have it."""
+    """The report of a judgement. sessions: as measured, and as repaired for the fits."""
     session, ready = sessions
     named, strange = streams
     answer = answer_of(judgement.pool)
@@ -87,13 +87,13 @@ def reported(
 
 
 def _flagged(fit: Fit) -> dict[str, str]:
-    """Run id → those of its flags that say something of its edges."""
+    """Run id → its flags about edges."""
     each = {d.run.id: [f for f in d.estimate.flags if f in OF_EDGES] for d in fit.runs if d.estimate is not None}
     return {run: ", ".join(flags) for run, flags in each.items() if flags}
 
 
 def noise_parts(judgement: Judgement) -> tuple[NoisePart, ...]:
-    """What the noise is made of, given the most probable explanation."""
+    """Parts of the noise under the most probable explanation, the largest first."""
     found = judgement.pool.found[judgement.pool.best]
     search = found.search
     levels = search.levels[int(np.argmax(log_evidence(search, found.explanation)))]
@@ -104,7 +104,7 @@ def noise_parts(judgement: Judgement) -> tuple[NoisePart, ...]:
 
 @dataclass(frozen=True)
 class Link:
-    """One effect added to a fit; the first link of a chain is the fit without effects, and adds none."""
+    """One effect added to a fit; the first link of a chain adds none."""
 
     effect: str
     before: Fit
@@ -112,8 +112,10 @@ class Link:
 
 
 def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
-    """The chain up to the first effect with which held-out runs neither shrink nor are predicted better, and what that
-    effect follows. Effects that hide each other, as a late and an early edge do, are judged together with the next."""
+    """The chain up to the first effect that held-out runs do not support, and its covariate.
+
+    Effects that hide each other, as a late and an early edge do, are judged together with the next.
+    """
     k = 1
     while k < len(chain):
         together = (m for m in range(k, len(chain)) if shrinks_or_predicts(chain[k].before, chain[m].after))
@@ -125,8 +127,10 @@ def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
 
 
 def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
-    """The chain up to the first effect that explains less of the held-out gap than what stays without a name, in mean
-    squares: that has a shape known to no one, and may make up the effect."""
+    """The chain up to the first effect that explains less of the held-out mean square than stays unnamed.
+
+    An unknown shape may imitate any effect smaller than itself.
+    """
     last = chain[-1].after
     unexplained = gap_mm(last, edges) ** 2 - floor_mm(last, edges) ** 2
     for k, link in enumerate(chain[1:], start=1):
@@ -136,13 +140,13 @@ def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
 
 
 def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
-    """Whether Eq. 5 describes the curve."""
+    """The statement on the curve's form."""
     p = judgement.pool.probability_of(LAW_FORM)
     return LawStatement(p < OWN_FORM, p, remainder_rms_s(fit.law, fit.view.speed))
 
 
 def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> list[Link]:
-    """The fit without effects and those with one effect more each, the one that closes most of the gap first."""
+    """The first fit and those with one more effect each, the one that closes most of the gap first."""
     pool, fits = judgement.pool, dict(judgement.fits)
     out = [Link("", judgement.base, judgement.base)]
     names: Names = ()
@@ -175,8 +179,7 @@ def step_of(
     after: Fit,
     last: Fit | None = None,
 ) -> Step:
-    """One effect as a step, with those it cannot be distinguished from and the run that would separate them. last: the
-    fit that its parameters are of, with all effects."""
+    """One effect as a step, with those indistinguishable from it. last: fit with all effects, for its parameters."""
     last = last or after
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
     p_any_form = _unknown_form(judgement, last)
@@ -212,7 +215,7 @@ def _values(effect: str, fit: Fit) -> dict[str, float]:
 
 
 def _rivals(answer: Answer, name: str) -> list[str]:
-    """Effects that take the place of one in other explanations which share the mass."""
+    """Effects that replace this one in other probable explanations."""
     best = set(answer.effects)
     out = []
     for names, p in answer.explanations:
@@ -229,7 +232,7 @@ def deviance_gained(before: Fit, after: Fit) -> float:
 
 
 def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:
-    """What the streams show by themselves, as steps: all are repaired at once."""
+    """Effects that the streams show, as steps; all are repaired at once."""
     if not found:
         return []
     after = gap_mm(repaired)
@@ -258,9 +261,9 @@ def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fi
 def _unnamed_in_streams(
     sessions: tuple[Session, Session], strange: tuple[StreamEffect, ...], base: Fit, allowed: frozenset[str]
 ) -> str | None:
-    """The covariate of what streams or traces show and the library given has no name for.
+    """Covariate of what streams or traces show and no allowed effect explains.
 
-    Stalls are those of the session as measured that a repair leaves: one that removes repeated positions leaves pauses.
+    Stalls count only where repair leaves them: removing repeated positions makes pauses.
     """
     if strange:
         return effect_class(strange[0].effect).follows
@@ -272,7 +275,6 @@ def _unnamed_in_streams(
 
 
 def _unknown_form(judgement: Judgement, fit: Fit) -> float:
-    """Probability that the curve may end anywhere beyond the fastest drag: where Eq. 5 describes it at the speeds that
-    there are, it ends as one of the known forms."""
+    """Probability that the curve has an unknown form; 0 where Eq. 5 describes it."""
     law = law_of(judgement, fit)
     return 0.0 if law.adequate else law.probability

@@ -1,4 +1,4 @@
-"""The finding in sentences: which cause, of what size, how probable, how far the gap shrinks; what else is possible."""
+"""The findings in sentences."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def cause_in_words(step: Step) -> str:
 
 
 def _size(step: Step) -> tuple[str, str]:
-    """The first parameter of a step and its 95 % interval; nothing without one."""
+    """The first parameter of a step and its 95 % interval; empty without one."""
     if not step.parameters:
         return "", ""
     name, (value, (low, high)) = next(iter(step.parameters.items()))
@@ -65,13 +65,12 @@ def _size(step: Step) -> tuple[str, str]:
 
 
 def headline(report: GapReport) -> str:
-    """The verdict, and the run that would separate those causes that edges cannot distinguish."""
+    """The verdict, and the run that would separate indistinguishable causes."""
     return " ".join((verdict_in_words(report), *_to_separate(report)))
 
 
 def verdict_in_words(report: GapReport) -> str:
-    """The verdict in one or two sentences: the causes with their sizes and probabilities, and what they do to the
-    held-out gap."""
+    """The verdict in one or two sentences: causes, sizes, probabilities and held-out gap."""
     sizes = f"{report.gap_last_mm or 0.0:.2f} mm, noise {report.noise_floor_mm or 0.0:.2f}"
     mass = dict(report.explanations)
     quiet = f" (probability {stated(mass[()])})" if () in mass else ""
@@ -113,13 +112,13 @@ def _to_separate(report: GapReport) -> list[str]:
 
 
 def separating_run(effect: str, alike: Sequence[str], extra_run: str) -> str:
-    """The recording that would separate an effect from those that look alike; empty where none is known."""
+    """The recording that would separate an effect from those alike; empty where none is known."""
     known = (EFFECTS[name].separated_by for name in (effect, *alike) if name in EFFECTS)
     return extra_run or next(filter(None, known), "")
 
 
 def law_in_words(law: LawStatement) -> str:
-    """That the curve is not Eq. 5, and by how much; empty where it is."""
+    """By how much Eq. 5 misses the curve; empty where it is adequate."""
     if law.adequate:
         return ""
     missed = f": Eq. 5 misses it by {1e3 * law.misses_s:.2g} ms RMS" if law.misses_s > LEAST_MISS_S else ""
@@ -130,19 +129,19 @@ def law_in_words(law: LawStatement) -> str:
 
 
 def tolerated_in_words(report: GapReport) -> str:
-    """What is there beyond chance and too small to matter, with sizes; empty without."""
+    """What is too small to matter, with sizes; empty without."""
     items = [f"{_followed(item.follows)}, {item.size_mm:.2f} mm" for item in report.tolerated]
     return f"Tolerated, too small to matter: {'; '.join(items)}." if items else ""
 
 
 def noise_in_words(report: GapReport) -> str:
-    """What the noise floor is made of, as far as it is of interest; empty where no part is."""
+    """Parts of the noise floor of interest; empty without."""
     items = [f"{NOISE[one.name]} {one.size_mm:.2f} mm" for one in report.noise if one.size_mm >= SIZE_OF_INTEREST_MM]
     return f"Noise of the edges, as large as the session has it: {', '.join(items)}." if items else ""
 
 
 def check_in_words(report: GapReport) -> str:
-    """Where the session, simulated again with the final model, disagrees with the measured one; else empty."""
+    """Disagreements of the predictive check; empty without."""
     items = [
         f"{one.name} {one.measured:.3g} measured, {one.simulated:.3g} simulated ({one.unit})"
         for one in report.check
@@ -165,8 +164,10 @@ def set_in_words(names: Sequence[str]) -> str:
 
 
 def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) -> Explanations:
-    """Sets that share the probability with the first, without those that steps name with "or". steps: of each, its
-    effect and those that it cannot be distinguished from."""
+    """Probable sets beyond the first, without those that steps name with "or".
+
+    steps: for each, its effect and those indistinguishable from it.
+    """
     first = tuple(explanations[0][0]) if explanations else ()
     named = {column_of(name) for step in steps for name in step if name in EFFECTS}
     out = []
@@ -178,7 +179,7 @@ def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) ->
 
 
 def also_in_words(report: GapReport) -> str:
-    """The other explanations that share the probability, in a sentence; empty without."""
+    """Other probable explanations in a sentence; empty without."""
     steps = [(step.effect, *step.indistinguishable_from) for step in report.steps]
     others = also_possible(report.explanations, steps)
     items = [f"{set_in_words(names)} (probability {stated(p)})" for names, p in others]
@@ -186,7 +187,7 @@ def also_in_words(report: GapReport) -> str:
 
 
 def drift_in_analysis(session: Session, report: GapReport) -> str:
-    """What ``analyze`` makes of the drift that the gap report names; empty where it names none."""
+    """What ``analyze`` does with the named drift; empty where none is named."""
     step = next((step for step in report.steps if step.covariate == "session_time"), None)
     if step is None:
         return ""
@@ -210,7 +211,7 @@ def drift_in_analysis(session: Session, report: GapReport) -> str:
 
 
 def drift_of_stamps_ppm(session: Session) -> float | None:
-    """By how much the laser's stamps run fast against the session's own comparisons of clocks; None without any."""
+    """Drift of the laser's stamps by clock comparisons, ppm, positive if fast; None without enough of either."""
     if not session.clocks and not any(run.sync for run in session.runs):
         return None
     stamps, off = [], []

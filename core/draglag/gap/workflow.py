@@ -1,4 +1,4 @@
-"""Find, name, add, shrink: the most probable explanation of a session, step by step on held-out runs."""
+"""The workflow: the most probable explanation of a session, step by step on held-out runs."""
 
 from __future__ import annotations
 
@@ -40,14 +40,11 @@ def close_gap(
     progress: Progress | None = None,
     include: Collection[str] = (),
 ) -> GapReport:
-    """Report of the workflow on a session, without the runs that ``analyze`` keeps out of the curve.
+    """The report on a session, without the runs that ``analyze`` leaves out; ``missing`` lists what too small a session
+    lacks.
 
-    Args:
-        candidates: effect ids that may be named; None = the whole library.
-        include: ids of runs to take in although they went wrong, or ``all``.
-
-    Never raises for a session without enough data: ``missing`` lists what it lacks. Raises DataError for a candidate
-    that the library does not have.
+    candidates: effect ids that may be named; None: the whole library. include: ids of runs to use although they went
+    wrong, or ``all``. Raises DataError for an unknown candidate.
     """
     allowed = known_effects(candidates)
     session, excluded = kept_runs(session, include)
