@@ -1,6 +1,6 @@
-"""What taps identify and edges cannot: an offset of the laser's clock, and a drift of clock or latency.
+"""What taps identify and edges cannot: an offset of the laser's clock, a drift of clock or latency.
 
-Taps do not depend on the laser's clock: on a sound rig the latency of releases is the asymptote of the curve.
+Taps do not use that clock: on a sound rig their release latency is the curve's asymptote.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ AT_AN_END = 0.3  # of the time over which taps were made
 
 @dataclass(frozen=True)
 class Offset:
-    """Offset of releases from the asymptote: value and 95 % interval, s; probability that it is real."""
+    """Offset of releases from the asymptote: value and 95 % interval, s, and posterior probability."""
 
     value_s: float
     ci95_s: tuple[float, float]
@@ -45,10 +45,10 @@ class Offset:
 def clock_offset(
     session: Session, fit: Fit, effects: Sequence[Effect] = (), held_s: float = 0.0, p_any_form: float = 0.0
 ) -> Offset | None:
-    """Latency of releases minus the end of the curve; None with fewer than 15 releases.
+    """Offset of releases from the curve's end; None with fewer than 15.
 
-    effects: those named; what they do to taps is subtracted. held_s: longest wait of taps or drags, one without the
-    other, s. p_any_form: probability that the curve has none of the known forms.
+    effects: named ones, whose influence on taps is subtracted. held_s: longest wait of only taps or only drags, s.
+    p_any_form: probability of an unknown form of the curve.
     """
     if session.taps is None:
         return None
@@ -67,9 +67,9 @@ def clock_offset(
 def shares_by_edges(
     pool: Pool, fit: Fit, moved_mm: Mapping[str, Sequence[FloatArray]]
 ) -> tuple[dict[str, FloatArray], dict[str, float]]:
-    """For effects of known sizes that taps show alike: the likeliest alternative and the probability of each effect.
+    """The likeliest alternative and the probability of each effect, among those that taps show alike.
 
-    moved_mm: effect → alternatives, alike probable: by what each moves the edges, (m,) mm.
+    moved_mm: effect → equally probable alternatives, shifts of the edges, (m,) mm.
     """
     linear = linearised(fit, frozenset(), pool.unsure_ages)
     levels = likeliest_levels(linear)
@@ -83,10 +83,10 @@ def shares_by_edges(
 
 @dataclass(frozen=True)
 class Ends:
-    """Where the curve may end beyond the fastest drag, relative to the fitted asymptote, s.
+    """Ends of the curve beyond the fastest drag, relative to the fitted asymptote, s.
 
-    Attributes: at_s, weights: (k,) ends and Akaike weights of the known forms. variance: of releases about each, s².
-    any_s, p_any: range and probability of an unknown form, which falls at most to 0 or ends with the fastest drag.
+    Attributes: at_s, weights: (k,) ends and Akaike weights of known forms. variance: of releases, s². any_s, p_any:
+    range and probability of an unknown form.
     """
 
     at_s: FloatArray
@@ -96,9 +96,7 @@ class Ends:
     p_any: float
 
     def density(self, off_s: float, slab_sd_s: float = 0.0) -> float:
-        """Probability density of releases ``off_s`` from the asymptote, 1/s; slab_sd_s: standard deviation of an
-        offset.
-        """
+        """Density of releases at ``off_s``, 1/s; slab_sd_s: standard deviation of an offset."""
         sd = float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2))
         of_forms = float(self.weights @ norm.pdf(off_s, self.at_s, sd))
         low, high = self.any_s
@@ -106,11 +104,11 @@ class Ends:
         return (1 - self.p_any) * of_forms + self.p_any * inside / (high - low) + np.finfo(float).tiny
 
     def log_density(self, off_s: float) -> float:
-        """Log density, mixed over a clock with and without an offset."""
+        """Log density, mixed over clocks with and without an offset."""
         return float(np.log((1 - P_EFFECT) * self.density(off_s) + P_EFFECT * self.density(off_s, OFFSET_SD_S)))
 
     def offset(self, off_s: float) -> Offset:
-        """The offset of releases ``off_s`` from the asymptote: posterior mean, 95 % interval and probability."""
+        """Posterior mean, 95 % interval and probability of an offset, given releases at ``off_s``."""
         with_it, without = P_EFFECT * self.density(off_s, OFFSET_SD_S), (1 - P_EFFECT) * self.density(off_s)
         sd, slab_sd = np.sqrt(self.variance), np.sqrt(self.variance + OFFSET_SD_S**2)
         each = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, slab_sd)
@@ -127,7 +125,7 @@ class Ends:
 
 
 def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
-    """Where the curve of a fit may end; variance: of the median of the taps, s²."""
+    """Ends of a fit's curve; variance: of the taps' median, s²."""
     fastest = float(np.quantile(fit.view.speed, 0.95))
     highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
     any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
@@ -149,7 +147,7 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
 
 
 def _latencies_s(fit: Fit) -> FloatArray:
-    """Latency of each run without the found effects, (runs,) s: law plus mean residual; nan without edges."""
+    """Latency of each run without the found effects, (runs,) s; nan without edges."""
     lever = fit.view.v_across * fit.view.stretch
     out = np.full(len(fit.runs), np.nan)
     for k in np.unique(fit.run_index):
@@ -161,7 +159,7 @@ def _latencies_s(fit: Fit) -> FloatArray:
 
 @dataclass(frozen=True)
 class Creep:
-    """Probabilities (id → share) of effects that edges cannot distinguish, by whether taps drifted too."""
+    """Probabilities (id → share) of effects that only taps distinguish."""
 
     shares: dict[str, float]
     evidence: str
@@ -172,9 +170,9 @@ class Creep:
 
 
 def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form: float = 0.0) -> Creep:
-    """Probabilities of effects that drift alike on the edges, by how the latency of taps drifted.
+    """Probabilities of effects that drift alike on the edges, by the drift of the taps.
 
-    effects: of fitted sizes; each predicts the change of a tap's latency.
+    effects: of fitted sizes.
     """
     even = {effect.id: 1 / len(effects) for effect in effects}
     if session.taps is None:
@@ -196,7 +194,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form
 def _by_level(
     session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], p_any_form: float
 ) -> Creep:
-    """The same from taps at one end of the session: their level relative to the asymptote under each effect."""
+    """The same from the level of taps at one end of the session."""
     assert session.taps is not None
     summary = summarise_taps(session.taps).get("release")
     if summary is None or summary.n < FEWEST:
@@ -219,8 +217,8 @@ def _shares(log_odds: dict[str, float]) -> dict[str, float]:
 
 
 def _ends(taps: Taps, origin_s: float) -> tuple[FloatArray, FloatArray, float] | None:
-    """Times since the session's start, s, and levels, s, of the taps at both ends, and the variance of the levels'
-    difference, s²; None where taps were made at one end only.
+    """Times and levels of the taps at both ends of the session, s, and the variance of the levels' difference, s²;
+    None for taps at one end only.
     """
     latency_s = taps.registered_s - taps.physical_s
     good = np.isfinite(latency_s) & (latency_s >= 0) & (latency_s <= LONGEST_S)

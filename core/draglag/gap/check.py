@@ -1,7 +1,7 @@
 """Posterior predictive check: the session simulated again with the measured hand and the final model.
 
-Compared are the width of the stylus, the scatter of the edges and the share of repeated positions; also the latency of
-the runs, which decides nothing, for the law was fitted to it.
+It compares stylus width, scatter of edges and repeated positions. The latency of runs decides nothing: the law was
+fitted to it.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ LATENCY, REPEATS = "latency by run", "repeated positions"
 
 
 def checked(session: Session, report: GapReport) -> GapReport:
-    """The report with its predictive check; ``unexplained`` where a statistic other than latency disagrees.
+    """The report with its predictive check; ``unexplained`` where a statistic disagrees.
 
-    Where repeated positions disagree, effects read off the streams are withdrawn. Where the latency disagrees, the
-    hand's motion could not be recovered and the verdict stays; so it does, without a check, when the simulation fails.
+    Where repeated positions disagree, effects read off the streams are withdrawn. Where the latency disagrees or the
+    simulation fails, the hand's motion could not be recovered and the verdict stays.
 
-    session: as measured, without the runs that were left out.
+    session: as measured, without excluded runs.
     """
     if report.last is None:
         return report
@@ -63,9 +63,9 @@ def checked(session: Session, report: GapReport) -> GapReport:
 
 
 def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...]:
-    """Statistics of the measured session and of its simulation, those that both have.
+    """Statistics that both the measured session and its simulation have.
 
-    session: the measured runs, with their unrepaired streams.
+    session: measured, streams unrepaired.
     """
     both = [
         (one.measured, one.simulated) for one in again.runs if one.measured is not None and one.simulated is not None
@@ -75,7 +75,7 @@ def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...
 
 
 def _latency(again: Replay) -> Statistic | None:
-    """RMS difference of run latencies, simulated − measured, times speed, mm; next to what the errors would leave."""
+    """RMS of the latency difference times speed, mm, and what the errors would leave of it."""
     rows = again.latencies_ms()
     if len(rows) < FEWEST_RUNS:
         return None
@@ -89,7 +89,7 @@ def _latency(again: Replay) -> Statistic | None:
 
 
 def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """Stylus width, mm: mean over the runs, weighted by inverse variance."""
+    """Weighted mean stylus width of the runs, mm."""
     rows = [
         (a.stylus_diameter_mm, b.stylus_diameter_mm, a.stylus_diameter_se_mm or 0.0, b.stylus_diameter_se_mm or 0.0)
         for a, b in both
@@ -107,7 +107,7 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """RMS residual of the edges about their two lines, mm: median over the runs."""
+    """Median RMS residual of the runs, mm."""
     rows = [(a.j_per_edge_mm2, b.j_per_edge_mm2) for a, b in both if a.j_per_edge_mm2 and b.j_per_edge_mm2]
     if len(rows) < FEWEST_RUNS:
         return None
@@ -117,7 +117,7 @@ def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _repeats(session: Session, again: Session) -> Statistic | None:
-    """Share of events that repeat the previous position; simulated ones rounded to the measured resolution."""
+    """Share of repeated positions, the simulated ones rounded as measured."""
     own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:

@@ -42,7 +42,7 @@ from draglag.system.blas import one_blas_thread
 
 
 def shown_by_streams(effect_id: str) -> bool:
-    """Whether the streams show the effect: it is repaired there instead of fitted to edges."""
+    """Whether the effect is repaired in the streams instead of fitted to edges."""
     return effect_class(effect_id).undone_in == "stream"
 
 
@@ -50,9 +50,8 @@ def shown_by_streams(effect_id: str) -> bool:
 class Model:
     """A law, a beam and effects, to be compared with a session.
 
-    Attributes: effects: ids of fitted effects, in order. held: id → parameters of effects of known size, which are
-    removed from the session. law, geometry, terms: of the last fit, None and empty before. of: the session it was
-    fitted to.
+    Attributes: effects: ids of fitted effects. held: id → parameters of known effects, removed from the session. law,
+    geometry, terms: of the last fit, None and empty before. of: the session fitted.
     """
 
     effects: tuple[str, ...] = ()
@@ -64,10 +63,10 @@ class Model:
     of: tuple[object, ...] = field(default=(), repr=False, compare=False)
 
     def with_effect(self, effect_id: str, values: Mapping[str, float] | None = None) -> Model:
-        """The model with one more effect, of fitted size or held at ``values``.
+        """The model with one more effect, fitted or held at ``values``.
 
-        Raises DataError for an unknown effect or parameter, an effect that is there already or cannot be held, and a
-        value that is missing, no number or beyond its bounds.
+        Raises DataError for an unknown effect or parameter, an effect present already or that cannot be held, and a
+        missing, non-numeric or out-of-bounds value.
         """
         if effect_id not in EFFECTS:
             raise DataError(
@@ -94,7 +93,7 @@ class Model:
         return replace(self, held=(*self.held, (effect_id, tuple(sorted(values.items())))))
 
     def without_effect(self, effect_id: str) -> Model:
-        """The model without one effect, not fitted yet. Raises DataError where it has none of that id."""
+        """The model without one effect, not refitted. Raises DataError where it has none of that id."""
         if effect_id not in self.effects and effect_id not in dict(self.held):
             raise DataError(message("{effect} is not in the model", effect=effect_id), "Take out one that is")
         effects = tuple(e for e in self.effects if e != effect_id)
@@ -102,7 +101,7 @@ class Model:
 
     @property
     def parameters(self) -> dict[str, dict[str, tuple[float, tuple[float, float]]]]:
-        """Effect → parameter → (value, 95 % interval), of the fitted effects."""
+        """Effect → parameter → (value, 95 % interval), fitted effects only."""
         if self.fit is None:
             return {}
         return {effect: parameters_of(effect, self.fit) for effect in self.effects if not shown_by_streams(effect)}
@@ -112,8 +111,8 @@ class Model:
 class Gap:
     """Where a session and a model disagree.
 
-    Attributes: model: as fitted. pool: explanations of the rest, with probabilities. streams: effects that the streams
-    show. gap_mm: RMS residual on held-out runs. noise_floor_mm: what noise alone leaves of it.
+    Attributes: pool: explanations of the rest, with probabilities. streams: effects that the streams show. gap_mm: RMS
+    residual on held-out runs; noise_floor_mm: what noise alone leaves.
     """
 
     session: Session = field(repr=False)
@@ -126,13 +125,13 @@ class Gap:
 
     @property
     def probability(self) -> float:
-        """Posterior probability of anything beyond the model, the curve's form and noise, of any size."""
+        """Posterior probability of anything beyond model, curve's form and noise."""
         inside = set(self.pool.emptiest)
         return sum(p for names, p in self.pool.probabilities().items() if set(names) - inside - {LAW_FORM})
 
     @property
     def members(self) -> dict[str, float]:
-        """Effect id, or ``?covariate:role`` of an unnamed term → probability, at least 0.1, in falling order."""
+        """Effect id, or ``?covariate:role`` of an unnamed term → probability, falling from the largest to 0.1."""
         names = {name for found in self.pool.found for name in found} - set(self.pool.emptiest) - {LAW_FORM}
         each = {name: self.pool.probability_of(name) for name in names}
         return {n: p for n, p in sorted(each.items(), key=lambda item: -item[1]) if p >= SHARED}
@@ -174,10 +173,9 @@ class Shrinkage:
 
 @one_blas_thread
 def find(session: Session, model: Model | None = None) -> Gap:
-    """The disagreement of a session and a model, which is fitted to it.
+    """The disagreement of a session and a model, fitted to it without the runs that ``analyze`` leaves out.
 
-    A model that ``find`` returned for the same session starts from its fit and uses its edges, so that two gaps can be
-    compared; for another session it is fitted again. Runs that ``analyze`` leaves out are left out.
+    A model from an earlier ``find`` on the same session keeps its start and edges, so that gaps can be compared.
 
     Raises EstimateError when the session cannot carry the model.
     """
@@ -229,11 +227,11 @@ def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) ->
 
 @one_blas_thread
 def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Step, ...]:
-    """Effects that explain a gap, the most probable first, each refitted jointly with the model; empty when none does.
+    """Effects that explain a gap, the most probable first, each refitted jointly with the model.
 
-    Effects that the streams show are returned alone: they have to be repaired before edges can be judged.
+    Effects that the streams show are returned alone: they have to be repaired first.
 
-    candidates: ids of the effects to choose among; None: the whole library. Raises DataError for an unknown id.
+    candidates: ids to choose among; None: all. Raises DataError for an unknown id.
     """
     allowed = known_effects(candidates)
     shown = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
@@ -257,7 +255,7 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
 
 @one_blas_thread
 def shrinkage(before: Gap, after: Gap) -> Shrinkage:
-    """Change of the gap on held-out runs from one model to another. Raises DataError for gaps of two sessions."""
+    """Change of the held-out gap from one model to another. Raises DataError for two sessions."""
     if _of(before.session) != _of(after.session):
         raise DataError(
             message(
@@ -321,7 +319,7 @@ def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
 
 
 def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, float], ...]]]) -> Session:
-    """The session with effects of known size removed, under the law of a first fit."""
+    """The session with effects of known size removed, by a first fit's law."""
     if not held:
         return session
     law = fit_session(session, gather(session)).law

@@ -1,7 +1,6 @@
-"""Effects of an extended model, its law excepted, removed from copies of the recorded streams.
+"""Effects of an extended model, except its law, removed from copies of recorded streams.
 
-What each effect of the simulation adds to a latency, position, shadow, edge or clock is subtracted, evaluated on the
-movement that the touch trace shows under the model's law.
+Forward contributions to latency, position, shadow, edge or clock are subtracted along the trace's motion under the law.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class Correction:
     left: dict[str, str]
 
     def words(self) -> str:
-        """What was removed and what stays, in one line; empty when the model names no effect."""
+        """What was removed and what stays, in one line; empty for a model without effects."""
         out = []
         if self.applied:
             out.append("corrected for " + "; ".join(size_words(effect) for effect in self.applied))
@@ -74,7 +73,7 @@ def size_words(effect: ModelEffect) -> str:
 
 
 def realise(effect: ModelEffect) -> Effect:
-    """The simulated effect that a model file describes; a single number of unknown name is its main parameter."""
+    """The simulated effect of a model file; a single number of unknown name is its main parameter."""
     if effect.shape is not None and effect.shape.sizes:
         shape = effect.shape
         value = next(iter(effect.parameters.values()), 0.0)
@@ -90,10 +89,10 @@ def realise(effect: ModelEffect) -> Effect:
 
 
 def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correction]:
-    """A session without the effects that a model names, and what was done.
+    """A session without a model's effects, and what was done.
 
-    Effects in the latency law stay, for the law undoes them; a drift of the laser's clock is removed by the session's
-    own clock comparisons where it has them.
+    Effects in the latency law stay, for the law undoes them. Clock comparisons of the session, where it has them, take
+    precedence over the model's drift.
     """
     applied: list[ModelEffect] = []
     left: dict[str, str] = {}
@@ -123,7 +122,7 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
 
 
 def without_effects(session: Session, effects: Sequence[Effect], law: Law) -> Session:
-    """The session without the given effects; the law gives the stylus' motion from the trace."""
+    """The session without the given effects; the law gives the motion."""
     if not effects:
         return session
     starts = [run.touch.t_s[0] for run in session.runs if run.touch.t_s.size]
@@ -134,7 +133,6 @@ def without_effects(session: Session, effects: Sequence[Effect], law: Law) -> Se
 
 
 def _clock_is_known(session: Session) -> bool:
-    """Whether clock comparisons of the session map every run's edges to the host's clock."""
     runs = [run for run in session.runs if len(run.laser.t_s)]
     if not runs or not all(len(run.laser.device_t_s) for run in runs):
         return False
@@ -147,10 +145,9 @@ def _clock_is_known(session: Session) -> bool:
 def corrected_touch(
     t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, model: LatencyModel
 ) -> tuple[FloatArray, FloatArray, FloatArray, Correction]:
-    """Touch events (n,) without the model's effects, as far as events alone allow: t s, x mm, y mm, and what was done.
+    """Touch events (n,) without the model's effects: t s, x mm, y mm, and what was done.
 
-    Repeated positions of a sample-and-hold loop get the time of the first. Effects of laser and clock do not act on
-    touch.
+    Repeated positions get the time of the first. Effects of laser and clock do not act on touch.
     """
     size = (model.provenance.screen_width_mm or 0.0, model.provenance.screen_height_mm or 0.0)
     applied: list[ModelEffect] = []
@@ -196,7 +193,7 @@ def corrected_touch(
 def _hand(
     touch: TouchTrace, law: Law, origin_s: float, size_mm: tuple[float, float]
 ) -> tuple[Kinematics, FloatArray, FloatArray]:
-    """Movement under a trace as the simulation has it, its host times (g,) s, and the time each event shows (n,) s."""
+    """Simulated movement under a trace, its host times (g,) s, and the time each event shows (n,) s."""
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
     path = stylus_path(touch.t_s, xy_mm, law, max(0.05, 4.5 * sample_interval_s(touch.t_s)))
     n = int((path.t_s[-1] - path.t_s[0]) * GRID_HZ)
@@ -211,7 +208,6 @@ def _hand(
 def _without_touch_effects(
     touch: TouchTrace, effects: Sequence[Effect], law: Law, origin_s: float, size_mm: tuple[float, float]
 ) -> TouchTrace:
-    """Touch events without what effects add to latency and position."""
     k, host_s, own_s = _hand(touch, law, origin_s, size_mm)
     rng = np.random.default_rng(0)
     late = np.zeros(host_s.size)
@@ -233,7 +229,7 @@ def _without_touch_effects(
 def _without(
     run: Run, effects: Sequence[Effect], law: Law, origin_s: float, size_mm: tuple[float, float], session: Session
 ) -> Run:
-    """A run without effects; unchanged where its trace is too poor to reconstruct the movement."""
+    """The run without effects; unchanged where its trace is too poor."""
     touch = usable(run.touch)
     if touch.t_s.size < 50 or not len(run.laser.t_s):
         return run
@@ -249,7 +245,7 @@ def _without(
 def _laser_without(
     laser: LaserTrace, effects: Sequence[Effect], k: Kinematics, host_s: FloatArray, origin_s: float, diameter_mm: float
 ) -> LaserTrace:
-    """Edges without delays, drift and false width; device stamps are shifted alike."""
+    """Edges and device stamps without delays, drift and false width."""
     t = laser.t_s - origin_s
     for effect in effects:
         t = t - (effect.laser_clock(t) - t)

@@ -15,7 +15,7 @@ TOO_SUDDEN = message("a slower chirp or step: no edge of those here could be pla
 
 
 def not_shown(session: Session, fit: Fit) -> dict[str, str]:
-    """Effect id → the recording, in words, that would show it."""
+    """Effect id → the recording that would show it, in words."""
     lacks = _lacking(session, fit)
     inside = set(effects_in(fit))
     out = {}
@@ -27,7 +27,7 @@ def not_shown(session: Session, fit: Fit) -> dict[str, str]:
 
 
 def _lacking(session: Session, fit: Fit) -> dict[str, str]:
-    """What the session lacks → words for it, empty where each effect has its own."""
+    """What is lacking → words, empty where each effect has its own."""
     out = {"other stylus": ""}
     if session.taps is None or session.taps.registered_s.size < ENOUGH_TAPS:
         out["taps"] = ""

@@ -30,8 +30,8 @@ class Provisional:
     """A smooth function of a covariate, marked unnamed.
 
     Attributes: name: ``unnamed:speed``. role: latency (ms), offset (mm), width (mm), or direction, a latency (ms) of
-    opposite sign for opposite travel. probability: relative to noise alone. x, value, low, high: (k,) the function with
-    its 95 % band. improves: the held-out gap shrank.
+    opposite sign for opposite travel. probability: relative to noise alone. x, value, low, high: (k,) function with 95
+    % band.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Provisional:
         return ROLES[self.role]
 
     def words(self) -> str:
-        """Size and benefit of the term in two sentences."""
+        """Size and benefit of the term."""
         k = int(np.abs(self.value).argmax())
         return (
             f"Provisional term {self.name} ({self.role}): gap {self.gap_before_mm:.3f} → {self.gap_after_mm:.3f} mm, "
@@ -82,9 +82,9 @@ class Provisional:
 
 
 def provisional_term(report: GapReport) -> Provisional | None:
-    """The most probable smooth term that shrinks a report's held-out gap; None where none does.
+    """The most probable smooth term that shrinks a report's held-out gap, or None.
 
-    It follows the covariate that the report names, or any where that has no smooth term.
+    It follows the covariate of the report, or any where that has no smooth term.
     """
     if report.last is None or report.judgement is None or report.unexplained_by is None:
         return None
@@ -132,7 +132,7 @@ def _added(fit: Fit, covariate: str, role: str, probability: float, columns: Flo
 
 
 def _per_unit(view: View, role: str, columns: FloatArray) -> tuple[FloatArray, float]:
-    """The function of which these are residual columns, (m, k), and the factor to ms or mm."""
+    """The function of these residual columns, (m, k), and the factor to ms or mm."""
     lever = view.v_across * view.stretch
     if role == "offset":
         return columns, 1.0

@@ -33,7 +33,7 @@ UNEXPLAINED = ("unexplained",)
 
 
 def stated(probability: float) -> str:
-    """A probability in words of two digits, within what has been counted."""
+    """A probability with two digits, within what has been counted."""
     return f"{min(probability, STATED_AT_MOST):.2f}" if probability >= 0.005 else "< 0.01"
 
 
@@ -45,8 +45,7 @@ def followed(covariate: str) -> str:
 def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, probability: float | None = None) -> str:
     """The verdict ``unexplained`` in a sentence.
 
-    covariate: ``scatter`` for none. stopped_at: limit on effects that ended the search. probability: of something
-    unnamed.
+    stopped_at: limit on effects that ended the search. probability: of something unnamed.
     """
     word = "Unexplained" if probability is None else f"Unexplained (probability {stated(probability)})"
     scatter = covariate == "scatter"
@@ -64,8 +63,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, p
 class Step:
     """One effect added.
 
-    Attributes: parameters: name → (value, (low, high)). p_value: likelihood ratio test. gaps: on held-out runs, mm RMS.
-    probability: that the explanation holds the effect or one that cannot be distinguished from it.
+    Attributes: parameters: name → (value, (low, high)). p_value: likelihood ratio. gaps: held-out RMS, mm. probability:
+    of this effect or one indistinguishable from it.
     """
 
     effect: str
@@ -98,16 +97,14 @@ class Step:
 
 
 def next_to_unnamed(step: Step) -> Step:
-    """The step at the lower probability of names next to something unnamed; unchanged where the streams show it."""
+    """The step at the lower probability of names next to something unnamed; unchanged where streams show it."""
     in_streams = effect_class(step.effect).detected_by
     return step if in_streams else replace(step, probability=NEXT_TO_UNNAMED * step.probability)
 
 
 @dataclass(frozen=True)
 class LawStatement:
-    """The curve's form. adequate: Eq. 5 describes it; probability: that it does not; misses_s: RMS from the nearest
-    Eq. 5.
-    """
+    """The curve's form: whether Eq. 5 is adequate; probability that it is not; misses_s: RMS from the nearest Eq. 5."""
 
     adequate: bool = True
     probability: float = 0.0
@@ -134,9 +131,7 @@ class Tolerated:
 
 @dataclass(frozen=True)
 class NoisePart:
-    """A part of the noise: ``touch`` or a level of ``posterior.levels``, in the unit of its name; size_mm: RMS over
-    the edges.
-    """
+    """A part of the noise: ``touch`` or a level of ``posterior.levels``, in its unit; size_mm: RMS over the edges."""
 
     name: str
     level: float
@@ -160,10 +155,9 @@ class GapReport:
     """The workflow's result.
 
     Attributes: verdict: explained | no_gap | unexplained, or None with ``missing``. explanations: sets of effects with
-    probabilities, 95 % of the mass. not_seen: effect → the recording that would show it. first, last: fits without
-    effects and with all steps. judgement: all that was compared. stopped_at: limit on effects that ended the search.
-    excluded: run id → why it was left out. flagged: run id → flags of its edges. noise: parts of the noise floor, the
-    largest first. check: of the final model, empty without steps.
+    probabilities, 95 % of the mass. not_seen: effect → recording that would show it. first, last: fits without and with
+    all steps. judgement: all compared. stopped_at: limit on effects that ended the search. excluded: run id → reason.
+    flagged: run id → flags of its edges. noise: parts of the floor, largest first. check: empty without steps.
     """
 
     session: str
@@ -190,7 +184,7 @@ class GapReport:
     check: tuple[Statistic, ...] = ()
 
     def judged(self, session: Session) -> Session:
-        """The session without the runs that the workflow left out."""
+        """The session without excluded runs."""
         if not self.excluded:
             return session
         return replace(session, runs=tuple(run for run in session.runs if run.id not in self.excluded))
@@ -229,7 +223,7 @@ class GapReport:
 
 
 def unjudged(session: Session, report: GapReport) -> str:
-    """Runs not used, or used in part, in sentences; empty for none."""
+    """Runs not used, or in part, in sentences."""
     if report.last is None or report.first is None:
         return ""
     session = report.judged(session)

@@ -12,7 +12,7 @@ BACK_AT_MOST = 0.01  # of the touch events
 
 
 def what_is_missing(session: Session) -> tuple[str, ...]:
-    """What a session lacks for a verdict, in words; empty when it has enough."""
+    """What a session lacks for a verdict, in words."""
     steady = [r for r in session.runs if r.protocol in ("circle", "free") and r.laser.t_s.size >= FEWEST_EDGES]
     missing: list[str] = []
     if len(steady) < 5:
@@ -64,7 +64,7 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
 
 
 def times_out_of_order(session: Session) -> str:
-    """A sentence on runs whose touch times go back or are no numbers; empty for none."""
+    """A sentence on runs whose touch times go back or are no numbers, or nothing."""
     bad = [run.id for run in session.runs if _is_out_of_order(run.touch.t_s)]
     if not bad:
         return ""
@@ -77,7 +77,6 @@ def times_out_of_order(session: Session) -> str:
 
 
 def _is_out_of_order(t_s: FloatArray) -> bool:
-    """Whether times are not finite, or more than a few go back."""
     return bool(not np.isfinite(t_s).all() or np.count_nonzero(np.diff(t_s) < 0) > BACK_AT_MOST * t_s.size)
 
 

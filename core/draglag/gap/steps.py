@@ -114,7 +114,7 @@ class Link:
 def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
     """The chain up to the first effect that held-out runs do not support, and its covariate.
 
-    Effects that hide each other, as a late and an early edge do, are judged together with the next.
+    Effects that hide each other, as a late and an early edge, are judged together.
     """
     k = 1
     while k < len(chain):
@@ -127,9 +127,9 @@ def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
 
 
 def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
-    """The chain up to the first effect that explains less of the held-out mean square than stays unnamed.
+    """The chain up to the first effect that explains less held-out mean square than stays unnamed.
 
-    An unknown shape may imitate any effect smaller than itself.
+    An unknown shape may imitate any smaller effect.
     """
     last = chain[-1].after
     unexplained = gap_mm(last, edges) ** 2 - floor_mm(last, edges) ** 2
@@ -146,7 +146,7 @@ def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
 
 
 def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> list[Link]:
-    """The first fit and those with one more effect each, the one that closes most of the gap first."""
+    """The first fit and those with one more effect each, in order of the gap they close."""
     pool, fits = judgement.pool, dict(judgement.fits)
     out = [Link("", judgement.base, judgement.base)]
     names: Names = ()
@@ -179,7 +179,7 @@ def step_of(
     after: Fit,
     last: Fit | None = None,
 ) -> Step:
-    """One effect as a step, with those indistinguishable from it. last: fit with all effects, for its parameters."""
+    """One effect as a step, with those indistinguishable from it. last: fit of all effects, for parameters."""
     last = last or after
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
     p_any_form = _unknown_form(judgement, last)
@@ -232,7 +232,7 @@ def deviance_gained(before: Fit, after: Fit) -> float:
 
 
 def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:
-    """Effects that the streams show, as steps; all are repaired at once."""
+    """Effects that the streams show, as steps, repaired at once."""
     if not found:
         return []
     after = gap_mm(repaired)
@@ -263,7 +263,7 @@ def _unnamed_in_streams(
 ) -> str | None:
     """Covariate of what streams or traces show and no allowed effect explains.
 
-    Stalls count only where repair leaves them: removing repeated positions makes pauses.
+    Stalls count only where repair leaves them: removed repeats make pauses.
     """
     if strange:
         return effect_class(strange[0].effect).follows

@@ -20,7 +20,7 @@ from draglag.simulation.effects import EFFECTS, Effect, effect_class
 
 
 def waited_s(session: Session, effects: Sequence[Effect]) -> float:
-    """Half the longest wait for host or filter that may affect only taps or only drags, s."""
+    """Half the longest wait that may delay only taps or only drags, s."""
     frames = [float(np.mean(np.diff(run.touch.t_s))) for run in session.runs if run.touch.t_s.size > 2]
     frame_s = float(np.median(frames)) if frames else 0.0
     return 0.5 * max((effect.longest_wait_s(frame_s) for effect in effects), default=0.0)
@@ -29,7 +29,7 @@ def waited_s(session: Session, effects: Sequence[Effect]) -> float:
 def with_taps(
     session: Session, judgement: Judgement, last: Fit, steps: list[Step], allowed: frozenset[str], p_any_form: float
 ) -> tuple[list[Step], Fit]:
-    """Steps for a difference of taps and drags that is more probable than not, and the fit after them."""
+    """Steps for a probable difference of taps and drags, and the fit after them."""
     parting = [e for name, e in EFFECTS.items() if e.drags_early and name in allowed]
     effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
     offset = clock_offset(session, last, effects, waited_s(session, effects), p_any_form)
@@ -67,7 +67,7 @@ def with_taps(
 
 
 def _shown_by_taps(steps: list[Step], k: int, offset: Offset) -> bool:
-    """Whether the k-th step explains the taps; then its size and evidence are updated in ``steps``."""
+    """Whether the k-th step explains the taps, which then size it in ``steps``."""
     home = effect_class(steps[k].effect)
     if not home.drags_early:
         return False
@@ -80,7 +80,7 @@ def _shown_by_taps(steps: list[Step], k: int, offset: Offset) -> bool:
 
 
 def _of_size(offset: Offset, sign: int) -> tuple[float, tuple[float, float]]:
-    """Lead (sign 1) or lag (−1) of drags relative to taps, and its 95 % interval, s."""
+    """Lead (sign 1) or lag (−1) of drags relative to taps, with 95 % interval, s."""
     low, high = sorted(sign * end for end in offset.ci95_s)
     return sign * offset.value_s, (low, high)
 
@@ -90,6 +90,6 @@ def _off_the_asymptote(offset: Offset) -> str:
 
 
 def _moved_mm(effect: type[Effect], value: float, fit: Fit) -> list[FloatArray]:
-    """By how much an effect of known size moves each edge beyond a constant latency, (m,) mm of each alternative."""
+    """Shift of each edge by an effect beyond a constant latency, (m,) mm of each alternative."""
     options = effect.columns_at((value,), fit.view)
     return [np.asarray(one.columns(fit.view)[:, 0] * value) for one in options] or [np.zeros(fit.residual_mm.size)]

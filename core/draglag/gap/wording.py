@@ -47,7 +47,7 @@ Explanations = Sequence[tuple[tuple[str, ...], float]]
 
 
 def cause_in_words(step: Step) -> str:
-    """An effect, its twins, its size and its probability: "clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)"."""
+    """An effect, its twins, size and probability: "clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)"."""
     names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))
     size, interval = _size(step)
     brackets = f"{interval}; " if interval else ""
@@ -70,7 +70,7 @@ def headline(report: GapReport) -> str:
 
 
 def verdict_in_words(report: GapReport) -> str:
-    """The verdict in one or two sentences: causes, sizes, probabilities and held-out gap."""
+    """Causes, sizes, probabilities and held-out gap, in one or two sentences."""
     sizes = f"{report.gap_last_mm or 0.0:.2f} mm, noise {report.noise_floor_mm or 0.0:.2f}"
     mass = dict(report.explanations)
     quiet = f" (probability {stated(mass[()])})" if () in mass else ""
@@ -112,7 +112,7 @@ def _to_separate(report: GapReport) -> list[str]:
 
 
 def separating_run(effect: str, alike: Sequence[str], extra_run: str) -> str:
-    """The recording that would separate an effect from those alike; empty where none is known."""
+    """The recording that would separate an effect from those alike, or nothing."""
     known = (EFFECTS[name].separated_by for name in (effect, *alike) if name in EFFECTS)
     return extra_run or next(filter(None, known), "")
 
@@ -166,7 +166,7 @@ def set_in_words(names: Sequence[str]) -> str:
 def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) -> Explanations:
     """Probable sets beyond the first, without those that steps name with "or".
 
-    steps: for each, its effect and those indistinguishable from it.
+    steps: each an effect and those indistinguishable from it.
     """
     first = tuple(explanations[0][0]) if explanations else ()
     named = {column_of(name) for step in steps for name in step if name in EFFECTS}
@@ -211,7 +211,7 @@ def drift_in_analysis(session: Session, report: GapReport) -> str:
 
 
 def drift_of_stamps_ppm(session: Session) -> float | None:
-    """Drift of the laser's stamps by clock comparisons, ppm, positive if fast; None without enough of either."""
+    """Drift of the laser's stamps by clock comparisons, ppm, positive if fast; None without enough."""
     if not session.clocks and not any(run.sync for run in session.runs):
         return None
     stamps, off = [], []

@@ -1,4 +1,4 @@
-"""The workflow: the most probable explanation of a session, step by step on held-out runs."""
+"""The workflow: the most probable explanation of a session, step by step."""
 
 from __future__ import annotations
 
@@ -40,11 +40,10 @@ def close_gap(
     progress: Progress | None = None,
     include: Collection[str] = (),
 ) -> GapReport:
-    """The report on a session, without the runs that ``analyze`` leaves out; ``missing`` lists what too small a session
-    lacks.
+    """The report on a session, without runs that ``analyze`` leaves out; ``missing`` lists what it lacks for a verdict.
 
-    candidates: effect ids that may be named; None: the whole library. include: ids of runs to use although they went
-    wrong, or ``all``. Raises DataError for an unknown candidate.
+    candidates: effect ids; None: all. include: ids of runs to use although they went wrong, or ``all``. Raises
+    DataError for an unknown candidate.
     """
     allowed = known_effects(candidates)
     session, excluded = kept_runs(session, include)
@@ -80,7 +79,7 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
 
 
 def _first_fit(ready: Session, whole: Session) -> tuple[Session, Fit]:
-    """The session and its fit without effects; the repaired session where the given one cannot be fitted."""
+    """The session, repaired if it cannot be fitted as given, and its fit without effects."""
     try:
         return ready, fit_session(ready, gather(ready))
     except NO_FIT:

@@ -1,4 +1,4 @@
-"""Damped Gauss–Newton search of the joint fit; edges and noise follow the law only at first."""
+"""Damped Gauss–Newton search of the joint fit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges ar
 
 @dataclass(frozen=True)
 class Search:
-    """State of the search: parameters, mask of the edges used, and their noise."""
+    """State of the search: parameters, mask of used edges, noise."""
 
     state: State
     use: np.ndarray
@@ -38,16 +38,15 @@ class Search:
         return cls(state, use, components, whitener(scatter(runs, state.placed, use, state.blur_mm), components))
 
     def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float) -> Search:
-        """The search moved to the likeliest law of a grid of rates, where that is better."""
+        """The search at the likeliest rates of a grid, where those are better."""
         state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm)
         return self if state is self.state else Search.at(runs, state, use, self.components)
 
 
 def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
-    """The search at its end. fixed: the edges are those of a smaller model.
+    """The converged search. fixed: the edges are those of a smaller model.
 
-    Edges and weights are frozen once near the optimum: updated at every step, they would keep the search from
-    converging.
+    Edges and weights follow the law only at first; else the search would not converge.
     """
     width_mm = session.screen.width_mm
     settled = judged = False
@@ -78,7 +77,7 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
 
 
 def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
-    """The search with its final edges and noise, chosen near the optimum."""
+    """The search with its final edges and noise."""
     state = search.state
     use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))
     if not use.any():
@@ -101,10 +100,9 @@ def _next(
     damping: float,
     least: float,
 ) -> tuple[State, np.ndarray, float, float] | None:
-    """A point of lower cost, edges that cannot be placed there, the fall of the cost, and the next damping; None at the
-    end.
+    """A lower point, edges that cannot be placed there, the fall of the cost, and the next damping; None at the end.
 
-    Levenberg–Marquardt damping: Eq. 5's amplitudes and rates lie in a narrow valley that plain steps leave.
+    Levenberg–Marquardt: Eq. 5's parameters lie in a narrow valley that plain steps leave.
     """
     down = downhill(white, state, use)
     if down.step(state.prior, 0.0)[1] < least:

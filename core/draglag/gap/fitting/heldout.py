@@ -20,7 +20,7 @@ IN_EVERY_FIT = -1
 def folds(fit: Fit) -> IntArray:
     """Fold of each used edge, (m,), by run: replicates and neighbouring speeds in different folds.
 
-    The slowest and the fastest speed stay in every fit (−1) where they were run once, for a law is not extrapolated.
+    The extreme speeds, where run once, stay in every fit (−1): a law is not extrapolated.
     """
     nominal = [data.run.nominal_speed_mm_s for data in fit.runs]
     steady = sorted((round(float(v), 1), k) for k, v in enumerate(nominal) if v is not None)
@@ -45,9 +45,9 @@ def held_out_residual_mm(fit: Fit) -> FloatArray:
 
 
 def noise_variance_mm2(fit: Fit) -> FloatArray:
-    """Variance that noise alone leaves at every used edge, parameters fitted without its fold, (m,) mm².
+    """Variance of held-out residuals by noise alone, (m,) mm².
 
-    The latency offset and uneven following of runs of changing speed, which the fit allows for, do not count as noise.
+    Latency offset and uneven following of runs of changing speed, which the fit allows for, do not count as noise.
     """
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     noise_mm = np.where(fit.placed.steady[fit.use], parts.uneven_mm, 0.0)
@@ -71,23 +71,23 @@ def _spread(fit: Fit, design: FloatArray) -> FloatArray:
 
 
 def _counted(fit: Fit, edges: np.ndarray | None) -> np.ndarray:
-    """Used edges (m,) that count in a gap: of runs held out of some fit, and among ``edges``."""
+    """Used edges (m,) of runs held out of some fit, and among ``edges``."""
     counted: np.ndarray = folds(fit) != IN_EVERY_FIT
     return counted if edges is None else counted & edges[fit.use]
 
 
 def gap_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
-    """RMS residual on held-out runs, mm. edges: mask over all placed edges; None for all."""
+    """RMS residual on held-out runs, mm. edges: mask over placed edges; None: all."""
     return float(np.sqrt(np.mean(held_out_residual_mm(fit)[_counted(fit, edges)] ** 2)))
 
 
 def floor_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
-    """RMS that noise alone leaves on held-out runs, mm. edges: as for ``gap_mm``."""
+    """RMS by noise alone on held-out runs, mm. edges: as for ``gap_mm``."""
     return float(np.sqrt(np.mean(noise_variance_mm2(fit)[_counted(fit, edges)])))
 
 
 def predictive_gain(before: Fit, after: Fit) -> float:
-    """Gain of log predictive density on held-out runs, nats, on the edges that both use, each under its own noise."""
+    """Gain of log predictive density on held-out runs, nats, on shared edges, each under its own noise."""
     both = before.use & after.use
     return _log_predictive(after, both) - _log_predictive(before, both)
 
@@ -100,16 +100,15 @@ def _log_predictive(fit: Fit, edges: np.ndarray) -> float:
 
 
 def shrinks(before: Fit, after: Fit) -> bool:
-    """Whether the RMS on held-out runs falls by more than ``SHRINKS_BY``, on the edges that both use."""
+    """Whether the held-out RMS falls by more than ``SHRINKS_BY``, on shared edges."""
     both = before.use & after.use
     return gap_mm(after, both) < (1 - SHRINKS_BY) * gap_mm(before, both)
 
 
 def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
-    """Whether held-out runs favour the larger model: their RMS shrinks, or they are predicted better and it does not
-    grow.
+    """Whether held-out runs favour the larger model: smaller RMS, or better prediction without a growing mean square.
 
-    The RMS rests on the fastest runs: what moves few edges, or all a little, hardly shows in it.
+    RMS rests on the fastest runs and hardly shows what moves few edges, or all a little.
     """
     if shrinks(before, after):
         return True
@@ -117,7 +116,7 @@ def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
 
 
 def grows(before: Fit, after: Fit) -> bool:
-    """Whether the mean square on held-out runs grows, at 95 % by its variance between runs."""
+    """Whether the held-out mean square grows, at 95 % by its variance between runs."""
     both = before.use & after.use
     old, new = squares_by_run(before, both), squares_by_run(after, both)
     more_mm2 = np.array([new[run][0] - old[run][0] for run in old])
@@ -125,13 +124,13 @@ def grows(before: Fit, after: Fit) -> bool:
 
 
 def squares_by_run(fit: Fit, edges: np.ndarray | None = None) -> dict[int, tuple[float, int]]:
-    """Run → sum of squares, mm², and number of its held-out residuals. edges: as for ``gap_mm``."""
+    """Run → sum of squared held-out residuals, mm², and their number. edges: as for ``gap_mm``."""
     counted = _counted(fit, edges)
     residual_mm, run = held_out_residual_mm(fit)[counted], fit.run_index[counted]
     return {int(k): (float(np.sum(residual_mm[run == k] ** 2)), int(np.sum(run == k))) for k in np.unique(run)}
 
 
 def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
-    """``shrinks`` for columns (m, k) of an unnamed effect, added to the linear model."""
+    """``shrinks`` for columns (m, k) of an unnamed effect."""
     prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
     return shrinks(fit, replace(fit, design=np.column_stack([fit.design, columns]), prior=prior))

@@ -12,10 +12,10 @@ LEAST_RUNS = 5  # of a jackknife
 
 
 def jackknife_sd(fit: Fit) -> FloatArray:
-    """Standard deviation of each linear parameter, (p,), by leaving out one run at a time (Efron & Stein 1981).
+    """Standard deviation of each linear parameter, (p,), by the jackknife over runs (Efron & Stein 1981).
 
-    It holds what the fit's covariance does not: latency that depends on place or time from run to run, noise that lasts
-    for a whole pass. A run without which a parameter is undefined is skipped. Zero with fewer than 5 runs.
+    It includes latency that varies with place or time between runs, and noise as long as a pass, unlike the covariance.
+    A run without which a parameter is undefined is skipped. Zero with fewer than 5 runs.
     """
     white = fit.white
     a, b = white.apply(fit.design), white.apply(fit.residual_mm)

@@ -1,4 +1,4 @@
-"""The joint fit of curve, beam and accepted effects, by Gauss–Newton under the session's own noise."""
+"""The joint Gauss–Newton fit of curve, beam and effects."""
 
 from __future__ import annotations
 
@@ -32,9 +32,8 @@ START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 class Fit:
     """A converged joint fit.
 
-    Attributes (m used edges): use: mask over placed; residual_mm: (m,); design: (m, p) columns, base then terms; view:
-    restricted to the used edges; white: under the likeliest of ``noises``, a grid of what is common to a run; only:
-    mask over placed of the edges allowed, None for all.
+    Attributes (m used edges): use: mask over placed; residual_mm: (m,); design: (m, p), base then terms; view: of used
+    edges; white: under the likeliest of ``noises``, a grid of run components; only: mask of allowed edges, None: all.
     """
 
     runs: tuple[RunData, ...]
@@ -61,7 +60,7 @@ class Fit:
 
 
 def effects_in(fit: Fit) -> tuple[str, ...]:
-    """Ids of the effects in a fit, sorted: its terms and those in its law."""
+    """Sorted ids of the effects in a fit's terms and law."""
     named = [term.effect for term in fit.terms if term.effect in EFFECTS]
     return tuple(sorted([*named, *effects_in_law(fit)]))
 
@@ -86,10 +85,10 @@ def fit_session(
     law: LawParameters | None = None,
     only: np.ndarray | None = None,
 ) -> Fit:
-    """Fit law, beam and terms jointly.
+    """The joint fit of law, beam and terms.
 
-    start: fit of a smaller model, whose edges are used, so that the two can be compared, and which sizes the new terms.
-    law: initial law instead of the runs' latencies. only: mask over all edges, those allowed.
+    start: a smaller model, which gives the edges, so that fits can be compared, and first sizes. law: initial, instead
+    of the runs' latencies. only: mask of allowed edges.
 
     Raises EstimateError when the session cannot carry the law.
     """
@@ -119,7 +118,7 @@ def fit_session(
 
 
 def _begun(session: Session, runs: tuple[RunData, ...], law: LawParameters, terms: Sequence[Term]) -> State:
-    """The first point: a law, the median beam of the runs, and terms of known or no size."""
+    """The first point: given law and terms, median beam of the runs."""
     found = [d.estimate.alignment for d in runs if d.estimate and d.estimate.alignment]
     middle_mm = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for a in found]))
     geometry = Geometry(float(np.median([a.slope for a in found])), middle_mm, session.stylus.diameter_mm)
@@ -133,7 +132,6 @@ def _begun(session: Session, runs: tuple[RunData, ...], law: LawParameters, term
 def _concluded(
     runs: tuple[RunData, ...], search: Search, start: Fit | None, only: np.ndarray | None, width_mm: float
 ) -> Fit:
-    """The fit at the end of a search, with the likeliest noise."""
     state, components = search.state, search.components
     use = search.use & (usable(state, runs, loose=False) if start is None else state.placed.ok)
     parts = scatter(runs, state.placed, use, state.blur_mm)
@@ -171,16 +169,14 @@ def _concluded(
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
-    """Traces with the terms' displacement removed, and the terms as what remains of them."""
+    """Traces without the terms' displacement, and what remains of the terms."""
     each = [effect_class(term.effect).undoing(term, runs) for term in terms]
     ready = undone(runs, [what for what, _ in each if what is not None])
     return ready, [left for _, left in each]
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:
-    """Of several sets of sized terms, the one that fits the edges of ``before`` best under a given law, without a
-    refit.
-    """
+    """The set of sized terms that fits the edges of ``before`` best under a law, without a refit."""
     values: list[float] = []
     for terms in options:
         state = linearise(before.runs, law, before.geometry, terms, before.width_mm, None)
@@ -193,9 +189,9 @@ def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParam
 
 
 def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
-    """Log-likelihood of a fit on some of its edges, so that a refit that lost a few can be compared.
+    """Log-likelihood of a fit on some of its edges, for comparison with refits that lost a few.
 
-    edges: mask over all placed edges, a subset of ``fit.use``.
+    edges: mask over placed edges, a subset of ``fit.use``.
     """
     parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
     keep = edges[fit.use]
@@ -204,7 +200,7 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
 
 
 def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:
-    """The mean latency that the terms add to each run, (runs,) s, and their sizes, from one linear step."""
+    """Mean latency that the terms add to each run, (runs,) s, and their sizes, from one linear step."""
     signatures = [term_signature(t, start.view) for t in terms]
     new = np.column_stack([s.columns(start.view) for s in signatures])
     n_base = base_prior(start.law).size

@@ -1,6 +1,6 @@
-"""A latency curve of free form: Eq. 5 plus a smooth function of ln v, a Gaussian process.
+"""A curve of free form: Eq. 5 plus a Gaussian process in ln v.
 
-Screens also follow constant, power, logistic and adaptive low-pass laws; such a curve is no gap.
+Screens also follow constant, power, logistic and adaptive low-pass laws; those are no gap.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def knots_over(speed_mm_s: FloatArray) -> tuple[float, ...]:
 
 
 def basis(speed_mm_s: FloatArray, knots: tuple[float, ...]) -> FloatArray:
-    """Directions of the Gaussian process at given speeds, (m, k), of unit prior variance each."""
+    """Directions of the Gaussian process, (m, k), of unit prior variance."""
     at = np.array(knots)
     ln = np.clip(np.log(np.maximum(speed_mm_s, 1.0)), at[0] - BEYOND, at[-1] + BEYOND)
     return np.asarray(_covariance(ln, at) @ _directions(knots))
@@ -66,7 +66,7 @@ def basis(speed_mm_s: FloatArray, knots: tuple[float, ...]) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _directions(knots: tuple[float, ...]) -> FloatArray:
-    """Weights of the knots' covariance functions in each direction, (knots, k)."""
+    """Weights of the knots in each direction, (knots, k)."""
     at = np.array(knots)
     variance, axes = np.linalg.eigh(_covariance(at, at))
     return np.asarray(axes / np.sqrt(np.maximum(variance, TRIVIAL)))
@@ -83,13 +83,12 @@ def flexible(law: LawParameters, knots: tuple[float, ...]) -> FlexibleLaw:
 
 
 def _speeds(speed_mm_s: FloatArray) -> FloatArray:
-    """Speeds between the 1 % and 99 % quantiles, evenly in ln v."""
     low, high = np.quantile(speed_mm_s, [0.01, 0.99])
     return np.geomspace(float(low), float(high), SPEEDS)
 
 
 def nearest_eq5(law: LawParameters, speed_mm_s: FloatArray) -> LawParameters:
-    """The Eq. 5 nearest to a law over the speeds of the edges; an Eq. 5, with its plateau, is returned unchanged."""
+    """The nearest Eq. 5 over the speeds of the edges; an Eq. 5 is returned unchanged, with its plateau."""
     if not isinstance(law, FlexibleLaw):
         return law
     v = _speeds(speed_mm_s)
@@ -117,6 +116,6 @@ def _eq5_through(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters
 
 
 def remainder_rms_s(law: LawParameters, speed_mm_s: FloatArray) -> float:
-    """RMS difference of a law from its nearest Eq. 5 over the speeds, s; 0 for Eq. 5 itself."""
+    """RMS difference of a law from its nearest Eq. 5, s."""
     v = _speeds(speed_mm_s)
     return float(np.sqrt(np.mean((law(v) - nearest_eq5(law, speed_mm_s)(v)) ** 2)))

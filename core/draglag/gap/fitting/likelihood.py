@@ -29,7 +29,7 @@ def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: Fl
 def likelihoods(
     parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray
 ) -> Callable[[Components], float]:
-    """The log-likelihood of ``profile`` as a function of the scatter. Its banded part is cached."""
+    """Profile log-likelihood as a function of the scatter, its banded part cached."""
     both = np.column_stack([design, residual])
 
     @cache
@@ -69,16 +69,16 @@ def likeliest(
 
 
 def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:
-    """Huber's cost at the best nuisances, so that no step is refused for what they would absorb."""
+    """Huber's cost at the best nuisances, lest a step be refused for what they absorb."""
     left, own_cost = _without_nuisances(white, state, use)
     return _huber_cost(left) + own_cost
 
 
 @dataclass(frozen=True)
 class Downhill:
-    """Gauss–Newton's local model of the cost, the nuisances at their best.
+    """Gauss–Newton model of the cost, nuisances at their best.
 
-    Attributes: curvature (p, p) and slope (p,): zero for nuisances. cost: at this point.
+    Attributes: curvature (p, p), slope (p,): zero for nuisances.
     """
 
     curvature: FloatArray
@@ -86,14 +86,14 @@ class Downhill:
     cost: float
 
     def step(self, prior: FloatArray, damping: float) -> tuple[FloatArray, float]:
-        """A damped step (p,) and the predicted fall of the cost. prior: (p,) precision of the step."""
+        """A damped step (p,) and the predicted fall of the cost. prior: (p,) precision."""
         damped = self.curvature + np.diag(prior + damping * np.diag(self.curvature))
         step = np.linalg.pinv(damped, hermitian=True) @ self.slope
         return step, float(step @ self.slope - 0.5 * step @ self.curvature @ step)
 
 
 def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
-    """The Gauss–Newton model at a point, outlying edges weighted down (Huber)."""
+    """The Gauss–Newton model at a point, outliers weighted down (Huber)."""
     left, own_cost = _without_nuisances(white, state, use)
     sought = white.apply(state.design[use])
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / HUBER_K))
@@ -112,7 +112,7 @@ def _nuisances(state: State) -> slice:
 
 
 def _without_nuisances(white: Whitener, state: State, use: np.ndarray) -> tuple[FloatArray, float]:
-    """Whitened residual after the best nuisances (m,), and the cost of their prior."""
+    """Whitened residual after the best nuisances (m,), and their prior cost."""
     own = _nuisances(state)
     a, b = white.apply(state.design[use][:, own]), white.apply(state.residual[use])
     precision: FloatArray = state.prior[own]

@@ -1,4 +1,4 @@
-"""How much pairs of columns gain on a fit's residual: which of many settings are worth a refit."""
+"""Gain of pairs of columns on a fit's residual, to find settings worth a refit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from draglag.simulation.residual import LineGains
 
 
 def line_gains(fit: Fit, parts: Scatter) -> LineGains:
-    """Function of columns (m, 2 k): gain of each pair on the whitened residual, (k,)."""
+    """Function of columns (m, 2 k): gain of each pair, (k,)."""
     white = fit.white
     design = np.vstack([white.apply(fit.design), np.diag(np.sqrt(fit.prior))])
     target = np.append(white.apply(fit.residual_mm), np.zeros(fit.prior.size))

@@ -74,7 +74,7 @@ class LawParameters:
         return self._held(speed_mm_s)[0] if self.plateau_mm_s > 0 else speed_mm_s
 
     def _held(self, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The law's argument and its derivative by the plateau's speed, the corner rounded by the uncertainty of a
+        """The law's argument, its corner rounded by the uncertainty of a speed, and the derivative by the plateau's
         speed.
         """
         if self.plateau_mm_s <= 0:
@@ -92,7 +92,7 @@ class LawParameters:
         return np.array([small[0], ends[0], small[1], ends[1]])
 
     def moved(self, step: FloatArray) -> Self:
-        """The law after a Gauss–Newton step as in ``columns``; rates move by their logarithm."""
+        """The law after a step as in ``columns``, rates by their logarithm."""
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
         moved = replace(
             self,
@@ -110,7 +110,7 @@ class LawParameters:
 
 
 def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:
-    """Eq. 5 fitted to the runs' latencies less ``less_s`` of effects, (runs,) s. Raises EstimateError for too few."""
+    """Eq. 5 fitted to the runs' latencies less ``less_s``, (runs,) s. Raises EstimateError for too few."""
     rows = []
     for k, data in enumerate(runs):
         e = data.estimate
@@ -161,9 +161,7 @@ def side_of(placed: Placed) -> FloatArray:
 
 
 def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
-    """Derivatives of the residual by the law, the beam's slope and intercept and the speed's nuisances, (m, law's + 5)
-    mm.
-    """
+    """Derivatives of the residual by law, beam (slope, intercept) and nuisances of the speed, (m, law's + 5) mm."""
     v_n = placed.v_mm_s[:, 1] * placed.stretch
     columns = v_n[:, None] * law.columns(placed.speed_mm_s)
     x = placed.xy_mm[:, 0]

@@ -1,7 +1,7 @@
-"""Covariance of the residuals of a complete model.
+"""Covariance of residuals.
 
-Touch noise is known from the trace, is shared by edges whose windows overlap, and enters through the position and the
-speed. Single edges, speed, uneven following, run latency and run offset add to it, sized by likelihood on a grid.
+Touch noise is known from the trace; edges with overlapping windows share it, through position and speed. Other parts
+are sized by likelihood on a grid.
 """
 
 from __future__ import annotations
@@ -33,11 +33,10 @@ Sizes = dict[str, float]
 
 @dataclass(frozen=True)
 class Components:
-    """Standard deviations beyond the touch noise.
+    """Standard deviations beyond touch noise.
 
-    edge_mm: single edges. speed: relative error of the law's speed. tremor_mm_s: absolute error of it, 5 mm/s for 0.1
-    mm at 9 Hz. uneven: relative error with which a run's latency follows its changes of speed. run_s, run_mm: latency
-    and offset of a run.
+    edge_mm: single edges. speed: relative error of the law's speed; tremor_mm_s: absolute, 5 mm/s for 0.1 mm at 9 Hz.
+    uneven: relative error of following changes of speed in a run. run_s, run_mm: latency and offset of a run.
     """
 
     edge_mm: float
@@ -59,13 +58,11 @@ BETWEEN = tuple(product(RUN_S, RUN_MM))
 
 @dataclass(frozen=True)
 class Scatter:
-    """Covariance of the used edges (m,) by component, per unit.
-
-    Bands (b, m): row j holds the covariances of edges i and i + j; none between runs.
+    """Covariance of used edges (m,) per unit component; bands (b, m): row j holds edges i and i + j of one run.
 
     Attributes: fixed_mm2: touch noise, time of the speed, estimated acceleration. speed_mm2, tremor_s2: relative and
-    absolute error of the speed. late_mm_s: (m,) by a latency of the run. uneven_mm: (m,) by uneven following. run: (m,)
-    index. loose_s: (runs,) by how much a run of changing speed may miss the law.
+    absolute error of the speed. late_mm_s, uneven_mm: (m,) by the run's latency and uneven following. run: (m,) index.
+    loose_s: (runs,) freedom of runs of changing speed.
     """
 
     fixed_mm2: FloatArray
@@ -78,7 +75,7 @@ class Scatter:
 
 
 def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
-    """The scatter of the used edges. blur_mm: over all placed edges, left by effects of the acceleration."""
+    """The scatter of the used edges. blur_mm: (all placed) error by effects of the acceleration."""
     run, t_s = placed.run[use], placed.t_s[use]
     m = run.size
     late_mm_s = placed.v_mm_s[use, 1]
@@ -114,6 +111,6 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
 
 
 def timing_mm(placed: Placed) -> FloatArray:
-    """Error of the residual from the time of the speed, (m,) mm standard deviation."""
+    """Error of the residual by the time of the speed, (m,) mm standard deviation."""
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
     return np.asarray(follows * placed.accel_mm_s2 * SPEED_TIMING_S)

@@ -1,7 +1,6 @@
 """Grid search of Eq. 5's rates and plateau, all else linear (variable projection, Golub and Pereyra 1973).
 
-It finds the valley that Gauss–Newton, which depends on its start, may miss. All pairs of rates share the whitened
-columns of a dozen rates.
+It finds valleys that Gauss–Newton misses from its start.
 """
 
 from __future__ import annotations
@@ -22,10 +21,10 @@ PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one
 
 @dataclass(frozen=True)
 class WithoutLaw:
-    """Whitened residuals of m edges with the law put back, and what all laws share.
+    """Whitened residuals of m edges before any law, and what all laws share.
 
-    Attributes: target (m,). others (m, q): asymptote and all that is no law; spread (q, q): their covariance; moment
-    (q,) of the target. v_n (m,) mm/s across. huber (m, 1): weights of Huber's loss.
+    Attributes: target (m,). others (m, q): asymptote and all but the law; spread (q, q): covariance; moment (q,) of the
+    target. v_n (m,) mm/s across. huber (m, 1): weights.
     """
 
     target: FloatArray
@@ -40,8 +39,8 @@ class WithoutLaw:
 
 @dataclass(frozen=True)
 class Pairs:
-    """All pairs of rates at one plateau. first, second: (k,) indices; sizes: (k, 2) amplitudes, s; gain: (k,) twice the
-    log-likelihood added, −∞ for a vanishing amplitude; alone: gain of the best single rate; cross: (q, rates).
+    """Pairs of rates at one plateau. first, second: (k,) indices; sizes: (k, 2) amplitudes, s; gain: (k,) twice the
+    log-likelihood, −∞ for a vanishing amplitude; alone: gain of the best single rate; cross: (q, rates).
     """
 
     first: np.ndarray
@@ -61,7 +60,7 @@ def without_law(
     prior: FloatArray,
     white: Whitener,
 ) -> WithoutLaw:
-    """The system without its present law. rest: (m, p) columns of all else, with precision prior (p,)."""
+    """The system without its law. rest: (m, p) other columns, prior (p,) their precision."""
     whole = white.apply(np.column_stack([residual_mm - v_n * law(speed_mm_s), -v_n, rest]))
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(residual_mm)) / HUBER_K))[:, None]
     target, others = whole[:, 0] * huber[:, 0], whole[:, 1:] * huber
@@ -71,7 +70,7 @@ def without_law(
 
 
 def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArray) -> Pairs:
-    """Every pair of rates with its best amplitudes, all else at its best."""
+    """Every pair of rates, all else at its best."""
     counted_mm_s = LawParameters(1.0, 1.0, 0.0, 1.0, 0.0, plateau_mm_s).counted_mm_s(white_system.speed_mm_s)
     slow = (
         white_system.white.apply(-white_system.v_n[:, None] * np.exp(-counted_mm_s[:, None] * rates_s_mm))
@@ -91,9 +90,7 @@ def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArr
 
 
 def best_rates(state: State, white: Whitener, use: np.ndarray) -> tuple[LawParameters, FloatArray] | None:
-    """The likeliest law of the grid and the step (p,) of all else, 0 for the law; None where no pair has two falling
-    exponentials.
-    """
+    """The likeliest law of the grid and the step (p,) of all else; None where no pair has two falling exponentials."""
     law = state.law
     n_law = 6 if law.plateau_mm_s > 0 else 5
     v_n = state.placed.v_mm_s[use, 1] * state.placed.stretch[use]

@@ -17,8 +17,8 @@ MAY_STRAY = 0.1  # of the edges
 
 
 def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
-    """Cost of a state, ∞ where many edges cannot be placed, and mask of those (m,); few of them cost what they did
-    before.
+    """Cost of a state, and mask of edges (m,) that cannot be placed: they keep their earlier cost, or if many make
+    it ∞.
     """
     strayed = use & ~(state.placed.ok & np.isfinite(state.residual))
     if np.count_nonzero(strayed) > MAY_STRAY * np.count_nonzero(use):
@@ -32,10 +32,7 @@ def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarr
 def at_best_rates(
     state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
 ) -> tuple[State, np.ndarray]:
-    """The state with the grid's best rates and its edges, where that is likelier.
-
-    A law with a form of its own is returned unchanged: the form makes up for its rates.
-    """
+    """The state and edges at the grid's best rates, where likelier; unchanged for a law with its own form."""
     if isinstance(state.law, FlexibleLaw):
         return state, use
     found = best_rates(state, white, use)

@@ -27,7 +27,7 @@ FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 @dataclass(frozen=True)
 class Term:
-    """An effect in the model. theta: its non-linear setting; sizes: (k,) amplitudes in the signature's units."""
+    """An effect in the model. theta: non-linear setting; sizes: (k,) amplitudes."""
 
     effect: str
     theta: tuple[float, ...] = ()
@@ -96,14 +96,14 @@ def _placed_by_law(runs: tuple[RunData, ...], law: LawParameters, delay: SpeedDe
 
 
 def _speed_delay(terms: Sequence[Term]) -> SpeedDelay:
-    """The delay of the law's speed: delays add up, a share of the latency replaces them."""
+    """The delay of the law's speed: delays add up; a share of the latency replaces them."""
     delays = [one for t in terms if (one := effect_class(t.effect).speed_delay(t.theta)) is not None]
     shares = [one for one in delays if one[0]]
     return shares[0] if shares else (0.0, sum(delay_s for _, delay_s in delays))
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
-    """Error of each edge by columns that are known to a share only, mm."""
+    """Error of each edge by columns known to a share only, mm."""
     blur = np.zeros(view.x_mm.size)
     for term, column in zip(terms, columns, strict=True):
         share = effect_class(term.effect).unsure_share
@@ -146,7 +146,7 @@ def stepped(
 
 
 def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
-    """Edges to judge by: well placed, not outlying in their run, not too uncertain."""
+    """Edges that are well placed, not outlying in their run, not too uncertain."""
     placed = state.placed
     use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
@@ -171,7 +171,7 @@ def total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, ro
 
 
 def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarray, loose: bool) -> np.ndarray:
-    """Edges that are no outliers about their run's latency and offset."""
+    """Mask of edges without outliers about latency and offset of each run."""
     keep = np.ones(residual.size, bool)
     most = 9 if loose else 5
     for k in np.unique(placed.run):
@@ -195,7 +195,7 @@ def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarr
 
 
 def _residual_after_levels(z: FloatArray, design: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Robust residuals in their standard deviations, and leverage, (m,), about the levels of a run."""
+    """Absolute studentised residuals of a robust fit, and leverages, (m,)."""
     weight = np.ones(z.size)
     for _ in range(5):
         beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]

@@ -1,7 +1,7 @@
-"""Whitening by the covariance of all edges: banded within a run, plus a part of low rank common to it.
+"""Whitening by a covariance that is banded within a run, plus rank three for the run.
 
-C = B + U Uᵀ, B banded, U three columns of each run. With B = L Lᵀ and Ũ = L⁻¹ U, the Cholesky factor of C is L M, M
-that of I + Ũ Ũᵀ, by recursive least squares along the edges: time and memory are linear in their number.
+C = B + U Uᵀ with B = L Lᵀ banded. With Ũ = L⁻¹ U, the Cholesky factor of C is L M, M that of I + Ũ Ũᵀ by recursive
+least squares: linear in the number of edges.
 """
 
 from __future__ import annotations
@@ -63,9 +63,7 @@ class Whitener:
 
 
 def whitener(parts: Scatter, components: Components) -> Whitener:
-    """The Cholesky factor of the scatter at these sizes. Raises numpy.linalg.LinAlgError when it is not positive
-    definite.
-    """
+    """The Cholesky factor of a scatter. Raises numpy.linalg.LinAlgError when it is not positive definite."""
     banded = _banded(parts, components)
     common = _common(parts) * _sizes(parts, components)[parts.run]
     variance = banded[0] + np.sum(common**2, axis=1)
@@ -85,10 +83,10 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
 
 @dataclass(frozen=True)
 class WhitenedColumns:
-    """Columns (m, k) for inner products xᵀ C⁻¹ y: those of ``columns`` less those of ``common`` (Woodbury).
+    """Inner products xᵀ C⁻¹ y of columns (m, k): those of ``columns`` less those of ``common`` (Woodbury).
 
-    Attributes: columns: (m, k) L⁻¹ times them, B = L Lᵀ. log_det: ln |B|. cross: (runs, 3, k) and own: (runs, 3, 3)
-    products of what is common to a run, per unit, with the columns and with itself.
+    Attributes: columns: (m, k) whitened by B. log_det: ln |B|. cross: (runs, 3, k), own: (runs, 3, 3) products of a
+    run's common part, per unit, with the columns and itself.
     """
 
     parts: Scatter
@@ -106,7 +104,7 @@ class WhitenedColumns:
 
 
 def whitened_columns(parts: Scatter, components: Components, columns: FloatArray) -> WhitenedColumns:
-    """Columns (m, k) whitened by the banded part of a scatter, of the sizes of single edges and speed.
+    """Columns (m, k) whitened by the banded part of a scatter.
 
     Raises numpy.linalg.LinAlgError when it is not positive definite.
     """
@@ -139,7 +137,7 @@ def _factor(banded: FloatArray) -> FloatArray:
 
 
 def _common(parts: Scatter) -> FloatArray:
-    """Effect of a latency, an offset and an uneven following of the run on each edge, per unit, (m, 3)."""
+    """Shift of each edge by latency, offset and uneven following of the run, per unit, (m, 3)."""
     return np.column_stack([parts.late_mm_s, np.ones(parts.run.size), parts.uneven_mm])
 
 

@@ -15,8 +15,8 @@ from draglag.recording import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class RunNoise:
-    """Parts of a run's covariance, (n, n) or (n,), per unit of their level. common: (n, 3) columns of the run's
-    latency, offset and uneven following; loose_s: by how much a run of changing speed may miss the law.
+    """Parts of a run's covariance, (n, n) or (n,), per unit. common: (n, 3) latency, offset and uneven following;
+    loose_s: freedom of a run of changing speed.
     """
 
     edges: IntArray
@@ -29,9 +29,7 @@ class RunNoise:
     wander: FloatArray
 
     def factor(self, levels: Levels) -> FloatArray:
-        """Lower Cholesky factor of the covariance, (n, n). Raises numpy.linalg.LinAlgError when it is not positive
-        definite.
-        """
+        """Lower Cholesky factor, (n, n). Raises numpy.linalg.LinAlgError when it is not positive definite."""
         out = self.fixed + levels.speed**2 * self.speed + levels.tremor_mm_s**2 * self.tremor
         if levels.wander_s:
             out += levels.wander_s**2 * self.wander
@@ -45,7 +43,7 @@ class RunNoise:
         return np.asarray(factor, np.float64)
 
     def variances_mm2(self, levels: Levels) -> dict[str, FloatArray]:
-        """Variance of every edge, (n,), by part of the noise: "touch" and those of ``Levels``."""
+        """Part of the noise ("touch" or one of ``Levels``) → variance of every edge, (n,)."""
         latency, offset, uneven = (self.common**2).T
         one = np.ones(self.edges.size)
         unit = {
@@ -82,7 +80,7 @@ class Noise:
 
 
 def noise_of(parts: Scatter, t_s: FloatArray) -> Noise:
-    """The noise of a fit's scatter; t_s: (m,) times of its edges."""
+    """The noise of a fit's scatter; t_s: (m,) times of edges."""
     return Noise(tuple(_of_run(parts, t_s, int(k)) for k in np.unique(parts.run)))
 
 

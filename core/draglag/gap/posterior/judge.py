@@ -1,4 +1,4 @@
-"""Search for the most probable explanation: linearise, refit what is probable, compare, repeat."""
+"""Search for the most probable explanation: linearise, refit, compare, repeat."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Judgement:
-    """All explanations compared. fits: by the effects that they hold, the first the one that the search began with;
-    with the curve's own form where the best explanation has it.
+    """All explanations compared. fits: by their effects, the initial one first; with the curve's own form where the
+    best explanation has it.
     """
 
     pool: Pool
@@ -49,7 +49,7 @@ def judged(
     most_effects: int = constants.MOST_MEMBERS,
     progress: Progress = lambda fraction, text: None,
 ) -> Judgement:
-    """The posterior over explanations of a session, from a first fit."""
+    """The posterior over explanations, from a first fit."""
     inside = effects_in(first)
     fits: dict[Names, Fit] = {inside: first}
     pool = compared([first], allowed, unsure_ages, most=most_effects)
@@ -86,18 +86,17 @@ def judged(
 
 
 def _has_own_form(pool: Pool) -> bool:
-    """Whether the curve is probably not Eq. 5."""
     return pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.OWN_FORM
 
 
 def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
-    """The effect that failed, of those to be fitted together: they are added in the order of their gain alone."""
+    """The effect that failed: they are added in the order of their gain alone."""
     start = max((names for names in fits if set(names) <= set(wanted)), key=len)
     return max(set(wanted) - set(start), key=lambda name: pool.alone(name))
 
 
 def with_own_form(session: Session, first: Fit) -> Fit:
-    """The fit with the curve's own form in its law; unchanged where that cannot be fitted."""
+    """The fit with the curve's own form; unchanged where that cannot be fitted."""
     try:
         law = flexible(first.law, knots_over(first.view.speed))
         fit = fit_session(session, first.runs, (), False, None, law)
@@ -112,7 +111,7 @@ def _effects_of(names: Names) -> Names:
 
 
 def _probable(pool: Pool) -> list[Names]:
-    """Sets of effects that are probable enough to be refitted, in falling order."""
+    """Sets of effects probable enough to be refitted, in falling order."""
     sets: dict[Names, float] = {}
     for names, p in pool.probabilities().items():
         key = _effects_of(names)
@@ -132,7 +131,7 @@ def _leading(pool: Pool, wanted: Names) -> Names:
 
 
 def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -> dict[Names, Fit]:
-    """Joint refits with these effects, added one by one to the largest fitted subset, up to the first that fails."""
+    """Joint refits, effects added one by one to the largest fitted subset, up to the first that fails."""
     names = max((names for names in fits if set(names) <= set(wanted)), key=len)
     theta = pool.settings_of(_leading(pool, wanted))
     base = next(iter(fits.values()))
@@ -148,9 +147,9 @@ def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -
 
 
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
-    """The likeliest refit on the edges that all have; None where the effect is as small as on sound rigs.
+    """The likeliest refit on shared edges; None where the effect is as small as on sound rigs.
 
-    Refits that lost many edges or lie beyond the effect's bounds are skipped.
+    Refits that lost many edges or violate the effect's bounds are skipped.
     """
     enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
     options = [fit for fit in options if np.count_nonzero(fit.use) >= enough and _possible(effect, fit)]
@@ -162,7 +161,7 @@ def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
 
 
 def _possible(effect: str, fit: Fit) -> bool:
-    """Whether the parameters lie within the class's bounds, the leading one not at its lower bound."""
+    """Whether the parameters are in bounds, the leading one above its lower bound."""
     numbers = parameters_of(effect, fit)
     for spec in EFFECTS[effect].parameters:
         value = numbers[spec.name][0] if spec.name in numbers else spec.typical
@@ -173,7 +172,6 @@ def _possible(effect: str, fit: Fit) -> bool:
 
 
 def _sound(effect: str, fit: Fit) -> bool:
-    """Whether the effect is no larger than on sound rigs."""
     leading = EFFECTS[effect].parameters[0]
     size, _ = parameters_of(effect, fit).get(leading.name, (np.inf, None))
     return bool(abs(size) < leading.sound)
@@ -194,7 +192,7 @@ def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]
 
 
 def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]) -> list[str]:
-    """Effects that gain most alone by their columns, those like the unnamed term, and those that single edges show."""
+    """Effects that gain most by columns, resemble the unnamed term, or show in single edges."""
     gain = _gains(pool, set(allowed) - barred)
     order = sorted((n for n in gain if gain[n] > PROMISING), key=lambda n: -gain[n])[:PROPOSED]
     base = next(iter(fits.values()))
@@ -204,7 +202,7 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], bar
 
 
 def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names) -> dict[Names, Fit]:
-    """Refits without each of several effects: an earlier one may have stood in for later ones."""
+    """Refits without one effect each: an earlier one may have stood in for later ones."""
     out: dict[Names, Fit] = {}
     for name in wanted:
         fewer = tuple(other for other in wanted if other != name)

@@ -1,7 +1,4 @@
-"""Whether the curve's own form falls with speed.
-
-Laws of screens fall or are flat: a rising curve is an unnamed structure in speed.
-"""
+"""Whether the curve's own form falls with speed: a rising one is no law, but unnamed structure."""
 
 from __future__ import annotations
 
@@ -17,9 +14,9 @@ DRAWS, SPEEDS, SEED = 4000, 30, 20260101
 
 
 def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scales_mm: tuple[float, ...]) -> float:
-    """Posterior probability that the curve nowhere rises by more than the size of interest, given an explanation.
+    """Posterior probability that the curve rises nowhere by more than the size of interest.
 
-    members, scales_mm: the explanation, with the curve's own form.
+    members, scales_mm: an explanation with the curve's own form.
     """
     names = [linear.members[i].name for i in members]
     which = names.index(LAW_FORM)
@@ -42,9 +39,9 @@ def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scal
 
 
 def _rise_mm(linear: Linear, knots: tuple[float, ...], law: FloatArray, form: FloatArray) -> FloatArray:
-    """Largest rise of the curve between two speeds, as displacement at the lower one, (draws,) mm.
+    """Largest rise of the curve, as displacement at the lower speed, (draws,) mm.
 
-    law: (5, draws) steps of Eq. 5's parameters; form: (k, draws) of columns of 1 mm RMS.
+    law: (5, draws) steps of Eq. 5; form: (k, draws) of columns of 1 mm RMS.
     """
     member = next(m for m in linear.members if m.name == LAW_FORM)
     size = max(float(np.sqrt(np.mean(member.columns**2) * member.columns.shape[1])), 1e-12)

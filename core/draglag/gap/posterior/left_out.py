@@ -1,7 +1,6 @@
-"""What a hypothesis pays for edges that it cannot be judged by, so that none chooses its data.
+"""Penalty for edges that a hypothesis cannot be judged by, so that none chooses its data.
 
-An edge that an effect leaves anywhere within a range costs the uniform density over it, widened by noise, relative to
-that of noise alone.
+An edge left open within a range costs the uniform density there, widened by noise, relative to noise alone.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from draglag.recording import FloatArray
 
 
 def freedom_nats(fit: Fit, base: Fit) -> float:
-    """Nats that a fit pays for edges of ``base`` that its effects leave open."""
+    """Penalty of a fit, nats, for edges of ``base`` that its effects leave open."""
     if fit.only is None or fit.use.size != base.use.size:
         return 0.0
     left = base.use & ~fit.only

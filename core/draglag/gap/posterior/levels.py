@@ -12,7 +12,7 @@ from draglag.gap import constants
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the noise: values tried, standard deviation of its half-normal prior, the most of a sound rig."""
+    """A part of the noise: values tried, half-normal prior's standard deviation, largest of a sound rig."""
 
     values: tuple[float, ...]
     prior_sd: float
@@ -68,7 +68,7 @@ class Levels:
 
 
 def log_prior(levels: Levels, unsure_ages: bool) -> float:
-    """Log prior of the levels; scatter beyond that of sound rigs is a hypothesis of its own."""
+    """Log prior of the levels; more scatter than on sound rigs is a hypothesis of its own."""
     total = 0.0
     for name, part in PARTS.items():
         sd = UNSURE_AGE_SD_S if unsure_ages and name in ("late_s", "wander_s") else part.prior_sd

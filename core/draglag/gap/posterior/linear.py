@@ -1,8 +1,7 @@
 """A session linearised about one fit.
 
-r = A b + T t + Σ X_j g_j + e: law, beam and nuisances b; tolerance t, all smooth misfit too small to matter; members
-g_j ~ N(0, s² I) in columns of 1 mm RMS; noise e. Evidence has b, t and g integrated out (Rasmussen & Williams 2006,
-sections 2.3 and 2.7).
+r = A b + T t + Σ X_j g_j + e: law, beam and nuisances b; tolerance t of small smooth misfit; members g_j ~ N(0, s² I)
+in columns of 1 mm RMS; noise e. Evidence integrates over b, t and g (Rasmussen & Williams 2006, sections 2.3 and 2.7).
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ ROUNDS = 2  # over the levels
 class Linear:
     """One linearisation on m edges.
 
-    Attributes: residual_mm (m,): without members. base (m, p): A and T, of prior precision (p,). columns (m, q): of all
-    members, 1 mm RMS each. at: columns of each member. law: the Eq. 5 of the base. edges: mask over all placed edges;
-    None: the fit's. whole: the same on all edges of the fit.
+    Attributes: residual_mm (m,): without members. base (m, p): A and T, of prior precision (p,). columns (m, q): of
+    members, 1 mm RMS. at: each member's columns. law: Eq. 5 of the base. edges: mask over placed edges, None: the
+    fit's. whole: on all edges of the fit.
     """
 
     fit: Fit
@@ -65,8 +64,8 @@ class Linear:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of the members given base and tolerance: gram (q, q), moment (q,); base: log evidence without
-    members, with the levels' prior.
+    """Normal equations of members given base and tolerance: gram (q, q), moment (q,); base: log evidence without
+    members.
     """
 
     levels: Levels
@@ -92,7 +91,7 @@ class Whole:
 def linearised(
     fit: Fit, allowed: Sequence[str] | frozenset[str], unsure_ages: bool = False, edges: np.ndarray | None = None
 ) -> Linear:
-    """The session linearised about a fit. edges: mask over all placed edges; None: the fit's."""
+    """The session linearised about a fit. edges: mask over placed edges; None: the fit's."""
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     possible = members_of(fit, parts, allowed)
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
@@ -137,9 +136,9 @@ def _own(fit: Fit) -> list[Member]:
 
 
 def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawParameters]:
-    """Base columns (m, p), prior precision (p,), residual (m,) with the terms put back, and the nearest Eq. 5.
+    """Base columns (m, p), prior precision (p,), residual (m,) without terms, and the nearest Eq. 5.
 
-    What the curve has beyond Eq. 5 is the member ``law_form``.
+    The rest of the curve is the member ``law_form``.
     """
     at = base_prior(fit.law).size
     base, residual, prior = fit.design[:, :at], fit.residual_mm.copy(), fit.prior[:at]
@@ -158,7 +157,7 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawP
 
 
 def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
-    """Columns (m, k) of unit prior variance: leading directions of all smooth terms and effects too small to matter."""
+    """Leading directions (m, k), of unit prior variance, of all smooth terms and effects too small to matter."""
     blocks = [(of_unit_rms(c), constants.TOLERANCE_MM) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}
     for member in members:
@@ -186,8 +185,8 @@ def normal(linear: Linear, levels: Levels) -> Normal:
 def _base_value(
     linear: Linear, a: FloatArray, b: FloatArray, log_det: float, extra: int = 0
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Cholesky factor of the scaled information, its scale, and the log evidence. extra: unit-prior columns at the end
-    of ``a``.
+    """Cholesky factor of the scaled information, its scale, and the log evidence. extra: unit-prior columns ending
+    ``a``.
     """
     precision = np.append(linear.precision, np.ones(extra))
     information = a.T @ a

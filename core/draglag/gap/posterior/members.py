@@ -24,8 +24,7 @@ UNNAMED = "?"
 class Member:
     """A possible part of an explanation.
 
-    Attributes: name: an effect's id, ``law_form``, or ``?covariate:role``. theta: its setting. columns: (m, k) mm.
-    log_prior: at this setting.
+    Attributes: name: an effect's id, ``law_form``, or ``?covariate:role``. theta: setting. columns: (m, k) mm.
     """
 
     name: str
@@ -48,7 +47,7 @@ def members_of(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Membe
 
 
 def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
-    """Library effects at every setting; without those in the fit that a refit improves."""
+    """Effects at every setting, without those in the fit that refits improve."""
     gains = line_gains(fit, parts)
     own, columns = effects_in(fit), {column_of(effect) for effect in allowed}
     out = []
@@ -65,7 +64,7 @@ def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]
 
 
 def smooth_columns(fit: Fit) -> dict[tuple[str, str], FloatArray]:
-    """(covariate, role) → columns of a smooth term, without latency by speed, the curve's own form."""
+    """(covariate, role) → columns of a smooth term, without the curve's own form."""
     return {key: columns for key, columns in shape_free(fit.view).items() if key != ("speed", "latency")}
 
 

@@ -34,9 +34,9 @@ class Found:
 
 @dataclass(frozen=True)
 class Pool:
-    """Fits of one session, and the evidence of every set of names at the best of them.
+    """Fits of one session, and every set of names at its best fit.
 
-    Attributes: searches: one a fit. edges: mask over all placed edges. levels: of the noise, common to all. found:
+    Attributes: searches: one a fit. edges: mask over placed edges; levels: of the noise, both common to all. found:
     sorted names → the explanation.
     """
 
@@ -75,7 +75,7 @@ class Pool:
         return float("-inf") if found is None else found.log_mass
 
     def settings_of(self, names: Names) -> dict[str, tuple[float, ...]]:
-        """Member → setting in an explanation; empty for one that was not compared."""
+        """Member → setting in an explanation; empty where it was not compared."""
         found = self.found.get(names)
         if found is None:
             return {}
@@ -94,9 +94,9 @@ def compared(
     most: int = constants.MOST_MEMBERS,
     before: Pool | None = None,
 ) -> Pool:
-    """All explanations of a session, compared at its fits; the first fit has the fewest effects.
+    """All explanations of a session, compared at its fits, the first that with the fewest effects.
 
-    A fit judges only sets that hold all its effects. before: a pool of some of these fits, whose levels are taken over.
+    A fit judges only sets that hold all its effects. before: a pool of some of the fits, whose levels are kept.
     """
     edges = np.logical_and.reduce([fit.use for fit in fits])
     made = () if before is None else before.searches
@@ -123,7 +123,7 @@ def compared(
 
 
 def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[Levels]:
-    """Levels with some mass of the most probable explanation, or of the emptiest."""
+    """Levels with some mass of the best explanation or the emptiest."""
     best, empty = max(found, key=lambda n: found[n].log_mass), min(found, key=len)
     each = np.array([log_evidence(found[n].search, found[n].explanation) for n in (best, empty)])
     near = each > each.max(axis=1, keepdims=True) - constants.GIVEN_UP
@@ -133,7 +133,7 @@ def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[
 def _likely_levels(
     linear: Linear, without: Collection[str], seeds: tuple[Levels, ...], most: int
 ) -> tuple[tuple[Levels, ...], Search]:
-    """Likely levels without members and with the best explanation, also within those of sound rigs; and its search."""
+    """Likely levels without members and with the best explanation, also among sound rigs; and its search."""
     out: dict[Levels, None] = dict.fromkeys(seeds)
     if not out:
         found = likeliest_levels(linear)
@@ -157,7 +157,6 @@ def _and_sound(linear: Linear, levels: Levels) -> tuple[Levels, ...]:
 def _searched(
     linear: Linear, levels: tuple[Levels, ...], without: Collection[str], most: int, made: Sequence[Search] = ()
 ) -> Search:
-    """The search under these levels, reusing earlier ones."""
     made = [search for search in made if search.linear is linear]
     for search in made:
         if (search.levels, search.without, search.most) == (levels, frozenset(without), most):
@@ -168,14 +167,14 @@ def _searched(
 
 
 def _own_best(search: Search) -> Explanation | None:
-    """The best explanation with all effects of the fit."""
+    """The best explanation with all the fit's effects."""
     inside = set(effects_in(search.linear.fit)) - set(effects_in_law(search.linear.fit))
     own = [e for e in search.explanations if not inside or inside <= set(search.names(e))]
     return max(own, key=lambda e: e.log_mass, default=None)
 
 
 def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
-    """Sets of names with all effects of the fit, summed over settings. open_nats: paid for edges left open."""
+    """Sets of names with all the fit's effects, summed over settings. open_nats: penalty for open edges."""
     fit = search.linear.fit
     inside = set(effects_in(fit))
     of_law = effects_in_law(fit)
@@ -200,7 +199,7 @@ def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
 
 
 def _falling(search: Search) -> float:
-    """Probability that the curve falls, given the best explanation with its own form; 1 where that is improbable."""
+    """Probability that the curve falls, given its own form; 1 where that is improbable."""
     forms = {i for i, member in enumerate(search.linear.members) if member.name == LAW_FORM}
     own = [e for e in search.explanations if not forms.isdisjoint(e.members)]
     if not own:
@@ -213,9 +212,7 @@ def _falling(search: Search) -> float:
 
 
 def _by_shape(names: Names, falls: float) -> list[tuple[Names, float]]:
-    """Sets and shares of the log mass: a form of the curve is split into a falling law and an unnamed structure in
-    speed.
-    """
+    """The set with its share of log mass; the curve's form split into a falling law and unnamed structure."""
     if LAW_FORM not in names or falls >= 1.0:
         return [(names, 0.0)]
     bump = tuple(sorted((*(n for n in names if n != LAW_FORM), IN_SPEED)))
@@ -225,7 +222,7 @@ def _by_shape(names: Names, falls: float) -> list[tuple[Names, float]]:
 
 
 def unsound_share(pool: Pool, names: Names) -> float:
-    """Probability that the edges scatter by more than on sound rigs, given an explanation."""
+    """Probability of more scatter than on sound rigs, given an explanation."""
     found = pool.found[names]
     search = found.search
     if search.linear.unsure_ages:

@@ -1,7 +1,7 @@
 """Probable sets of members of a linearised session.
 
-The evidence that one more member adds to a set is a closed form in the eigenvalues of its normal equations given the
-set: all members and scales are weighed at once.
+The evidence of one more member is a closed form in the eigenvalues of its normal equations given the set, so that all
+members and scales are weighed at once.
 """
 
 from __future__ import annotations
@@ -26,9 +26,7 @@ SCALES_MM = np.array(constants.SLAB_MM)
 
 @dataclass(frozen=True)
 class Explanation:
-    """A set of members. log_mass: log prior times evidence, up to a common constant; scales_mm: likeliest for each
-    member.
-    """
+    """A set of members. log_mass: log prior times evidence, up to a constant; scales_mm: likeliest of each."""
 
     members: tuple[int, ...] = ()
     scales_mm: tuple[float, ...] = ()
@@ -41,9 +39,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Search:
-    """Explanations from one linearisation under some levels of the noise. without: excluded names; most: limit on
-    effects.
-    """
+    """Explanations from one linearisation. without: excluded names; most: limit on effects."""
 
     linear: Linear
     normals: tuple[Normal, ...]
@@ -69,9 +65,7 @@ def searched(
     without: Collection[str] = (),
     most: int = constants.MOST_MEMBERS,
 ) -> Search:
-    """Explanations of up to ``MOST_MEMBERS`` members, by beam search. without: excluded names; most: limit on
-    effects.
-    """
+    """Explanations by beam search. without: excluded names; most: limit on effects."""
     empty = Explanation(log_mass=float(logsumexp([n.base for n in normals])))
     found: dict[tuple[int, ...], Explanation] = {(): empty}
     joining, groups = Joining.of(linear.members), _of_one_width(linear, normals)
@@ -111,10 +105,10 @@ def _front(linear: Linear, ranked: list[Explanation]) -> list[Explanation]:
 
 @dataclass(frozen=True)
 class Joining:
-    """Which of c members may be combined: one of a name, unnamed ones once a place, and one statement about the curve.
+    """Which of c members may be combined: one of a name or unnamed place, one statement about the curve.
 
-    Attributes, (c,) each: name, setting: codes of names, and of names with settings. single: at most one of its name.
-    form: the curve's own. of_law, effect: an effect on the law, or any.
+    Attributes, (c,): name, setting: codes of names, and of names with settings. single: one of its name only. form: the
+    curve's own. of_law, effect: an effect on the law, or any.
     """
 
     name: IntArray
@@ -149,8 +143,8 @@ class Joining:
 
 @dataclass(frozen=True)
 class OfOneWidth:
-    """Members (c,) of k columns each: their indices, their columns (c, k), and their blocks of the normal equations,
-    (levels, c, k, k) and (levels, c, k).
+    """Members (c,) of k columns, these columns (c, k), and their normal equations, (levels, c, k, k) and (levels, c,
+    k).
     """
 
     which: IntArray
@@ -177,7 +171,7 @@ def _extended(
     groups: list[OfOneWidth],
     usable: np.ndarray,
 ) -> list[Explanation]:
-    """The explanation with each usable member added, its size integrated over its scales."""
+    """The explanation with each usable member added, integrated over its scales."""
     given = _given(linear, normals, explanation)
     gains = np.empty((len(normals), len(linear.members), SCALES_MM.size))
     for group in groups:
@@ -198,13 +192,12 @@ def _extended(
 
 
 def _log_sum(values: FloatArray, axis: int) -> FloatArray:
-    """log Σ exp along an axis, of finite values."""
     top = values.max(axis=axis, keepdims=True)
     return np.asarray(np.log(np.exp(values - top).sum(axis=axis)) + top.squeeze(axis))
 
 
 def one_law(names: Collection[str]) -> bool:
-    """Whether names make one statement about the curve: its own form excludes effects on the law."""
+    """Whether a set does without the curve's own form or without effects on the law."""
     return LAW_FORM not in names or not any(map(_of_the_law, names))
 
 
@@ -224,8 +217,8 @@ def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, Floa
 class Given:
     """An explanation of r columns at its scales.
 
-    Attributes: value: (levels,) log evidence. taken: (levels, r, q) root of the reduction of all normal equations;
-    taken_moment: (levels, q) reduction of their moments.
+    Attributes: value: (levels,) log evidence. taken: (levels, r, q) root of the reduction of the normal equations;
+    taken_moment: (levels, q) of their moments.
     """
 
     value: FloatArray
@@ -259,7 +252,7 @@ def _evidence(
 
 
 def _gain(given: Given, group: OfOneWidth) -> FloatArray:
-    """Log evidence that each member of a group adds to the set, (levels, c, scales)."""
+    """Log evidence that each member of a group adds, (levels, c, scales)."""
     gram, moment = group.gram, group.moment
     if given.taken.shape[1]:
         taken = np.moveaxis(given.taken[:, :, group.at], 1, 2)  # (levels, c, r, k)
@@ -281,9 +274,8 @@ def log_evidence(search: Search, explanation: Explanation) -> FloatArray:
 
 
 def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
-    """Posterior mean size of each member, mm RMS over the edges, under the likeliest levels.
-
-    Of an unnamed one, only what Eq. 5 and a straight beam would leave.
+    """Posterior mean size of each member, mm RMS, at the likeliest levels; of unnamed ones beyond Eq. 5 and a
+    straight beam.
     """
     linear = search.linear
     at, scale = columns_of(linear, explanation)

@@ -1,4 +1,4 @@
-"""The posterior's answer: no gap, named effects, or something unnamed; with its probability."""
+"""The posterior's answer: no gap, named effects, or something unnamed."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ REPORTED = 0.95  # of the mass
 class Answer:
     """The verdict of a pool.
 
-    Attributes: verdict: no_gap | explained | unexplained. effects: named. unexplained_by: covariate. probability: of
-    the verdict. explanations: sets of effects with probabilities, ``unexplained`` for the unnamed. tolerated: name,
-    probability and size of members too small to matter.
+    Attributes: verdict: no_gap | explained | unexplained. unexplained_by: covariate. explanations: sets of effects with
+    probabilities, ``unexplained`` for the unnamed. tolerated: name, probability and size, mm, of members too small to
+    matter.
     """
 
     verdict: str
@@ -38,7 +38,7 @@ class Answer:
 
 
 def answer_of(pool: Pool) -> Answer:
-    """The verdict of a pool, members below the size of interest left out."""
+    """The verdict of a pool."""
     sets: dict[Names, float] = {}
     leading: dict[Names, Names] = {}
     for names, p in pool.probabilities().items():
@@ -71,14 +71,14 @@ def answer_of(pool: Pool) -> Answer:
 
 
 def _that_stand(pool: Pool, names: Names) -> Names:
-    """Effects of interest in a set, without those whose covariate an unnamed term follows too."""
+    """Effects of interest, without those whose covariate an unnamed term follows too."""
     kept = _of_interest(pool, names)
     unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
     return tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in unnamed)
 
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:
-    """Size of each member, mm RMS; the whole size of effects undone in the traces or in the law."""
+    """Size of each member, mm RMS; the whole of effects undone in traces or in the law."""
     found = pool.found[names]
     out = sizes_mm(found.search, found.explanation)
     fit = pool.fit_of(names)
@@ -96,7 +96,7 @@ def _without_form(names: Names) -> Names:
 def _of_interest(pool: Pool, names: Names) -> Names:
     """Members of at least the size of interest, without the curve's form.
 
-    An unnamed term within the 95 % uncertainty of an effect's columns is part of that effect.
+    Unnamed terms within the 95 % uncertainty of an effect's columns belong to it.
     """
     sizes = _sizes(pool, names)
     open_mm = {

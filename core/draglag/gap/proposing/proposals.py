@@ -10,7 +10,7 @@ from draglag.recording import Session
 
 
 def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, ...]) -> list[Fit]:
-    """Refits of ``before`` with one more effect, one for each form of it. theta: initial setting."""
+    """Refits with one more effect, one for each form of it. theta: initial setting."""
     own = refit_module(effect)
     if own is not None and hasattr(own, "refits"):
         return [fit for fit in own.refits(session, before, theta) if fit is not None]
@@ -25,7 +25,7 @@ def shown_by_traces(before: Fit, effect: str) -> bool:
 
 
 def possible_in(before: Fit, effect: str) -> bool:
-    """Whether the touch events leave room for the effect: thousands of events exclude what a hundred edges cannot."""
+    """Whether the touch events, being thousands, leave room for the effect."""
     own = refit_module(effect)
     return own is None or not hasattr(own, "possible_in") or bool(own.possible_in(before))
 

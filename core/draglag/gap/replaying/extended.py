@@ -1,4 +1,4 @@
-"""The model of a gap report as a file: law with covariance, effects with intervals."""
+"""The model of a gap report as a file."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from draglag.simulation.effects import effect_class
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
-    """The law of a joint fit as a curve, or the Eq. 5 nearest to it; beam and effects are marginalised.
+    """The law of a joint fit as a curve, or its nearest Eq. 5; beam and effects are marginalised.
 
-    A plateau's corner, rounded in the fit, is sharp. rms_s and between_runs_s are of the runs about law plus effects.
+    A plateau's corner is sharp, unlike in the fit. rms_s and between_runs_s: of the runs about law plus effects.
     """
     plateau = fit.law.plateau_mm_s > 0
     form = FORMS["double_exponential_plateau" if plateau else "double_exponential"]
@@ -61,7 +61,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
 
 
 def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
-    """A curve corrected for the offset of the laser's clock, whose variance is added to that of the asymptote."""
+    """The curve with the clock's offset added to its asymptote, value and variance."""
     off = next((step for step in steps if effect_class(step.effect).laser_late), None)
     if off is None:
         return curve
@@ -82,7 +82,7 @@ def _undone_s(fit: Fit) -> FloatArray:
 
 
 def extended_model(session: Session, report: GapReport, created_utc: str = "", input_sha256: str = "") -> LatencyModel:
-    """The model of a finished report with its provenance. created_utc: ISO 8601; input_sha256: of the session's file.
+    """The model of a finished report. created_utc: ISO 8601; input_sha256: of the session's file.
 
     Raises EstimateError for a report without a verdict.
     """

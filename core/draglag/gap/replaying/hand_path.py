@@ -28,8 +28,8 @@ def hand_motion(
 ) -> tuple[Motion, float]:
     """The stylus' motion behind a trace, on the simulation's grid, and its start (host time, s).
 
-    By iteration of the forward chain: the trace, smoothed as in the fit, is read at t + L(t) and freed of
-    displacements. latency_s: (edges,) initial.
+    The smoothed trace is read at t + L(t) and freed of displacements, iterating the forward chain. latency_s: (edges,)
+    initial.
     """
     slowest_s = float(np.max(latency_s)) + 0.05
     start_s = float(data.t_s[0]) - slowest_s
@@ -62,7 +62,7 @@ def hand_motion(
 
 
 def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, CubicSpline]:
-    """Splines of the smoothed trace, mm, and its velocity, mm/s, in the trace's time, s."""
+    """Splines of the smoothed trace, mm, and its velocity, mm/s, over its time, s."""
     grid_s = np.linspace(data.t_s[0], data.t_s[-1], int(np.ptp(data.t_s) * GRID_HZ / COARSE) + 2)
     near = local_fit(data.t_s, data.xy_mm, grid_s, data.half_s)
     wide = local_fit(data.t_s, data.xy_mm, grid_s, np.interp(grid_s - latency_s, data.edge_t_s, data.speed_half_s))
@@ -70,7 +70,6 @@ def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, Cubic
 
 
 def _filled(values: FloatArray, ok: np.ndarray) -> FloatArray:
-    """Rows (m, 2), those without a fit interpolated."""
     if ok.all() or not ok.any():
         return values
     index = np.arange(ok.size)

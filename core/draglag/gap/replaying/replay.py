@@ -1,7 +1,6 @@
-"""A measured session simulated again: the measured hand under the present model.
+"""A measured session simulated again with the measured hand and the present model.
 
-The touch trace, moved back through the model, is the stylus' path; the forward simulation of it is compared edge by
-edge, and run by run through the same estimator.
+The stylus' path is recovered from the trace, simulated forward, and compared by edges and by estimates of runs.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ MATCH_S = 0.15  # a simulated edge farther from the measured one is another cros
 
 @dataclass(frozen=True)
 class Overlay:
-    """Residuals of measured or simulated edges under one model: residual_mm (m,), and their motion."""
+    """Residuals of edges under one model, (m,) mm, and their motion."""
 
     residual_mm: FloatArray
     run: IntArray
@@ -49,14 +48,14 @@ class Overlay:
 
     @property
     def late_ms(self) -> FloatArray:
-        """The residual as latency, (m,) ms; NaN where the stylus hardly moves across the beam."""
+        """The residual as latency, (m,) ms; NaN for little motion across the beam."""
         slow = np.abs(self.view.v_across) < 1
         return np.asarray(1e3 * self.residual_mm / np.where(slow, np.nan, self.view.v_across))
 
 
 @dataclass(frozen=True)
 class RunReplay:
-    """One run, measured and simulated, by the same estimator; None where it gives no estimate."""
+    """One run's estimates, measured and simulated; None where there is none."""
 
     id: str
     protocol: str
@@ -68,10 +67,9 @@ class RunReplay:
 class Replay:
     """A session simulated again.
 
-    Attributes: effects, session: as simulated. runs: those of the fit, in order. run, measured_s, simulated_s, falling:
-    (m,) edges of the fit and their simulated times (NaN for none), host clock. across_mm_s: (m,) velocity across the
-    beam. between_runs_s: standard deviation between runs in the model. reference: model of the overlays. again: the
-    simulated runs, repaired.
+    Attributes: runs: those of the fit, in order. run, measured_s, simulated_s, falling: (m,) edges, host time, NaN
+    where not simulated. across_mm_s: (m,) velocity across the beam. between_runs_s: standard deviation between runs in
+    the model. reference: model of the overlays. again: the simulated runs, repaired.
     """
 
     effects: tuple[Effect, ...]
@@ -127,7 +125,7 @@ class Replay:
         return _between_runs(self.run, self.difference_mm, self.across_mm_s)
 
     def latencies_ms(self) -> list[tuple[str, float, float, float, float, float]]:
-        """(run, speed mm/s, measured, its standard error, simulated, its standard error), ms, of runs with both."""
+        """(run, speed mm/s, measured, its standard error, simulated, its standard error), ms."""
         out = []
         for item in self.runs:
             a, b = item.measured, item.simulated
@@ -139,7 +137,7 @@ class Replay:
 
     @property
     def runs_that_agree(self) -> tuple[int, int]:
-        """Number of runs whose latencies agree at 95 %, and number compared."""
+        """Number of runs whose latencies agree at 95 %, and of all compared."""
         rows = self.latencies_ms()
         wide = 1e3 * self.between_runs_s
         inside = [abs(s - m) <= 1.96 * float(np.sqrt(me**2 + se**2 + wide**2)) for _, _, m, me, s, se in rows]
@@ -175,9 +173,8 @@ def replay(
 ) -> Replay:
     """A session simulated again with its measured hand motion.
 
-    session: as measured. fit: law, beam and edges. named: effect id → parameters, None for the fit's terms; effects of
-    stream and clock come only from here. reference: model of the overlays, None for ``fit``. raw: measured runs with
-    unrepaired streams, where ``fit`` is of repaired ones, so that both estimates are of unrepaired streams.
+    named: effect id → parameters, None: the fit's terms; effects of stream and clock come only from here. reference:
+    model of the overlays, None: ``fit``. raw: runs with unrepaired streams, where ``fit`` is of repaired ones.
 
     Raises EstimateError where no run can be simulated.
     """
@@ -237,7 +234,7 @@ def replay(
 
 @one_blas_thread
 def replays(session: Session, report: GapReport, progress: Progress | None = None) -> tuple[Replay, ...]:
-    """Replays of the model without effects and after each step of a report, all with the first model as reference.
+    """Replays of the first model and after each step, with the first as reference.
 
     Raises EstimateError for a report without a verdict, or where no run can be simulated.
     """
@@ -272,7 +269,7 @@ def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _reported_s(run: Run, data: RunData, effects: Sequence[Effect]) -> FloatArray:
-    """Report times: as stamped where a repair only removed events, else as repaired, as behind sample-and-hold."""
+    """Report times: as stamped where a repair only removed events, else as repaired."""
     only_removed = np.isin(data.reported_s, run.touch.t_s).all()
     loop = any(effect.estimated_with for effect in effects)
     return run.touch.t_s if only_removed and not loop else data.reported_s
@@ -288,7 +285,7 @@ def _simulated(
     origin_s: float,
     seed: int,
 ) -> Run:
-    """One simulated run, with events at the measured rate and missing where the measured are."""
+    """One simulated run, with the measured rate and contact losses."""
     dt_s = sample_interval_s(reported_s)
     own = replace(rig, touch_rate_hz=1 / dt_s, noise_mm=data.noise_mm)
     rng = np.random.default_rng([SEED, seed])
@@ -333,7 +330,7 @@ def _between_runs(run: IntArray, values: FloatArray, across: FloatArray) -> tupl
 
 
 def _overlay(runs: tuple[RunData, ...], reference: Fit) -> Overlay | None:
-    """Simulated runs under the law and beam of the reference, without its effects."""
+    """Simulated runs under the reference's law and beam, without its effects."""
     if not runs:
         return None
     placed: Placed = place(runs, reference.law)

@@ -1,4 +1,4 @@
-"""Stalls: the host delays events and delivers them at once, which no effect of the library does."""
+"""Stalls: the host delays events and delivers them at once, as no effect of the library does."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True)
 class StreamEffect:
-    """One effect detected in a stream: its size with a 95 % interval, where it shows, the evidence in words.
+    """One effect detected in a stream, with 95 % interval.
 
-    undone: whether the repair removes its influence on edges. also: other parameters. rivals: alternative effects.
+    undone: whether repair removes its influence on edges. also: other parameters. rivals: alternatives.
     """
 
     effect: str
@@ -42,7 +42,7 @@ class StreamEffect:
 
 
 def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]:
-    """95 % interval of the share k / n. together: events that occur at once."""
+    """95 % interval of k / n. together: events that occur at once."""
     p = k / n
     reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) * together / n)
     return max(p - reach, 0.0), min(p + reach, 1.0)
@@ -50,7 +50,7 @@ def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Streams:
-    """Unrepaired streams. touches: of runs with enough events; step_mm: step of the coordinates, 0 for none."""
+    """Unrepaired streams. touches: with enough events; step_mm: of the coordinates, 0: none."""
 
     session: Session
     touches: list[TouchTrace]
@@ -66,7 +66,7 @@ class Streams:
 
 
 def counted_out(t_s: FloatArray, count: FloatArray, frame_s: float, quantum_s: float) -> FloatArray:
-    """Times (n,) of counted frames of an even clock that follows the slow course of the stamps."""
+    """Times (n,) of counted frames of an even clock that follows the stamps slowly."""
     late = t_s - frame_s * count
     # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
     off = abs(frame_s / quantum_s - round(frame_s / quantum_s))

@@ -1,7 +1,7 @@
-"""The stylus' acceleration from a trace whose latency depends on acceleration.
+"""The stylus' acceleration where the latency depends on it.
 
-When the latency grows by c·a, an event at t + L + c·a(t) shows the speed v / (1 + c·ȧ), about a mean speed v₀ u = v −
-v₀ c·ȧ, where a = G v̇ as the tracker smooths it. Changes of speed are amplified by 1 + v₀ c ω² G, four times at 1 m/s,
+When the latency grows by c·a, events at t + L + c·a(t) show v / (1 + c·ȧ), to first order u = v − v₀ c·ȧ about a mean
+v₀, with a = G v̇ as the tracker smooths it. So changes of speed are amplified by 1 + v₀ c ω² G, four times at 1 m/s,
 and a = iω G u / (1 + v₀ c ω² G).
 """
 
@@ -30,9 +30,7 @@ STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rat
 
 @dataclass(frozen=True)
 class Shown:
-    """The speed that a run's trace shows. grid_s, speed_mm_s: (g,). apart_s: half the span of a change of speed.
-    mean_mm_s: the run's speed.
-    """
+    """A trace's speed. grid_s, speed_mm_s: (g,). apart_s: half the span of a change of speed."""
 
     grid_s: FloatArray
     step_s: float
@@ -42,9 +40,7 @@ class Shown:
 
     @cached_property
     def spectrum(self) -> tuple[int, FloatArray, np.ndarray]:
-        """Padding at both ends, points; angular frequencies (f,) rad/s and spectrum (f,) of the deviations from the
-        mean speed.
-        """
+        """Padding, points; angular frequencies (f,) rad/s and spectrum (f,) of deviations from the mean speed."""
         edge = min(round(PADDED_S / self.step_s), self.grid_s.size - 1)
         speed = np.pad(self.speed_mm_s - self.mean_mm_s, edge, mode="reflect")
         omega = np.asarray(2 * np.pi * np.fft.rfftfreq(speed.size, self.step_s), float)
@@ -53,7 +49,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Acceleration:
-    """Tangential acceleration and its change, (m,) mm/s² and mm/s³, at a setting (lag_s3_mm, window_s)."""
+    """Tangential acceleration and its change, (m,), at a setting (lag_s3_mm, window_s)."""
 
     setting: tuple[float, float]
     accel_mm_s2: FloatArray
@@ -62,7 +58,7 @@ class Acceleration:
 
 @dataclass(frozen=True)
 class DewarpedKinematics:
-    """Where m edges lie on their traces. run: (m,) index. at_s: (m,) touch time. known: at one setting."""
+    """Where m edges lie on their traces. run: (m,) index; at_s: (m,) touch time; known: at one setting."""
 
     runs: tuple[RunData, ...]
     run: np.ndarray
@@ -99,7 +95,7 @@ class DewarpedKinematics:
         return out, change
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shown speed and its change, (m,) mm/s and mm/s², ``before_s`` (m,) before each edge (negative: after it)."""
+        """Shown speed, mm/s, and its change, mm/s², (m,), ``before_s`` (m,) before each edge."""
         speed, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k
@@ -113,7 +109,7 @@ class DewarpedKinematics:
 
 
 def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
-    """The evenly spaced speed of a trace (n,), (n, 2). radius_mm, mean_mm_s: of a circle at constant speed."""
+    """The speed of a trace (n,), (n, 2). radius_mm, mean_mm_s: of a steady circle."""
     interval_s = sample_interval_s(t_s)
     step_s = max(interval_s, STEP_S)
     grid_s = np.arange(t_s[0], t_s[-1], step_s)

@@ -31,13 +31,12 @@ FEW = 0.002  # of all edges
 class Placed:
     """Edges (m,) of all runs, placed on the touch trace by a law.
 
-    Attributes: run: index. t_s: laser time; since_start_s, in_run_s: since the first event of session and run. steady:
-    in a run of constant speed. falling: light→dark. latency_s: L. speed_mm_s: the stylus' own. xy_mm, v_mm_s, a_mm_s2:
-    (m, 2) shown at t + L. accel_mm_s2: along the motion, in own time; accel_apart_mm_s2: with an error independent of
-    the position's. turn_rad_s: turn of the direction in steady runs, else 0. slope_s2_mm: L′. uneven_mm_s: speed less
-    the run's mean in steady runs, else 0. stretch: shift per added latency, 1 / (1 − L′ v̇). ok: placed well enough.
-    trace: where on the traces. speed_half_s: half window of each speed. position_at_s, speed_at_s: where on ``traces``
-    the fits were made.
+    Attributes: run: index. t_s: laser time; since_start_s, in_run_s: since the start of session and run. steady: of a
+    run of constant speed. falling: light→dark. latency_s: L. speed_mm_s: the stylus'. xy_mm, v_mm_s, a_mm_s2: (m, 2)
+    shown at t + L. accel_mm_s2: along the motion, in own time; accel_apart_mm_s2: with errors independent of the
+    position's. turn_rad_s, uneven_mm_s: turn of the direction, and speed less the run's mean; 0 unless steady.
+    slope_s2_mm: L′. stretch: shift per added latency, 1 / (1 − L′ v̇). ok: well placed. speed_half_s: half window of
+    each speed. position_at_s, speed_at_s: times of the fits on ``traces``.
     """
 
     run: IntArray
@@ -94,9 +93,8 @@ def place(
     start: Placed | None = None,
     delay: SpeedDelay = NO_DELAY,
 ) -> Placed:
-    """The solution of L = law(v) + extra at every edge.
-
-    extra_s: (m,) from effects. start: a previous placing. delay: of the moment of v.
+    """The solution of L = law(v) + extra at every edge. extra_s: (m,). start: earlier placing. delay: of the moment
+    of v.
     """
     traces = traces_of(runs)
     edge_s = traces.edge_t_s
@@ -172,7 +170,7 @@ def place(
 def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int) -> FloatArray:
     """Median curvature of each judged edge's run, (m,) rad/mm; 0 at others.
 
-    It comes from directions apart: windows do not flatten it, and its errors are independent of the edge's position.
+    From directions apart: not flattened by windows, and independent of the position's errors.
     """
     out = np.zeros(run.size)
     for k in range(n_runs):
@@ -183,7 +181,6 @@ def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int
 
 
 def _accelerations(v_mm_s: FloatArray, change_mm_s2: FloatArray, turn_rad_s: FloatArray) -> FloatArray:
-    """Accelerations (m, 2) mm/s² from changes of speed and direction."""
     shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
     aside = np.column_stack([-v_mm_s[:, 1], v_mm_s[:, 0]])
     return np.asarray((change_mm_s2 / shown)[:, None] * v_mm_s + turn_rad_s[:, None] * aside)
@@ -208,9 +205,7 @@ def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class _LawSpeeds:
-    """The law's argument along runs that keep moving, and corrections to the edge's own speed elsewhere, None for
-    none.
-    """
+    """The law's argument along runs that keep moving, and corrections to edges' own speeds elsewhere."""
 
     followed: tuple[FloatArray, FloatArray]
     apart: tuple[FloatArray, FloatArray] | None
@@ -240,9 +235,9 @@ def _solved(
     added_s: FloatArray,
     law_speeds: _LawSpeeds,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Latency, stylus' speed and last step, (q,) each, of L = law(v) + added, traces taken as straight.
+    """Latency, stylus' speed and last step, (q,), of L = law(v) + added, traces taken as straight.
 
-    fast: (q, 8) fits of the speeds. An edge that leaves the range of its fit waits for a new one.
+    fast: (q, 8) fits of the speeds; edges beyond their range wait for new ones.
     """
     latency, step, speed = latency.copy(), np.zeros(edges.size), np.zeros(edges.size)
     edge_s, followed = traces.edge_t_s[edges], traces.keeps_moving[edges]
@@ -269,7 +264,7 @@ def _solved(
 
 
 def _moved(rows: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity of fits a little away from their times, (m, 2) each."""
+    """Position and velocity a little away from the fits' times, (m, 2) each."""
     apart_s = (at_s - rows[:, 0])[:, None]
     change = rows[:, 5:7] * apart_s
     return rows[:, 1:3] + (rows[:, 3:5] + 0.5 * change) * apart_s, rows[:, 3:5] + change

@@ -1,8 +1,8 @@
-"""The speed that is the law's argument, from the speed that a trace shows.
+"""The law's argument, a speed, from the speed that a trace shows.
 
-An event at t + L(w) runs 1 + L′ ẇ times slower than the stylus: of the stylus' speed v the trace shows u = v / (1 + L′
-ẇ), w being v or its value d before. In the event's time v + τ ẇ = u with τ = −v L′(w): for d = 0 a first-order low-pass
-whose time constant follows the speed.
+Events at t + L(w) run 1 + L′ ẇ times slower than the stylus, of speed v: the trace shows u = v / (1 + L′ ẇ), w being v
+or its value d before. In the event's time v + τ ẇ = u, τ = −v L′(w): for d = 0 a first-order low-pass of varying time
+constant.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it 
 
 
 def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
-    """For each run that keeps moving, times (g,) s on its trace and the law's argument, (g,) mm/s."""
+    """For each run that keeps moving, times on its trace, (g,) s, and the law's argument, (g,) mm/s."""
     if delay[1] and runs:
         return _delayed(runs, law, delay)
     steady = iter(_now([data for data in runs if data.steady], law))
@@ -42,7 +42,7 @@ def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list
 
 
 def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tuple[FloatArray, FloatArray]:
-    """Times (g,) s and difference of the law's argument from the present speed, (g,) mm/s, to first order."""
+    """Times (g,) s and the law's argument less the present speed, (g,) mm/s, to first order."""
     shown = data.shown
     around = np.maximum(shown.speed_mm_s, 1.0)
     slope = law(around + 0.5) - law(around - 0.5)
@@ -53,13 +53,13 @@ def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tupl
 
 
 def before_s(delay: SpeedDelay, latency_s: FloatArray) -> FloatArray:
-    """How long before each edge the speed is taken, (m,) s; negative: after it."""
+    """Time from each edge back to the law's speed, (m,) s."""
     which, delay_s = delay
     return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
 
 
 def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
-    """The low-pass with one time constant for each run, that of its usual speed."""
+    """The low-pass with one time constant a run, at its usual speed."""
     if not runs:
         return []
     usual = np.array([data.usual_mm_s for data in runs])
@@ -97,9 +97,9 @@ def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, Float
 
 
 def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
-    """The least-squares solution of v + τ ẇ = u for all runs, w being v ``delay`` before.
+    """Least-squares solution of v + τ ẇ = u for all runs, w being v ``delay`` before.
 
-    v̈ is penalised, for near ω d = 3π/2 (−π/2 where w is later) τ ẇ cancels v and u holds mostly noise.
+    v̈ is penalised: near ω d = 3π/2 (−π/2 for later w) τ ẇ cancels v, and u holds mostly noise.
     """
     times, shown = [], []
     for data in runs:
@@ -131,7 +131,7 @@ def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple
 def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray, smooth_s4: FloatArray) -> FloatArray:
     """Least-squares v (n,) of u = v + half_tau · (v one step after ``back`` steps before, less one step before that).
 
-    Second differences are penalised by √``smooth_s4`` (n,); the normal equations are banded.
+    Second differences are penalised by √``smooth_s4`` (n,).
     """
     n = u.size
     row = np.arange(n)

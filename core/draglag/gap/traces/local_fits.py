@@ -1,7 +1,4 @@
-"""Traces of all runs as one, and cached local fits about their edges.
-
-Fits are made on a grid of times so fine that a fit's velocity and acceleration bridge the rest.
-"""
+"""Traces of all runs as one, and cached local fits on a fine grid of times about their edges."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ Fitted = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 class Kept:
     """Cache of rows about edges at times of a grid.
 
-    make: of times (q,) s, half widths (q,) s and edges (q,), the rows (q, c), the first column the time.
+    make: times, half widths (q,) s and edges (q,) → rows (q, c), beginning with the time.
     """
 
     def __init__(self, make: Fitted, edge_t_s: FloatArray, step_s: float) -> None:
@@ -45,7 +42,7 @@ class Kept:
         self._used = 0
 
     def at(self, at_s: FloatArray, half_s: FloatArray, edges: IntArray) -> FloatArray:
-        """Rows (q, c) at the grid times next to ``at_s`` (q,); each edge once."""
+        """Rows (q, c) at the grid times nearest to ``at_s`` (q,); each edge once."""
         away = np.rint((at_s - self._edge_t_s[edges]) / self._step_s)
         steps = np.clip(np.nan_to_num(away, nan=FURTHEST), -FURTHEST, FURTHEST).astype(np.int64)
         widths = np.minimum(np.rint(half_s / WIDTH_UNIT_S), WIDEST).astype(np.int64)
@@ -82,11 +79,11 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """All traces in sequence, shifted in time so that no window covers two.
+    """All traces in sequence, shifted so that no window covers two.
 
-    Attributes: t_s, xy_mm: (n,), (n, 2) all events. shift_s, begin: (runs,), (runs + 1,) shift and first event of each
-    run. losses_s: (k, 2) contact losses and gaps between runs. run, edge_t_s (shifted), falling, steady, keeps_moving,
-    half_s: (m,) of all edges.
+    Attributes: t_s, xy_mm: (n,), (n, 2) events. shift_s, begin: (runs,), (runs + 1,) shift and first event. losses_s:
+    (k, 2) contact losses and gaps between runs. run, edge_t_s (shifted), falling, steady, keeps_moving, half_s: (m,) of
+    edges.
     """
 
     runs: tuple[RunData, ...]
@@ -121,17 +118,17 @@ class Traces:
 
     @cached_property
     def spread(self) -> csr_matrix | None:
-        """Influence of each shown event on each of ``t_s``; None where traces are as shown."""
+        """Influence of shown events on those of ``t_s``; None where equal."""
         return spread_of(self.runs)
 
     @cached_property
     def positions(self) -> Kept:
-        """By edge: at_s, x, y, vx, vy, ax, ay, ok, gain of fits as wide as a position's."""
+        """By edge: at_s, x, y, vx, vy, ax, ay, ok, gain, in a position's window."""
         return Kept(lambda at_s, half_s, _: self._fitted(at_s, half_s, True), self.edge_t_s, POSITION_STEP_S)
 
     @cached_property
     def speeds(self) -> Kept:
-        """By edge: at_s, x, y, vx, vy, ax, ay, ok of fits as wide as a speed's."""
+        """By edge: at_s, x, y, vx, vy, ax, ay, ok, in a speed's window."""
         return Kept(lambda at_s, half_s, _: self._fitted(at_s, half_s, False), self.edge_t_s, SPEED_STEP_S)
 
     @cached_property
@@ -159,7 +156,7 @@ class Traces:
 
     @cached_property
     def _reach(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """By edge, s: half span of a change of speed, half window of its speeds, and of sudden starts."""
+        """By edge, s: half span of a change of speed, half windows of speeds and of sudden starts."""
         scales, widths, sudden = [], [], []
         for data in self.runs:
             scale, interval_s = 1.0, sample_interval_s(data.t_s)
@@ -173,8 +170,7 @@ class Traces:
     def _changes(self, at_s: FloatArray, edges: IntArray) -> tuple[FloatArray, FloatArray]:
         """Change of speed, (q,) mm/s², and turn of the direction, (q,) rad/s, positive from x to y.
 
-        From speeds in windows apart from the position's: independent of its noise, and smooth enough to suppress
-        tremor.
+        Windows apart from the position's share no noise with it, and suppress tremor.
         """
         apart_s, width_s = (reach[edges] for reach in self._reach[:2])
         later, earlier = (
@@ -186,7 +182,7 @@ class Traces:
         return speed, direction
 
     def _catching_up(self, at_s: FloatArray, edges: IntArray) -> np.ndarray:
-        """Times near a sudden start or stop, (q,) bool, where L falls faster than time passes and no law holds."""
+        """Times near a sudden start or stop, (q,) bool: L falls faster than time passes, and no law holds."""
         out = np.zeros(at_s.size, bool)
         unsteady = np.flatnonzero(~self.steady[edges])
         if not unsteady.size:

@@ -32,9 +32,8 @@ FINE_S = 0.004  # between events: finer ones are averaged, for every window is t
 class RunData:
     """One run ready for the joint fit.
 
-    Attributes: half_s: half width of the position fits. noise_mm: of one event. t_s, xy_mm: events, averaged where
-    finer than ``FINE_S``; reported_s: each report. undone: effects undone in the trace; as_shown: the run before.
-    spread: (n, events shown) influence of each shown event.
+    Attributes: half_s: half width of position fits. noise_mm: of one event. t_s, xy_mm: events, averaged if finer than
+    ``FINE_S``; reported_s: each report. undone: effects; as_shown: the run before. spread: (n, events shown) influence.
     """
 
     run: Run
@@ -58,9 +57,7 @@ class RunData:
 
     @property
     def keeps_moving(self) -> bool:
-        """Whether the speed is that of a hand that does not rest: a panel's catching up after a rest is not
-        modelled.
-        """
+        """Whether the hand does not rest: a panel's catching up afterwards is not modelled."""
         return self.steady or self.run.protocol in ("chirp", "multisine")
 
     @cached_property
@@ -84,9 +81,7 @@ class RunData:
 
     @cached_property
     def quick(self) -> tuple[FloatArray, FloatArray]:
-        """Evenly spaced times (g,) s and the trace's speed there, (g,) mm/s, in the shortest window that noise
-        allows.
-        """
+        """Times (g,) s and the trace's speed, (g,) mm/s, in the shortest window that noise allows."""
         step_s = max(sample_interval_s(self.t_s), QUICK_S)
         grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
         fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))
@@ -110,7 +105,7 @@ class RunData:
 
 
 def gather(session: Session) -> tuple[RunData, ...]:
-    """Runs with enough usable edges; chatter, and outliers of steady runs, removed."""
+    """Runs with enough usable edges, without chatter, and without outliers where steady."""
     out = []
     for run in session.runs:
         try:
@@ -153,7 +148,7 @@ def gather(session: Session) -> tuple[RunData, ...]:
 
 
 def averaged(t_s: FloatArray, xy_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means of times (k,) s and positions (k, 2) mm within ``FINE_S``, not across contact losses."""
+    """Mean times (k,) s and positions (k, 2) mm within ``FINE_S``, not across contact losses."""
     each = round(FINE_S / sample_interval_s(t_s)) if t_s.size > 2 else 1
     if each < 2:
         return t_s, xy_mm
@@ -172,7 +167,7 @@ def _guess_s(estimate: RunEstimate | None) -> float:
 def _widths(
     run: Run, t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, estimate: RunEstimate | None
 ) -> tuple[float, FloatArray, float] | None:
-    """Half widths of the fits of position, s, and speed, (m,) s, and an event's noise, mm; None without noise."""
+    """Half widths of position fits, s, and speed fits, (m,) s, and an event's noise, mm; None without noise."""
     guess_s, dt_s = _guess_s(estimate), sample_interval_s(t_s)
     half_s, noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], edge_t_s + guess_s)
     if not np.isfinite(noise_mm):
@@ -185,7 +180,7 @@ def _widths(
 
 
 def _on_a_circle_s(radius_mm: float, speed_mm_s: float, dt_s: float) -> float:
-    """Half the widest window in which a cubic follows a circle, s, at least what a fit needs."""
+    """Half the widest window in which a cubic follows a circle, s."""
     return max(CUBIC_RAD * radius_mm / speed_mm_s, 4.5 * dt_s)
 
 
@@ -195,14 +190,14 @@ def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
 
 
 def before_events(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """The runs as shown, with only effects on the events, as a filter's, undone."""
+    """The runs as shown, with only effects on events, as a filter's, undone."""
     return undone(runs, [effect for effect in runs[0].undone if effect.of_events]) if runs else runs
 
 
 def undone(runs: tuple[RunData, ...], effects: Sequence[Undoing]) -> tuple[RunData, ...]:
     """The runs with these effects undone in their traces.
 
-    Raises EstimateError where nothing of a run is left.
+    Raises EstimateError where nothing of a run is left: as shown, it would pass for undone.
     """
     wanted = tuple(sorted(effects, key=lambda effect: effect.place))
     if not runs or wanted == runs[0].undone:

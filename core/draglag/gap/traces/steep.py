@@ -1,4 +1,4 @@
-"""Wider windows for the speed where the latency law is steep: there its noise becomes latency."""
+"""Wider windows for the speed where the law is steep and turns its noise into latency."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EVERY = 5
 
 
 def wide_enough(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """Circle runs with speed windows wide enough for noise below 0.2 ms of latency, as far as the circle allows."""
+    """Circle runs with speed windows for less than 0.2 ms of latency noise, as far as the circle allows."""
     known = sorted(
         (d.estimate.speed_mm_s, d.estimate.latency_s)
         for d in runs

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TouchNoise:
-    """Covariances of m edges by touch noise, of pairs that share events: first ≤ second, (k,) indices; mm2: (k,)."""
+    """Covariances by touch noise of edges that share events: first ≤ second, (k,) indices; mm2: (k,)."""
 
     first: IntArray
     second: IntArray
@@ -30,7 +30,7 @@ class TouchNoise:
         return np.asarray(np.bincount(self.first[own], self.mm2[own], m))
 
     def band_mm2(self, use: np.ndarray, reach: int) -> FloatArray:
-        """Lower band of the used edges: row j holds edges i and i + j, (reach, used) mm²."""
+        """Lower band: row j holds used edges i and i + j, (reach, used) mm²."""
         place = np.cumsum(use) - 1
         inside = use[self.first] & use[self.second]
         first, second = place[self.first[inside]], place[self.second[inside]]
@@ -52,7 +52,7 @@ def touch_noise(placed: Placed) -> TouchNoise:
 
 
 def _rows(placed: Placed) -> tuple[csr_matrix, csr_matrix]:
-    """Shift of each edge, mm, by the noise of each event in y and in x; (m, events of all runs)."""
+    """Shift of each edge by noise of each event in y and in x, (m, events) mm."""
     velocity, noise_mm = placed.v_mm_s, placed.traces.noise_mm
     shown = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-6)
     # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
@@ -70,7 +70,7 @@ def _scaled(rows: csr_matrix, by: FloatArray) -> csr_matrix:
 
 
 def spread_of(runs: Sequence[RunData]) -> csr_matrix | None:
-    """Influence of each shown event on each event of all runs; None where traces are as shown."""
+    """Influence of shown events on those of all runs; None where equal."""
     if all(data.spread is None for data in runs):
         return None
     each = [identity(d.t_s.size, format="csr") if d.spread is None else d.spread for d in runs]
