@@ -1,4 +1,4 @@
-"""An effect chosen by a person, added to a finished gap report."""
+"""An effect added to a finished gap report by hand."""
 
 from __future__ import annotations
 

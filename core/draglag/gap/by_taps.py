@@ -125,7 +125,7 @@ class Ends:
 
 
 def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
-    """Ends of a fit's curve; variance: of the taps' median, s²."""
+    """Ends of the curve; variance: of the taps' median, s²."""
     fastest = float(np.quantile(fit.view.speed, 0.95))
     highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
     any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
@@ -194,7 +194,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form
 def _by_level(
     session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], p_any_form: float
 ) -> Creep:
-    """The same from the level of taps at one end of the session."""
+    """The same from taps at one end of the session."""
     assert session.taps is not None
     summary = summarise_taps(session.taps).get("release")
     if summary is None or summary.n < FEWEST:

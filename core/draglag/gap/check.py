@@ -89,7 +89,6 @@ def _latency(again: Replay) -> Statistic | None:
 
 
 def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """Weighted mean stylus width of the runs, mm."""
     rows = [
         (a.stylus_diameter_mm, b.stylus_diameter_mm, a.stylus_diameter_se_mm or 0.0, b.stylus_diameter_se_mm or 0.0)
         for a, b in both
@@ -107,7 +106,6 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
-    """Median RMS residual of the runs, mm."""
     rows = [(a.j_per_edge_mm2, b.j_per_edge_mm2) for a, b in both if a.j_per_edge_mm2 and b.j_per_edge_mm2]
     if len(rows) < FEWEST_RUNS:
         return None
@@ -117,7 +115,7 @@ def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _repeats(session: Session, again: Session) -> Statistic | None:
-    """Share of repeated positions, the simulated ones rounded as measured."""
+    """Share of repeats, the simulated positions rounded as measured."""
     own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:

@@ -175,7 +175,8 @@ class Shrinkage:
 def find(session: Session, model: Model | None = None) -> Gap:
     """The disagreement of a session and a model, fitted to it without the runs that ``analyze`` leaves out.
 
-    A model from an earlier ``find`` on the same session keeps its start and edges, so that gaps can be compared.
+    A model that ``find`` fitted to this session starts there and keeps its edges, so that gaps can be compared; one
+    fitted to another is fitted again.
 
     Raises EstimateError when the session cannot carry the model.
     """
@@ -319,7 +320,6 @@ def _check_held(effect_id: str, values: Mapping[str, float]) -> None:
 
 
 def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, float], ...]]]) -> Session:
-    """The session with effects of known size removed, by a first fit's law."""
     if not held:
         return session
     law = fit_session(session, gather(session)).law

@@ -28,9 +28,7 @@ P_LAW_FORM = 0.2
 """Prior probability that the curve is not Eq. 5. Judgement: one screen in five."""
 
 OWN_FORM = 0.5
-"""Probability from which on the curve is said not to be Eq. 5, and fits have its own form. Derived: more probable than
-not.
-"""
+"""Probability from which on the curve is not Eq. 5, and fits have its own form. Derived: more probable than not."""
 
 P_FALLING = 0.5
 """Prior probability that a smooth form of the curve falls with speed all along. Derived: the order of magnitude, which

@@ -1,6 +1,6 @@
 """Effects of an extended model, except its law, removed from copies of recorded streams.
 
-Forward contributions to latency, position, shadow, edge or clock are subtracted along the trace's motion under the law.
+Forward contributions are subtracted along the trace's motion under the law.
 """
 
 from __future__ import annotations
@@ -245,7 +245,7 @@ def _without(
 def _laser_without(
     laser: LaserTrace, effects: Sequence[Effect], k: Kinematics, host_s: FloatArray, origin_s: float, diameter_mm: float
 ) -> LaserTrace:
-    """Edges and device stamps without delays, drift and false width."""
+    """Edges and device stamps without effects."""
     t = laser.t_s - origin_s
     for effect in effects:
         t = t - (effect.laser_clock(t) - t)

@@ -1,4 +1,4 @@
-"""Effects that a session could not have shown, and the run that would show them."""
+"""Effects that a session could not show, and the run that would."""
 
 from __future__ import annotations
 

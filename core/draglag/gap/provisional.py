@@ -144,7 +144,6 @@ def _per_unit(view: View, role: str, columns: FloatArray) -> tuple[FloatArray, f
 
 
 def _values(view: View, covariate: str) -> FloatArray:
-    """The covariate in its own unit, (m,)."""
     return {
         "session_time": view.since_start_s,
         "time_in_run": view.in_run_s,

@@ -1,4 +1,4 @@
-"""Results of the workflow: steps, verdict and probability."""
+"""Results of the workflow."""
 
 from __future__ import annotations
 

@@ -86,6 +86,5 @@ def _edges_while_touched(run: Run) -> int:
 
 
 def _travel_mm(run: Run) -> float:
-    """Sideways travel of the circle's centre, mm."""
     x = run.touch.x_mm[np.isfinite(run.touch.x_mm)]
     return float(np.ptp(x)) - 2 * (run.radius_mm or 0.0) if x.size else 0.0

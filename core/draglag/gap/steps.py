@@ -1,4 +1,4 @@
-"""The report of a judgement: effects one by one, with parameters and held-out gaps."""
+"""The report of a judgement."""
 
 from __future__ import annotations
 
@@ -87,7 +87,6 @@ def reported(
 
 
 def _flagged(fit: Fit) -> dict[str, str]:
-    """Run id → its flags about edges."""
     each = {d.run.id: [f for f in d.estimate.flags if f in OF_EDGES] for d in fit.runs if d.estimate is not None}
     return {run: ", ".join(flags) for run, flags in each.items() if flags}
 

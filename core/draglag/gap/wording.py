@@ -55,7 +55,6 @@ def cause_in_words(step: Step) -> str:
 
 
 def _size(step: Step) -> tuple[str, str]:
-    """The first parameter of a step and its 95 % interval; empty without one."""
     if not step.parameters:
         return "", ""
     name, (value, (low, high)) = next(iter(step.parameters.items()))

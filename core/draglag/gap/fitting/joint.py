@@ -118,7 +118,6 @@ def fit_session(
 
 
 def _begun(session: Session, runs: tuple[RunData, ...], law: LawParameters, terms: Sequence[Term]) -> State:
-    """The first point: given law and terms, median beam of the runs."""
     found = [d.estimate.alignment for d in runs if d.estimate and d.estimate.alignment]
     middle_mm = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for a in found]))
     geometry = Geometry(float(np.median([a.slope for a in found])), middle_mm, session.stylus.diameter_mm)

@@ -96,7 +96,6 @@ def nearest_eq5(law: LawParameters, speed_mm_s: FloatArray) -> LawParameters:
 
 
 def _eq5_through(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters:
-    """Eq. 5 by least squares, from several starts."""
 
     def law(p: FloatArray) -> LawParameters:
         a1, a2, a4, a5 = (float(q) for q in np.exp(p[:4]))

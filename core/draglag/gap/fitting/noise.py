@@ -62,7 +62,7 @@ class Scatter:
 
     Attributes: fixed_mm2: touch noise, time of the speed, estimated acceleration. speed_mm2, tremor_s2: relative and
     absolute error of the speed. late_mm_s, uneven_mm: (m,) by the run's latency and uneven following. run: (m,) index.
-    loose_s: (runs,) freedom of runs of changing speed.
+    loose_s: (runs,) by how much runs of changing speed may miss the law.
     """
 
     fixed_mm2: FloatArray

@@ -1,4 +1,4 @@
-"""Parameters of a fitted effect, with 95 % intervals and where it acts."""
+"""Parameters of a fitted effect and where it acts."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from draglag.recording import FloatArray, IntArray
 @dataclass(frozen=True)
 class RunNoise:
     """Parts of a run's covariance, (n, n) or (n,), per unit. common: (n, 3) latency, offset and uneven following;
-    loose_s: freedom of a run of changing speed.
+    loose_s: by how much a run of changing speed may miss the law.
     """
 
     edges: IntArray

@@ -111,7 +111,7 @@ def _effects_of(names: Names) -> Names:
 
 
 def _probable(pool: Pool) -> list[Names]:
-    """Sets of effects probable enough to be refitted, in falling order."""
+    """Sets of effects probable enough to be refitted."""
     sets: dict[Names, float] = {}
     for names, p in pool.probabilities().items():
         key = _effects_of(names)
@@ -214,7 +214,6 @@ def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted:
 def _proposed(
     session: Session, pool: Pool, fits: dict[Names, Fit], options: Collection[str], starts: tuple[Names, ...]
 ) -> dict[Names, Fit]:
-    """Refits that add one of ``options`` to the fits ``starts``."""
     base = next(iter(fits.values()))
     out: dict[Names, Fit] = {}
     for name in options:

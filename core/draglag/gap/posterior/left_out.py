@@ -33,7 +33,7 @@ def freedom_nats(fit: Fit, base: Fit) -> float:
 
 
 def _log_uniform(residual_mm: FloatArray, sd_mm: FloatArray, width_mm: FloatArray) -> FloatArray:
-    """Log density of residuals (m,) uniform within ± width, with normal noise."""
+    """Log density of residuals (m,), uniform within ± width plus normal noise."""
     high, low = (residual_mm + width_mm) / sd_mm, (residual_mm - width_mm) / sd_mm
     flip = np.where(residual_mm > 0, -1.0, 1.0)  # in the tail where differences keep their digits
     a, b = np.where(flip > 0, high, -low), np.where(flip > 0, low, -high)
@@ -51,7 +51,6 @@ def _residual_mm(fit: Fit) -> FloatArray:
 
 
 def _sd_mm(fit: Fit) -> FloatArray:
-    """Standard deviation of every placed edge, (m,) mm."""
     placed, levels = fit.placed, fit.white.components
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
     variance = placed.touch_variance_mm2 + timing_mm(placed) ** 2 + levels.edge_mm**2 + levels.run_mm**2

@@ -1,4 +1,4 @@
-"""Grids, priors and sound sizes of the parts of the noise."""
+"""Grids and priors of the parts of the noise."""
 
 from __future__ import annotations
 

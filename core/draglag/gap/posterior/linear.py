@@ -232,7 +232,6 @@ def likeliest_levels(
 
 
 def _along(levels: Levels, name: str, grid: Sequence[float], value) -> Levels:  # type: ignore[no-untyped-def]
-    """The levels improved uphill along one grid."""
     at = int(np.argmin(np.abs(np.array(grid) - getattr(levels, name))))
     best = value(levels)
     for way in (1, -1):

@@ -1,4 +1,4 @@
-"""Possible members of an explanation: effects, the curve's own form, smooth terms, jumps and levels."""
+"""Possible members of an explanation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Explanations compared, each at its own joint refit, on the same edges and noises."""
+"""Explanations compared, each at its own refit, on the same edges and noises."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def compared(
 
 
 def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[Levels]:
-    """Levels with some mass of the best explanation or the emptiest."""
+    """Levels that matter to the best explanation or the emptiest."""
     best, empty = max(found, key=lambda n: found[n].log_mass), min(found, key=len)
     each = np.array([log_evidence(found[n].search, found[n].explanation) for n in (best, empty)])
     near = each > each.max(axis=1, keepdims=True) - constants.GIVEN_UP
@@ -167,7 +167,6 @@ def _searched(
 
 
 def _own_best(search: Search) -> Explanation | None:
-    """The best explanation with all the fit's effects."""
     inside = set(effects_in(search.linear.fit)) - set(effects_in_law(search.linear.fit))
     own = [e for e in search.explanations if not inside or inside <= set(search.names(e))]
     return max(own, key=lambda e: e.log_mass, default=None)

@@ -92,7 +92,6 @@ def searched(
 
 
 def _front(linear: Linear, ranked: list[Explanation]) -> list[Explanation]:
-    """The best explanations of different names."""
     out: dict[tuple[str, ...], Explanation] = {}
     for explanation in ranked:
         names = tuple(sorted(linear.members[i].name for i in explanation.members))
@@ -252,7 +251,7 @@ def _evidence(
 
 
 def _gain(given: Given, group: OfOneWidth) -> FloatArray:
-    """Log evidence that each member of a group adds, (levels, c, scales)."""
+    """Log evidence added by each member, (levels, c, scales)."""
     gram, moment = group.gram, group.moment
     if given.taken.shape[1]:
         taken = np.moveaxis(given.taken[:, :, group.at], 1, 2)  # (levels, c, r, k)

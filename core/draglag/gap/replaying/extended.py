@@ -74,7 +74,7 @@ def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
 
 
 def _undone_s(fit: Fit) -> FloatArray:
-    """Latency removed from the traces at every placed edge, (m,) s."""
+    """Latency removed from the traces at placed edges, (m,) s."""
     out = np.zeros(len(fit.placed))
     for term in fit.terms:
         out += effect_class(term.effect).undone_s(term, fit.placed)

@@ -1,4 +1,4 @@
-"""A fitted model in the forward simulation: a rig and effects."""
+"""A fitted model in the forward simulation."""
 
 from __future__ import annotations
 

@@ -262,7 +262,6 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
 
 
 def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
-    """Sorted edge times of a run, s, and the fitted latency there, s."""
     own = fit.placed.run == k
     order = np.argsort(fit.placed.t_s[own])
     return fit.placed.t_s[own][order], fit.placed.latency_s[own][order]

@@ -1,4 +1,4 @@
-"""Detection of effects in streams: tick grids, repeats, batches, quanta, chatter."""
+"""Detection of effects in streams."""
 
 from __future__ import annotations
 

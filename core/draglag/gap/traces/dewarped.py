@@ -95,7 +95,7 @@ class DewarpedKinematics:
         return out, change
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shown speed, mm/s, and its change, mm/s², (m,), ``before_s`` (m,) before each edge."""
+        """Shown speed, mm/s, and its change, mm/s², (m,), ``before_s`` (m,) before each edge (negative: after it)."""
         speed, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k

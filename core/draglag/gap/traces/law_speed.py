@@ -53,7 +53,7 @@ def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tupl
 
 
 def before_s(delay: SpeedDelay, latency_s: FloatArray) -> FloatArray:
-    """Time from each edge back to the law's speed, (m,) s."""
+    """Time from each edge back to the law's speed, (m,) s; negative: after the edge."""
     which, delay_s = delay
     return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
 

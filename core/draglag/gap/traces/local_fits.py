@@ -100,7 +100,6 @@ class Traces:
     half_s: FloatArray
 
     def __getstate__(self) -> dict[str, object]:
-        """Fields without caches, for another process."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
@@ -149,7 +148,6 @@ class Traces:
         return out
 
     def _alike(self, at_s: FloatArray, half_s: FloatArray) -> list[IntArray]:
-        """A partition of the windows by number of events."""
         first, last = (np.searchsorted(self.t_s, at_s + side * half_s) for side in (-1, 1))
         size = np.round(SIZES * np.log2(np.maximum(last - first, 4)))
         return [np.flatnonzero(size == s) for s in np.unique(size)]

@@ -65,7 +65,6 @@ def _rows(placed: Placed) -> tuple[csr_matrix, csr_matrix]:
 
 
 def _scaled(rows: csr_matrix, by: FloatArray) -> csr_matrix:
-    """Rows (m, n) times (m,)."""
     return csr_matrix((rows.data * np.repeat(by, np.diff(rows.indptr)), rows.indices, rows.indptr), shape=rows.shape)
 
 
