@@ -43,12 +43,18 @@ class Offset:
 
 
 def clock_offset(
-    session: Session, fit: Fit, effects: Sequence[Effect] = (), held_s: float = 0.0, p_any_form: float = 0.0
+    session: Session,
+    fit: Fit,
+    effects: Sequence[Effect] = (),
+    held_s: float = 0.0,
+    p_any_form: float = 0.0,
+    early: tuple[float, float] = (0.0, 0.0),
 ) -> Offset | None:
     """Offset of releases from the curve's end; None with fewer than 15.
 
     effects: named ones, whose influence on taps is subtracted. held_s: longest wait of only taps or only drags, s.
-    p_any_form: probability of an unknown form of the curve.
+    p_any_form: probability of an unknown form of the curve. early: known lead of drags relative to taps and its
+    standard deviation, s.
     """
     if session.taps is None:
         return None
@@ -60,8 +66,8 @@ def clock_offset(
     if summary is None or summary.n < FEWEST:
         return None
     tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / 3.92
-    ends = _ends_beyond(fit, p_any_form, tap_se**2 + held_s**2 / 3)
-    return ends.offset(float(summary.median_s - fit.law.a7_s))
+    ends = _ends_beyond(fit, p_any_form, tap_se**2 + held_s**2 / 3 + early[1] ** 2)
+    return ends.offset(float(summary.median_s - fit.law.a7_s - early[0]))
 
 
 def shares_by_edges(

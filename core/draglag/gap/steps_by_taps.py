@@ -17,6 +17,7 @@ from draglag.gap.results import BY_TAPS, Step
 from draglag.messages import message
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, Effect, effect_class
+from draglag.simulation.effects.in_fits import Z95
 
 
 def waited_s(session: Session, effects: Sequence[Effect]) -> float:
@@ -35,8 +36,14 @@ def with_taps(
     offset = clock_offset(session, last, effects, waited_s(session, effects), p_any_form)
     if offset is None or offset.probability < 0.5:
         return [], last
-    if any(_shown_by_taps(steps, k, offset) for k in range(len(steps))):
-        return [], last
+    named = next((k for k, step in enumerate(steps) if effect_class(step.effect).drags_early), None)
+    if named is not None:
+        early = _lead_of(steps[named])
+        beyond = clock_offset(session, last, effects, waited_s(session, effects), p_any_form, early)
+        if beyond is None or beyond.probability < 0.5:
+            steps[named] = _sized_by_taps(steps[named], offset)
+            return [], last
+        offset = beyond
     possible = [e for e in parting if e.parameters[0].lower < e.drags_early * offset.value_s < e.parameters[0].upper]
     if not possible:
         return [], last
@@ -66,17 +73,18 @@ def with_taps(
     return [step], after
 
 
-def _shown_by_taps(steps: list[Step], k: int, offset: Offset) -> bool:
-    """Whether the k-th step explains the taps, which then size it in ``steps``."""
-    home = effect_class(steps[k].effect)
-    if not home.drags_early:
-        return False
-    parameters = home.with_taps(steps[k].parameters, *_of_size(offset, home.drags_early))
-    if parameters is None:
-        return False
-    evidence = message("{evidence}; {taps}", evidence=steps[k].evidence, taps=_off_the_asymptote(offset))
-    steps[k] = replace(steps[k], parameters=parameters, evidence=evidence)
-    return True
+def _lead_of(step: Step) -> tuple[float, float]:
+    """Lead of drags relative to taps that a step makes, and its standard deviation, s."""
+    value, (low, high) = next(iter(step.parameters.values()))
+    return effect_class(step.effect).drags_early * value, (high - low) / (2 * Z95)
+
+
+def _sized_by_taps(step: Step, offset: Offset) -> Step:
+    """The step, sized by taps as well where the two agree."""
+    home = effect_class(step.effect)
+    parameters = home.with_taps(step.parameters, *_of_size(offset, home.drags_early))
+    evidence = message("{evidence}; {taps}", evidence=step.evidence, taps=_off_the_asymptote(offset))
+    return replace(step, parameters=parameters or step.parameters, evidence=evidence)
 
 
 def _of_size(offset: Offset, sign: int) -> tuple[float, tuple[float, float]]:
