@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
 NEGLIGIBLE = 1e-4  # weight of an earlier event: of 1 m of path 0.1 mm would be its offset, of its noise nothing
+LITTLE_NOISE = 0.01  # weight of an earlier event, below which its noise adds 1e-4 of the variance
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,12 @@ class Unpredicted:
     of_events: ClassVar[bool] = True
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
-        spread = inverse(trace.t_s, self.horizon_s, self.window_s)
+        exact = inverse(trace.t_s, self.horizon_s, self.window_s)
+        spread = exact.copy()
+        spread.data[abs(spread.data) < LITTLE_NOISE] = 0.0
+        spread.eliminate_zeros()
         whole = spread if trace.spread is None else spread @ trace.spread
-        return replace(trace, t_s=trace.t_s - self.horizon_s, xy_mm=spread @ trace.xy_mm, spread=whole)
+        return replace(trace, t_s=trace.t_s - self.horizon_s, xy_mm=exact @ trace.xy_mm, spread=whole)
 
 
 def inverse(t_s: FloatArray, horizon_s: float, window_s: float) -> csr_matrix:
