@@ -100,16 +100,15 @@ def tasks(sessions: int, seed: int, only: tuple[str, ...] = (), scales: tuple[fl
     add("none", "none", (), 1.0, 4 * sessions)
     out += _other_laws(sessions, seed, only)
     for name in LIBRARY:
+        faint = () if name in UNIDENTIFIABLE | STREAM else FAINT
         for scale in scales:
             add("single", name, (name,), scale, sessions)
-        if name not in UNIDENTIFIABLE | STREAM:
-            for scale in FAINT:
-                add("faint", name, (name,), scale, max(1, sessions // 2))
+        for scale in faint:
+            add("faint", name, (name,), scale, max(1, sessions // 2))
     add("pair", "pairs", 2, 1.0, 4 * sessions)
     add("triple", "triples", 3, 1.0, 2 * sessions)
-    for name in LIBRARY:
-        if name not in LEAVES_NO_TRACE:
-            add("left_out", name, (name,), 1.0, sessions, less=True)
+    for name in (name for name in LIBRARY if name not in LEAVES_NO_TRACE):
+        add("left_out", name, (name,), 1.0, sessions, less=True)
     for name in UNKNOWN:
         add("unknown", name, (name,), 1.0, sessions)
     return out

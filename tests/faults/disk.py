@@ -11,12 +11,16 @@ import random
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 PAGE = 4096
+CALLS = ("open", "close", "pwrite", "ftruncate", "posix_fallocate", "fdatasync", "fsync", "link", "rename", "unlink",
+         "pread")  # fmt: skip
+REAL = {name: getattr(os, name) for name in CALLS}
 
 
 @dataclass(frozen=True)
@@ -62,95 +66,87 @@ def watched(folder: Path) -> Iterator[Calls]:
     """File calls below the folder are written down while this lasts."""
     calls = Calls(folder)
     with pytest.MonkeyPatch.context() as patch:
-        for name, wrapped in _wrappers(calls).items():
+        for name, wrapped in _Wrapped(calls).all().items():
             patch.setattr(os, name, wrapped)
         yield calls
 
 
-def _wrappers(calls: Calls) -> dict[str, Any]:
-    real = {n: getattr(os, n) for n in ("open", "close", "pwrite", "ftruncate", "posix_fallocate", "fdatasync",
-                                        "fsync", "link", "rename", "unlink", "pread")}  # fmt: skip
-    files, ids, log = calls._files, calls._ids, calls.log
+class _Wrapped:
+    """The calls of ``os``, each counted and written down where it is of a file below the folder."""
 
-    def inside(path: Any) -> str | None:
+    def __init__(self, calls: Calls) -> None:
+        self.calls = calls
+
+    def all(self) -> dict[str, Any]:
+        resized = {name: partial(self.resize, name) for name in ("ftruncate", "posix_fallocate")}
+        synced = {name: partial(self.sync, name) for name in ("fdatasync", "fsync")}
+        named = {name: partial(self.rename, name) for name in ("link", "rename", "unlink")}
+        ours = {"open": self.open, "close": self.close, "pwrite": self.pwrite, "pread": self.pread}
+        return {**ours, **resized, **synced, **named}
+
+    def inside(self, path: Any) -> str | None:
         try:
-            relative = Path(path).absolute().relative_to(calls.folder)
+            relative = Path(path).absolute().relative_to(self.calls.folder)
         except (TypeError, ValueError):
             return None
         return relative.as_posix()
 
-    def open_(path: Any, flags: int, *more: Any, **options: Any) -> int:
-        name = inside(path)
+    def open(self, path: Any, flags: int, *more: Any, **options: Any) -> int:
+        calls, name = self.calls, self.inside(path)
         if name is not None:
             calls.counts("open")
-        fd: int = real["open"](path, flags, *more, **options)
-        if name is not None and name != ".":
+        fd: int = REAL["open"](path, flags, *more, **options)
+        if name == ".":
+            calls._files[fd] = -2
+        elif name is not None:
             if flags & os.O_CREAT:
-                ids[name] = calls._next
+                calls._ids[name] = calls._next
                 calls._next += 1
-                log.append(Call("create", name, file=ids[name]))
-            files[fd] = ids.get(name, -1)
-        elif name == ".":
-            files[fd] = -2
+                calls.log.append(Call("create", name, file=calls._ids[name]))
+            calls._files[fd] = calls._ids.get(name, -1)
         return fd
 
-    def close(fd: int) -> None:
-        files.pop(fd, None)
-        real["close"](fd)
+    def close(self, fd: int) -> None:
+        self.calls._files.pop(fd, None)
+        REAL["close"](fd)
 
-    def pwrite(fd: int, data: Any, at: int) -> int:
-        if fd in files:
-            calls.counts("pwrite")
-        written: int = real["pwrite"](fd, data, at)
-        if fd in files:
-            log.append(Call("write", at=at, data=bytes(data[:written]), file=files[fd]))
-        return written
+    def counted(self, name: str, fd: int, *more: Any) -> tuple[Any, int | None]:
+        """What a call of a descriptor returns, and the file that it is of; None for one elsewhere."""
+        file = self.calls._files.get(fd)
+        if file is not None:
+            self.calls.counts(name)
+        return REAL[name](fd, *more), file
 
-    def resize(name: str) -> Any:
-        def call(fd: int, *sizes: int) -> None:
-            if fd in files:
-                calls.counts(name)
-            real[name](fd, *sizes)
-            if fd in files:
-                log.append(Call("truncate", at=os.fstat(fd).st_size, file=files[fd]))
+    def pwrite(self, fd: int, data: Any, at: int) -> int:
+        written, file = self.counted("pwrite", fd, data, at)
+        if file is not None:
+            self.calls.log.append(Call("write", at=at, data=bytes(data[:written]), file=file))
+        return int(written)
 
-        return call
+    def pread(self, fd: int, length: int, at: int) -> bytes:
+        return bytes(self.counted("pread", fd, length, at)[0])
 
-    def sync(name: str) -> Any:
-        def call(fd: int) -> None:
-            if fd in files:
-                calls.counts(name)
-            real[name](fd)
-            if fd in files:
-                log.append(Call("sync_folder") if files[fd] == -2 else Call("sync", file=files[fd]))
+    def resize(self, name: str, fd: int, *sizes: int) -> None:
+        _, file = self.counted(name, fd, *sizes)
+        if file is not None:
+            self.calls.log.append(Call("truncate", at=os.fstat(fd).st_size, file=file))
 
-        return call
+    def sync(self, name: str, fd: int) -> None:
+        _, file = self.counted(name, fd)
+        if file is not None:
+            self.calls.log.append(Call("sync_folder") if file == -2 else Call("sync", file=file))
 
-    def naming(kind: str) -> Any:
-        def call(source: Any, target: Any = None, **options: Any) -> None:
-            name = inside(source)
-            if name is not None:
-                calls.counts(kind)
-            real[kind](*([source] if target is None else [source, target]), **options)
-            if name is not None:
-                other = "" if target is None else inside(target) or ""
-                log.append(Call(kind, name, other))
-                if other:
-                    ids[other] = ids[name]
-
-        return call
-
-    def pread(fd: int, length: int, at: int) -> bytes:
-        if fd in files:
-            calls.counts("pread")
-        got: bytes = real["pread"](fd, length, at)
-        return got
-
-    return {
-        "open": open_, "close": close, "pwrite": pwrite, "pread": pread, "ftruncate": resize("ftruncate"),
-        "posix_fallocate": resize("posix_fallocate"), "fdatasync": sync("fdatasync"), "fsync": sync("fsync"),
-        "link": naming("link"), "rename": naming("rename"), "unlink": naming("unlink"),
-    }  # fmt: skip
+    def rename(self, kind: str, source: Any, target: Any = None, **options: Any) -> None:
+        name = self.inside(source)
+        if name is not None:
+            self.calls.counts(kind)
+        REAL[kind](*([source] if target is None else [source, target]), **options)
+        if name is None:
+            return
+        other = "" if target is None else self.inside(target) or ""
+        self.calls.log.append(Call(kind, name, other))
+        if other:
+            self.calls._ids[other] = self.calls._ids[name]
 
 
 @dataclass

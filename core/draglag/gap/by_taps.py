@@ -52,7 +52,8 @@ def clock_offset(
 ) -> Offset | None:
     """Offset of releases from the curve's end; None with fewer than 15.
 
-    effects: named ones, whose influence on taps is subtracted. held_s: longest wait of only taps or only drags, s.
+    effects: named ones, whose influence on taps is subtracted. held_s: half of the longest wait of only taps or only
+    drags, s.
     p_any_form: probability of an unknown form of the curve. early: known lead of drags relative to taps and its
     standard deviation, s.
     """
@@ -101,31 +102,36 @@ class Ends:
     any_s: tuple[float, float]
     p_any: float
 
-    def density(self, off_s: float, slab_sd_s: float = 0.0) -> float:
-        """Density of releases at ``off_s``, 1/s; slab_sd_s: standard deviation of an offset."""
-        sd = float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2))
-        of_forms = float(self.weights @ norm.pdf(off_s, self.at_s, sd))
+    def densities(self, off_s: float, sd_s: float) -> tuple[FloatArray, float]:
+        """Density of releases at ``off_s`` with each known form, (k,) 1/s, and with an unknown one, times the forms'
+        probabilities. sd_s: of releases about an end."""
         low, high = self.any_s
-        inside = float(norm.cdf(high, off_s, sd) - norm.cdf(low, off_s, sd))
-        return (1 - self.p_any) * of_forms + self.p_any * inside / (high - low) + np.finfo(float).tiny
+        inside = float(norm.cdf(high, off_s, sd_s) - norm.cdf(low, off_s, sd_s))
+        known = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, sd_s)
+        return np.asarray(known), self.p_any * inside / (high - low)
+
+    def with_and_without(self, off_s: float) -> tuple[float, float]:
+        """Joint densities of releases at ``off_s`` and a clock with an offset of interest, and one without, 1/s."""
+        out = []
+        for p, slab_sd_s in ((P_EFFECT, OFFSET_SD_S), (1 - P_EFFECT, 0.0)):
+            known, unknown = self.densities(off_s, float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2)))
+            out.append(p * (float(known.sum()) + unknown + np.finfo(float).tiny))
+        return out[0], out[1]
 
     def log_density(self, off_s: float) -> float:
         """Log density, mixed over clocks with and without an offset."""
-        return float(np.log((1 - P_EFFECT) * self.density(off_s) + P_EFFECT * self.density(off_s, OFFSET_SD_S)))
+        return float(np.log(sum(self.with_and_without(off_s))))
 
     def offset(self, off_s: float) -> Offset:
         """Posterior mean, 95 % interval and probability of an offset, given releases at ``off_s``."""
-        with_it, without = P_EFFECT * self.density(off_s, OFFSET_SD_S), (1 - P_EFFECT) * self.density(off_s)
-        sd, slab_sd = np.sqrt(self.variance), np.sqrt(self.variance + OFFSET_SD_S**2)
-        each = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, slab_sd)
-        low, high = self.any_s
-        any_form = self.p_any * (norm.cdf(high, off_s, slab_sd) - norm.cdf(low, off_s, slab_sd)) / (high - low)
-        sizes = off_s - self.at_s
-        grid = np.linspace(min(*sizes, off_s - high) - 4 * sd, max(*sizes, off_s - low) + 4 * sd, POINTS)
-        below = each @ norm.cdf(grid, sizes[:, None], sd) + any_form * uniform.cdf(grid, off_s - high, high - low)
-        whole = each.sum() + any_form
+        with_it, without = self.with_and_without(off_s)
+        known, unknown = self.densities(off_s, float(np.sqrt(self.variance + OFFSET_SD_S**2)))
+        sizes_s, sd_s, (low, high) = off_s - self.at_s, np.sqrt(self.variance), self.any_s
+        grid = np.linspace(min(*sizes_s, off_s - high) - 4 * sd_s, max(*sizes_s, off_s - low) + 4 * sd_s, POINTS)
+        below = known @ norm.cdf(grid, sizes_s[:, None], sd_s) + unknown * uniform.cdf(grid, off_s - high, high - low)
+        whole = known.sum() + unknown
         ends = np.interp(np.array([0.025, 0.975]) * whole, below, grid)
-        middle = (each @ sizes + any_form * (off_s - 0.5 * (low + high))) / whole
+        middle = (known @ sizes_s + unknown * (off_s - 0.5 * (low + high))) / whole
         p = min(with_it / (with_it + without), STATED_AT_MOST)
         return Offset(float(middle), (float(ends[0]), float(ends[1])), float(p))
 

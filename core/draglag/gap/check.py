@@ -34,7 +34,7 @@ LATENCY, REPEATS = "latency by run", "repeated positions"
 def checked(session: Session, report: GapReport) -> GapReport:
     """The report with its predictive check; ``unexplained`` where a statistic disagrees.
 
-    Where repeated positions disagree, effects read off the streams are withdrawn. Where the latency disagrees or the
+    Where repeated positions disagree, effects read off the streams are removed. Where the latency disagrees or the
     simulation fails, the hand's motion could not be recovered and the verdict stays.
 
     session: as measured, without excluded runs.

@@ -80,36 +80,48 @@ class Panel:
         if request == 0x400445A0:
             self.clock = struct.unpack("i", given[:4])[0]
             return 0, 0, None
-        if number == 0x01:
-            return 0, 0, struct.pack("i", 0x010001)
-        if number == 0x02:
-            return 0, 0, struct.pack("4H", 3, 0x1234, 0x5678, 1)
-        if number in (0x06, 0x07, 0x08):
-            text = {0x06: self.name, 0x07: self.phys, 0x08: self.uniq}[number].encode()[: size - 1] + b"\0"
-            return len(text), 0, text
-        if number == 0x09:
-            return size, 0, bitmap([PROP_DIRECT], size)
-        if number == 0x0A:
-            code = struct.unpack("i", given[:4])[0]
-            values = [slot.get(code, 0) for slot in self.slots][: size // 4 - 1]
-            return 0, 0, struct.pack(f"{1 + len(values)}i", code, *values)
-        if number == 0x18:
-            return size, 0, bitmap([BTN_TOUCH] if self.plain[BTN_TOUCH] else [], size)
-        if number in (0x19, 0x1A, 0x1B):
-            return size, 0, bytes(size)
         if 0x20 <= number < 0x40:
             bits = {0x20: [EV_SYN, EV_KEY, EV_ABS], 0x20 + EV_KEY: [BTN_TOUCH], 0x20 + EV_ABS: list(self.limits)}
             return size, 0, bitmap(bits.get(number, []), size)
         if 0x40 <= number < 0x80:
-            code = number - 0x40
-            if code not in self.limits:
-                return -1, EINVAL, None
-            low, high, fuzz, resolution = self.limits[code]
-            value = self.current if code == SLOT else self.plain.get(code, 0)
-            return 0, 0, struct.pack("6i", value, low, high, fuzz, 0, resolution)
-        if number == 0x84:
-            return 0, 0, struct.pack("i", 0)
-        return -1, EINVAL, None
+            return self._axis(number - 0x40)
+        if number == 0x0A:
+            return self._values(given, size)
+        return self._of_the_device(number, size)
+
+    def _axis(self, code):
+        """EVIOCGABS."""
+        if code not in self.limits:
+            return -1, EINVAL, None
+        low, high, fuzz, resolution = self.limits[code]
+        value = self.current if code == SLOT else self.plain.get(code, 0)
+        return 0, 0, struct.pack("6i", value, low, high, fuzz, 0, resolution)
+
+    def _values(self, given, size):
+        """EVIOCGMTSLOTS."""
+        code = struct.unpack("i", given[:4])[0]
+        values = [slot.get(code, 0) for slot in self.slots][: size // 4 - 1]
+        return 0, 0, struct.pack(f"{1 + len(values)}i", code, *values)
+
+    def _of_the_device(self, number, size):
+        """Version, identity, names, properties, and the state of keys and lights."""
+        packed = {
+            0x01: struct.pack("i", 0x010001),
+            0x02: struct.pack("4H", 3, 0x1234, 0x5678, 1),
+            0x84: struct.pack("i", 0),
+        }
+        texts = {0x06: self.name, 0x07: self.phys, 0x08: self.uniq}
+        states = {
+            0x09: bitmap([PROP_DIRECT], size),
+            0x18: bitmap([BTN_TOUCH] if self.plain[BTN_TOUCH] else [], size),
+            **{other: bytes(size) for other in (0x19, 0x1A, 0x1B)},
+        }
+        if number in packed:
+            return 0, 0, packed[number]
+        if number in texts:
+            text = texts[number].encode()[: size - 1] + b"\0"
+            return len(text), 0, text
+        return (size, 0, states[number]) if number in states else (-1, EINVAL, None)
 
     def grab(self, wanted):
         if self.grabbed_by_another:

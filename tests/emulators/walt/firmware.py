@@ -6,6 +6,7 @@ The caller owns the host's clock (real or stepped). Commands run one after the o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,6 +68,7 @@ class Firmware:
         self._read = 0
         self.levels = {"G": 480, "PD_screen": 3, "PD_laser": 910}
         self.unfelt: list[float] = []  # shocks while another was kept and nobody had asked for it
+        self._acts = self._acts_by_command()
         self.commands = ""  # everything received, for conversations to be compared with
 
     # --- its clock --------------------------------------------------------------------------------------------
@@ -169,63 +171,93 @@ class Firmware:
 
     def _obey(self, command: str, at_s: float) -> float:
         """Run one command; returns when the firmware is free again."""
-        flipped = command.swapcase()
-        match command:
-            case "Z":
-                self._zero_s = at_s
-                self._line(at_s, flipped)
-            case "T":
-                self._line(at_s, f"t {self.us(at_s)}")
-            case "P":
-                self._line(at_s, flipped)
-            case "D":
-                at_s += PING_LATER_S
-                self._line(at_s, flipped)
-            case "F":
-                self._laser.count = self._screen.count = 0
-                self._laser.serve_s = self._screen.serve_s = None
-                self._armed, self._shock_us = True, 0
-                self._digits, self._read = [0] * 9, 0
-                self._line(at_s, flipped)
-            case "V":
-                self._line(at_s, f"v {self.version}")
-            case "1" | "2" | "3" | "4" | "5" | "6" | "7" | "8" | "9":
-                self._digits[int(command) - 1] = self.us(at_s)
-                self._read = 0
-            case "I":
-                for digit in range(1, 10):
-                    at_s += DIGIT_GAP_S
-                    self._digits[digit - 1] = self.us(at_s)
-                    at_s += PRINT_S
-                    self._line(at_s, str(digit))
-                self._read = 0
-            case "R":
-                stored = self._digits[self._read] if self._read < 9 else 0
-                self._line(at_s, f"{self._read + 1}:{stored}")
-                self._read = min(self._read + 1, 9)
-            case "L" | "l":
-                self._laser.autosend = command == "L"
-                self._line(at_s, flipped)
-            case "C" | "c":
-                self._screen.autosend = command == "C"
-                self._line(at_s, flipped)
-            case "J":
-                self._line(at_s, self._laser.line())
-            case "E":
-                self._line(at_s, self._screen.line())
-            case "G":
-                self._line(at_s, str(0 if self._armed else self._shock_us))
-                self._armed, self._shock_us = True, 0
-            case "U" | "O":
-                count, step_s = (1000, 1e-3) if command == "U" else (4000, 5e-4)
-                self._line(at_s, flipped)
-                for k in range(count):
-                    at_s += step_s
-                    adc = int(512 + 400 * np.sin(2 * np.pi * 10 * k * step_s))
-                    self._line(at_s, f"{self.us(at_s)} {adc}")
-                self._line(at_s, "end")
-            case "Q":
-                self._line(at_s, "q " + " ".join(f"{name}:{value}" for name, value in self.levels.items()))
-            case _:
-                self._line(at_s, f"Unknown command: {command}")
+        act = self._acts.get(command)
+        if act is None:
+            self._line(at_s, f"Unknown command: {command}")
+            return at_s
+        return act(command, at_s)
+
+    def _acts_by_command(self) -> dict[str, Callable[[str, float], float]]:
+        each = {
+            "Z": self._set_zero, "T": self._send_time, "P": self._echo, "D": self._ping_later, "F": self._reset,
+            "V": self._send_version, "123456789": self._take_digit, "I": self._send_digits, "R": self._read_digit,
+            "Ll": self._autosend, "Cc": self._autosend, "J": self._send_detector, "E": self._send_detector,
+            "G": self._send_shock, "U": self._sample, "O": self._sample, "Q": self._send_levels,
+        }  # fmt: skip
+        return {command: act for commands, act in each.items() for command in commands}
+
+    def _echo(self, command: str, at_s: float) -> float:
+        self._line(at_s, command.swapcase())
+        return at_s
+
+    def _set_zero(self, command: str, at_s: float) -> float:
+        self._zero_s = at_s
+        return self._echo(command, at_s)
+
+    def _ping_later(self, command: str, at_s: float) -> float:
+        return self._echo(command, at_s + PING_LATER_S)
+
+    def _send_time(self, command: str, at_s: float) -> float:
+        self._line(at_s, f"t {self.us(at_s)}")
+        return at_s
+
+    def _send_version(self, command: str, at_s: float) -> float:
+        self._line(at_s, f"v {self.version}")
+        return at_s
+
+    def _reset(self, command: str, at_s: float) -> float:
+        self._laser.count = self._screen.count = 0
+        self._laser.serve_s = self._screen.serve_s = None
+        self._armed, self._shock_us = True, 0
+        self._digits, self._read = [0] * 9, 0
+        return self._echo(command, at_s)
+
+    def _take_digit(self, command: str, at_s: float) -> float:
+        self._digits[int(command) - 1] = self.us(at_s)
+        self._read = 0
+        return at_s
+
+    def _send_digits(self, command: str, at_s: float) -> float:
+        for digit in range(1, 10):
+            at_s += DIGIT_GAP_S
+            self._digits[digit - 1] = self.us(at_s)
+            at_s += PRINT_S
+            self._line(at_s, str(digit))
+        self._read = 0
+        return at_s
+
+    def _read_digit(self, command: str, at_s: float) -> float:
+        stored = self._digits[self._read] if self._read < 9 else 0
+        self._line(at_s, f"{self._read + 1}:{stored}")
+        self._read = min(self._read + 1, 9)
+        return at_s
+
+    def _detector(self, command: str) -> _Detector:
+        return self._laser if command in "LlJ" else self._screen
+
+    def _autosend(self, command: str, at_s: float) -> float:
+        self._detector(command).autosend = command.isupper()
+        return self._echo(command, at_s)
+
+    def _send_detector(self, command: str, at_s: float) -> float:
+        self._line(at_s, self._detector(command).line())
+        return at_s
+
+    def _send_shock(self, command: str, at_s: float) -> float:
+        self._line(at_s, str(0 if self._armed else self._shock_us))
+        self._armed, self._shock_us = True, 0
+        return at_s
+
+    def _sample(self, command: str, at_s: float) -> float:
+        count, step_s = (1000, 1e-3) if command == "U" else (4000, 5e-4)
+        self._echo(command, at_s)
+        for k in range(count):
+            at_s += step_s
+            adc = int(512 + 400 * np.sin(2 * np.pi * 10 * k * step_s))
+            self._line(at_s, f"{self.us(at_s)} {adc}")
+        self._line(at_s, "end")
+        return at_s
+
+    def _send_levels(self, command: str, at_s: float) -> float:
+        self._line(at_s, "q " + " ".join(f"{name}:{value}" for name, value in self.levels.items()))
         return at_s

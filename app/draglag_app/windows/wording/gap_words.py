@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication
 
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.results import BY_TAPS, UNEXPLAINED, stated
-from draglag.gap.wording import LEAST_MISS_S, also_possible
+from draglag.gap.wording import LEAST_MISS_S, NOISE, also_possible
 from draglag_app.windows.wording.effect_words import effect_name, main_size
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -72,7 +72,7 @@ def tolerated_words(report: dict[str, Any]) -> str:
 def noise_words(report: dict[str, Any]) -> str:
     """What the noise is made of, as far as it is of interest; empty where no part is."""
     parts = [part for part in report.get("noise", ()) if part["size_mm"] >= SIZE_OF_INTEREST_MM]
-    items = [f"{_say(_NOISE_PARTS[part['name']])} {part['size_mm']:.2f} mm" for part in parts]
+    items = [f"{_say(NOISE[part['name']])} {part['size_mm']:.2f} mm" for part in parts]
     return _say(_NOISE).format(items=", ".join(items)) if items else ""
 
 
@@ -148,17 +148,6 @@ _OTHER_LAW_ALONE = QT_TRANSLATE_NOOP(
 )
 _TOLERATED = QT_TRANSLATE_NOOP("Gap", "Tolerated, too small to matter: {items}")
 _NOISE = QT_TRANSLATE_NOOP("Gap", "Noise of the edges, as large as the session has it: {items}")
-_NOISE_PARTS = {
-    "touch": QT_TRANSLATE_NOOP("Gap", "touch noise"),
-    "edge_mm": QT_TRANSLATE_NOOP("Gap", "single edges"),
-    "speed": QT_TRANSLATE_NOOP("Gap", "errors of the speed"),
-    "tremor_mm_s": QT_TRANSLATE_NOOP("Gap", "tremor"),
-    "uneven": QT_TRANSLATE_NOOP("Gap", "changes of speed followed unevenly"),
-    "run_s": QT_TRANSLATE_NOOP("Gap", "latency from run to run"),
-    "run_mm": QT_TRANSLATE_NOOP("Gap", "offset from run to run"),
-    "late_s": QT_TRANSLATE_NOOP("Gap", "lateness of single reports"),
-    "wander_s": QT_TRANSLATE_NOOP("Gap", "lateness that wanders"),
-}
 _DISAGREES = QT_TRANSLATE_NOOP("Gap", "Simulated again with the final model, what disagrees: {items}")
 _STATISTICS = {
     "latency by run": QT_TRANSLATE_NOOP("Gap", "latency by run"),
