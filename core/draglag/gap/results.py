@@ -235,5 +235,5 @@ def unjudged(session: Session, report: GapReport) -> str:
     ]
     left = [f"{run} ({why})" for run, why in report.excluded.items()] + left
     part = [f"{run} ({flags})" for run, flags in report.flagged.items()]
-    sentences = [("Not judged by", left), ("Judged by, with edges that are left out or scatter", part)]
+    sentences = [("Not judged by", left), ("With edges excluded or scattered", part)]
     return " ".join(f"{words}: {', '.join(runs)}." for words, runs in sentences if runs)

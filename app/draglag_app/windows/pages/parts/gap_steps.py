@@ -180,7 +180,7 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
     lines.append(in_words(report.get("drift_in_analysis") or ""))
     gone, part = (_with_flags(report.get(key, {})) for key in ("excluded", "flagged"))
     lines.append(say("Not judged by: {runs}").format(runs=gone) if gone else "")
-    lines.append(say("Judged by, with edges that are left out or scatter: {runs}").format(runs=part) if part else "")
+    lines.append(say("With edges excluded or scattered: {runs}").format(runs=part) if part else "")
     lines += [check_words(report), tolerated_words(report), noise_words(report)]
     if without:
         lines.append(say("Excluded: {effects}").format(effects=", ".join(sorted(map(effect_name, without)))))
