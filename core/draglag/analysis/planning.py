@@ -100,13 +100,14 @@ def plan(
     rig = rig_for_screen(screen) if isinstance(screen, str) else screen
     plans = load_protocol(protocol) if isinstance(protocol, str) else protocol
     human = human or Human()
+    known = {} if known is None else known
     runs = expand(plans, rig.screen, beam=rig.beam)
     circles = []
     for k, run in enumerate(runs):
         if run.kind == "circle":
             if progress is not None:
                 progress(k / len(runs), run.id)
-            circles.append(_remembered(run, rig, human, {} if known is None else known))
+            circles.append(_remembered(run, rig, human, known))
     speed = np.array(sorted({run.nominal_speed_mm_s for run in circles}))
     rests_s = plans.rest_s * max(len(runs) - 1, 0)
     total_s = sum(run.duration_s for run in runs) + rests_s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,16 +39,18 @@ PERFECT = Human(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, (0.0, 0.0))
 """Follows exactly: the motion is the target."""
 
 
+@cache
+def _sections(low_hz: float | None, high_hz: float) -> FloatArray:
+    band = high_hz if low_hz is None else (low_hz, high_hz)
+    return np.asarray(butter(2, band, "low" if low_hz is None else "band", fs=GRID_HZ, output="sos"))
+
+
 def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz: float, sd: float) -> FloatArray:
     """(n,) band-limited Gaussian noise of that (expected) standard deviation."""
     white = rng.standard_normal(n + int(4 * GRID_HZ))  # the surplus keeps the filter's ends out
     if sd == 0:
         return np.zeros(n)
-    if low_hz is None:
-        sos = butter(2, high_hz, "low", fs=GRID_HZ, output="sos")
-    else:
-        sos = butter(2, (low_hz, high_hz), "band", fs=GRID_HZ, output="sos")
-    shaped = np.asarray(sosfiltfilt(sos, white))
+    shaped = np.asarray(sosfiltfilt(_sections(low_hz, high_hz), white))
     return np.asarray(shaped[int(2 * GRID_HZ) :][:n] * (sd / shaped.std()))
 
 
