@@ -61,7 +61,7 @@ def test_a_step_keeps_what_it_promises(damping: float) -> None:
     calm = replace(START, edge_mm=2.0)  # no edge so far off that it pulls with less than its square
     white = whitener(scatter(fit.runs, state.placed, use, state.blur_mm), calm)
     down = downhill(white, state, use)
-    step, promised = down.step(state.prior, damping)
+    step, promised = down.step(damping)
     there = replace(state, residual=state.residual - state.design @ step)
     assert promised > 0.1
     assert down.cost - cost_without_nuisances(white, there, use) == pytest.approx(promised, rel=1e-3)

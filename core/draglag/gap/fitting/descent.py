@@ -105,10 +105,10 @@ def _next(
     Levenberg–Marquardt: Eq. 5's parameters lie in a narrow valley that plain steps leave.
     """
     down = downhill(white, state, use)
-    if down.step(state.prior, 0.0)[1] < least:
+    if down.step(0.0)[1] < least:
         return None
     for attempt in range(ATTEMPTS):
-        step, _ = down.step(state.prior, damping)
+        step, _ = down.step(damping)
         there = stepped(state, step, runs, width_mm)
         cost, strayed = cost_relative_to(white, there, state, use)
         if cost <= down.cost + PLACING:

@@ -69,25 +69,26 @@ def likeliest(
 
 
 def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:
-    """Huber's cost at the best nuisances, lest a step be refused for what they absorb."""
+    """Huber's cost at the best nuisances, lest a step be refused for what they absorb, and the sizes' prior."""
     left, own_cost = _without_nuisances(white, state, use)
-    return _huber_cost(left) + own_cost
+    return _huber_cost(left) + own_cost + _prior_cost(state)
 
 
 @dataclass(frozen=True)
 class Downhill:
     """Gauss–Newton model of the cost, nuisances at their best.
 
-    Attributes: curvature (p, p), slope (p,): zero for nuisances.
+    Attributes: curvature (p, p), slope (p,): zero for nuisances. limit (p,): precision of a step of law and beam.
     """
 
     curvature: FloatArray
     slope: FloatArray
+    limit: FloatArray
     cost: float
 
-    def step(self, prior: FloatArray, damping: float) -> tuple[FloatArray, float]:
-        """A damped step (p,) and the predicted fall of the cost. prior: (p,) precision."""
-        damped = self.curvature + np.diag(prior + damping * np.diag(self.curvature))
+    def step(self, damping: float) -> tuple[FloatArray, float]:
+        """A damped step (p,) and the predicted fall of the cost."""
+        damped = self.curvature + np.diag(self.limit + damping * np.diag(self.curvature))
         step = np.linalg.pinv(damped, hermitian=True) @ self.slope
         return step, float(step @ self.slope - 0.5 * step @ self.curvature @ step)
 
@@ -103,7 +104,20 @@ def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
     given = np.linalg.inv(normal[own, own] + np.diag(state.prior[own])) @ normal[own]
     curvature = normal - normal[:, own] @ given
     curvature[own], curvature[:, own], moment[own] = 0.0, 0.0, 0.0
-    return Downhill(curvature, moment, _huber_cost(left) + own_cost)
+    # A law's prior limits its steps; that of an effect's size draws it towards none.
+    limit, sized = state.prior.copy(), slice(own.stop, None)
+    limit[sized] = 0.0
+    curvature[sized, sized] += np.diag(state.prior[sized])
+    moment[sized] -= state.prior[sized] * _sizes(state)
+    return Downhill(curvature, moment, limit, _huber_cost(left) + own_cost + _prior_cost(state))
+
+
+def _sizes(state: State) -> FloatArray:
+    return np.array([size for term in state.terms for size in term.sizes])
+
+
+def _prior_cost(state: State) -> float:
+    return 0.5 * float(state.prior[_nuisances(state).stop :] @ _sizes(state) ** 2)
 
 
 def _nuisances(state: State) -> slice:

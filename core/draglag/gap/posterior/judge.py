@@ -58,6 +58,7 @@ def judged(
         pool = compared(list(fits.values()), allowed, unsure_ages, most=most_effects)
     barred: set[str] = set()
     proposed: set[Names] = set()
+    tried: set[tuple[Names, str]] = set()
     rivals = _rivals(pool, first, allowed)
     for k in range(constants.ROUNDS):
         progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
@@ -66,14 +67,14 @@ def judged(
             found = grown(session, fits, pool, wanted)
             barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
         elif rivals and most_effects > 0:
-            found = _proposed(session, pool, fits, [n for n in rivals if n not in barred], (inside,))
+            found = _proposed(session, pool, fits, [n for n in rivals if n not in barred], (inside,), tried)
             rivals = ()
         elif wanted in proposed or len(wanted) >= most_effects or not _in_doubt(pool):
             break
         else:
             proposed.add(wanted)
             found = _with_one_less(session, pool, fits, wanted)
-            found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside))
+            found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside), tried)
             if not found:
                 break
         fits |= found
@@ -212,15 +213,23 @@ def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted:
 
 
 def _proposed(
-    session: Session, pool: Pool, fits: dict[Names, Fit], options: Collection[str], starts: tuple[Names, ...]
+    session: Session,
+    pool: Pool,
+    fits: dict[Names, Fit],
+    options: Collection[str],
+    starts: tuple[Names, ...],
+    tried: set[tuple[Names, str]],
 ) -> dict[Names, Fit]:
+    """Refits of each start with one more effect. tried: pairs not to be tried again, added to."""
     base = next(iter(fits.values()))
     out: dict[Names, Fit] = {}
     for name in options:
         for others in dict.fromkeys(starts):
             names = tuple(sorted({*others, name}))
-            if name in others or names in fits or names in out or others not in fits:
+            known = name in others or names in fits or names in out or (others, name) in tried
+            if known or others not in fits:
                 continue
+            tried.add((others, name))
             theta = pool.settings_of(tuple(sorted({*pool.emptiest, name}))).get(name, ())
             fit = likeliest(refits_with(session, fits[others], name, theta), base, name)
             if fit is not None:
