@@ -54,16 +54,9 @@ class StoredAnalysis:
 
 
 def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[str, Any], created_utc: str = "") -> int:
-    """The number (1, 2 …) of the stored result; one already stored keeps its number.
+    """The number (1, 2 …) of the stored result; an equal one already stored keeps its number.
 
-    The file is replaced in one step: the raw data are never at risk.
-
-    Args:
-        result: JSON-able; lists of flat records also become tables (``runs``, ``validation`` …).
-        options: JSON-able; what the analysis was asked to do.
-        created_utc: ISO 8601.
-
-    Raises DataError: not a session file, or not writable.
+    The file is replaced in one step. Raises DataError: not a session file, or not writable.
     """
     path = Path(path).resolve()
     with open_session(path) as file:
@@ -98,7 +91,7 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
 
 
 def read_analyses(path: Path | str) -> list[StoredAnalysis]:
-    """Stored results, oldest first; none of a journal. Raises DataError."""
+    """Stored results, oldest first; a journal has none. Raises DataError."""
     if is_journal(Path(path)):
         return []
     with open_session(path) as file:
@@ -115,7 +108,7 @@ def _is_same(group: Any, result: Mapping[str, Any], options: Mapping[str, Any], 
 
 
 def result_nodes(stored: StoredAnalysis) -> Iterator[Node]:
-    """Groups of a result: all as JSON, and a table per list of flat records."""
+    """Groups of a result: JSON, and a table per list of flat records."""
     path = f"analysis/{stored.number}"
     about: dict[str, Value] = {"software": stored.software, "created_utc": stored.created_utc}
     about["input_sha256"] = stored.input_sha256
@@ -128,7 +121,7 @@ def result_nodes(stored: StoredAnalysis) -> Iterator[Node]:
 
 
 def to_json(value: Any) -> str:
-    """JSON text; NaN and infinity become null, numpy's types plain ones."""
+    """JSON text; NaN and infinity become null."""
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False)
 
 
@@ -160,7 +153,7 @@ def _plain(value: Any) -> Any:
 
 
 def _table_node(path: str, name: str, records: Sequence[Mapping[str, Any]]) -> Node:
-    """Numbers as float64 (absent = NaN), else text; intervals as two columns."""
+    """Numbers as float64 (absent = NaN), else text."""
     flat = [flat_record(record) for record in records]
     columns: list[Column] = []
     rows: dict[str, Any] = {}
@@ -180,7 +173,7 @@ def _table_node(path: str, name: str, records: Sequence[Mapping[str, Any]]) -> N
 
 
 def _curve(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Runs with speed and latency, by speed; error: half the 95 % interval."""
+    """Runs by speed; error: half the 95 % interval."""
     drawn = []
     for row in result.get("runs", ()):
         known = _plain(row)

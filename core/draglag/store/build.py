@@ -1,8 +1,4 @@
-"""The session file, made whole: nodes → temporary HDF5 → disk → its name.
-
-HDF5 (up to 1.14 at least) ends the process when a write fills the disk. So room is taken first, and a file object keeps
-errors from it; they are raised afterwards.
-"""
+"""A session file made whole: nodes → temporary HDF5 → disk → its name."""
 
 from __future__ import annotations
 
@@ -43,7 +39,7 @@ TEMPORARY = ".tmp"
 
 
 def write_session(session: Session, path: Path | str) -> Path:
-    """The path, with the whole session written. Raises DataError; never overwrites."""
+    """The path of the new session file. Raises DataError; never overwrites."""
     ids = [run.id for run in session.runs]
     twice = next((run_id for k, run_id in enumerate(ids) if run_id in ids[:k]), None)
     if twice is not None:
@@ -60,10 +56,10 @@ def build(nodes: Iterable[Node], out: Path, size: int) -> Path:
     """The path of a new file, which appears whole or not at all.
 
     Args:
-        nodes: the root first; every run's attributes before its tables.
-        size: approximate bytes of the columns, taken before writing.
+        nodes: the root first; a run's attributes before its tables.
+        size: approximate bytes of the columns.
 
-    Raises DataError: the name is taken, there is no such folder, or no room.
+    Raises DataError: the name is taken, no such folder, or no room.
     """
     refuse(out)
     temporary = out.with_name(f".{out.name}.{uuid.uuid4().hex[:8]}{TEMPORARY}")
@@ -111,7 +107,6 @@ def zero_utc(started_utc: str, started_s: float | None) -> str:
 
 
 def reason(error: BaseException) -> Message:
-    """Why something could not be written."""
     if isinstance(error, OSError) and error.errno:
         return phrase(os.strerror(error.errno))
     return phrase(" ".join(str(error).split())[:200])
@@ -121,11 +116,8 @@ def reason(error: BaseException) -> Message:
 def safe_hdf5(fd: int, mode: str, room: int, where: Path) -> Iterator[tuple[Any, Callable[[], bool]]]:
     """Yields an HDF5 file, on disk when the block ends, and a function: has the disk failed?
 
-    Args:
-        mode: "w" (a new file) or "r+" (an existing one is changed).
-        room: further bytes it may need, taken first.
-
-    Raises OSError, and DataError for what HDF5 does not take.
+    HDF5 (1.14) ends the process when a write fills the disk: so ``room`` (bytes) is reserved first, errors are raised
+    later. Raises OSError, and DataError for what HDF5 does not take.
     """
     size = os.fstat(fd).st_size
     _take_room(fd, size + room)
@@ -169,7 +161,7 @@ def _until(nodes: Iterable[Node], ended: Callable[[], bool]) -> Iterator[Node]:
 
 
 class _Target(io.RawIOBase):
-    """A file for HDF5 over a descriptor. ``error``: the first one, kept from HDF5."""
+    """A descriptor as a file for HDF5, which never sees its first ``error``."""
 
     def __init__(self, fd: int, size: int = 0) -> None:
         self._fd = fd
@@ -211,7 +203,7 @@ class _Target(io.RawIOBase):
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
-        """Note the size only: the room taken is kept until the file is whole."""
+        """Only note the size: the reserved room is kept until the file is whole."""
         self.size = self._at if size is None else size
         return self.size
 
@@ -224,8 +216,6 @@ class _Target(io.RawIOBase):
 
 
 class _Started:
-    """The host clock's zero, from which ``time`` counts, by the nodes so far."""
-
     def __init__(self) -> None:
         self._utc = ""
         self._s: float | None = None

@@ -1,7 +1,4 @@
-"""Records of a journal as bytes: a JSON head, then the columns, little-endian.
-
-A checksum is no signature: what is decoded is checked against the schema.
-"""
+"""Records of a journal as bytes: a JSON head, then the columns, little-endian."""
 
 from __future__ import annotations
 
@@ -44,10 +41,9 @@ class Record:
     """One commit of a recording.
 
     Attributes:
-        nodes: new since the record before.
-        heads: session and open runs, in every record, as no other may be readable.
+        heads: session and open runs, repeated as other records may be damaged.
         rows: path → rows in earlier records, of the session and of open runs.
-        runs: runs begun, including this record's.
+        runs: runs begun so far.
     """
 
     nodes: tuple[Node, ...]
@@ -69,7 +65,7 @@ def encode(record: Record) -> bytes:
 
 
 def decode(data: bytes) -> Record:
-    """The record; its columns are views of ``data``. Raises DataError for invalid bytes."""
+    """The record; its columns are views of ``data``. Raises DataError."""
     try:
         (length,) = _LENGTH.unpack_from(data)
         at = _LENGTH.size + length
@@ -88,7 +84,6 @@ def decode(data: bytes) -> Record:
 
 
 def row_count(node: Node) -> int:
-    """Rows that a node adds to its table."""
     return max((len(values) for values in node.rows.values()), default=0)
 
 

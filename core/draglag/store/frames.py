@@ -1,10 +1,7 @@
 """An append-only file of checksummed frames: a recording in progress.
 
-Every frame begins on a page of its own: a power cut leaves each page as before or after the write, so never damages
-what was synchronised; a damaged page costs one frame.
-
-Frame: magic 4, nonce 8, number u32, length u32, CRC-32 u32 (of nonce, number, length, payload), payload, zeros up to
-the next page; little-endian. The file's nonce excludes frames of older files left on the disk.
+Frame, little-endian: magic 4, nonce 8, number u32, length u32, CRC-32 u32 (of nonce, number, length, payload), payload,
+zeros up to the next page. The file's nonce excludes frames of older files left on the disk.
 """
 
 from __future__ import annotations
@@ -42,7 +39,7 @@ class Frame:
 
 
 class FrameFile:
-    """A new, locked file of ``count`` frames. Raises OSError, Locked."""
+    """A new, locked file. Raises OSError, Locked."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -71,12 +68,11 @@ class FrameFile:
         self.count += 1
 
     def in_place(self) -> bool:
-        """Whether the name still leads to this file, not deleted or renamed."""
+        """Whether the path still names this file."""
         return _named(self.path, self.fd)
 
     def move(self, path: Path) -> None:
-        """Go on in a new file with all frames; the old one, whose name may be gone, is deleted. Raises OSError,
-        Locked."""
+        """Go on in a new file with all frames; the old one is deleted. Raises OSError, Locked."""
         fd = _create(path)
         try:
             at = 0
@@ -99,16 +95,16 @@ class FrameFile:
         self.path = path
 
     def close(self) -> None:
-        """Unlock and close; explicitly, as a forked child would keep the lock."""
+        """Unlock explicitly, as a forked child would keep the lock, and close."""
         with suppress(OSError):
             fcntl.flock(self.fd, fcntl.LOCK_UN)
         os.close(self.fd)
 
 
 def lock(fd: int) -> bool:
-    """True once locked; False where the file system has no locks. Raises Locked.
+    """False where the file system has no locks. Raises Locked.
 
-    flock: POSIX locks end when any descriptor of the file is closed. SIGKILL frees it.
+    flock: POSIX locks end when any descriptor of the file is closed.
     """
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -132,7 +128,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def frames(fd: int) -> Iterator[Frame]:
-    """Whole frames by number, each once, wherever in the file. Raises nothing."""
+    """Whole frames by number, each once, wherever in the file."""
     places, nonce = _places(fd)
     size = os.fstat(fd).st_size
     for number in sorted(places):
@@ -142,7 +138,7 @@ def frames(fd: int) -> Iterator[Frame]:
 
 
 def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
-    """Number of each whole frame → its offset, bytes; and the file's nonce."""
+    """Number of a frame → its offset, bytes; and the file's nonce."""
     size = os.fstat(fd).st_size
     places: dict[int, int] = {}
     at, nonce = 0, None
@@ -158,7 +154,7 @@ def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
 
 
 def bytes_after(fd: int, end: int) -> int:
-    """Bytes of an incomplete frame after the payload that ends there."""
+    """Bytes of an incomplete frame after the payload that ends at ``end``."""
     return max(0, os.fstat(fd).st_size - (end + -end % PAGE))
 
 
@@ -203,7 +199,7 @@ def _write(fd: int, data: bytes, at: int) -> None:
 
 
 def _read(fd: int, length: int, at: int) -> bytes:
-    """Up to ``length`` bytes; fewer at the end or an unreadable place."""
+    """Fewer bytes at the end or at an unreadable place."""
     parts: list[bytes] = []
     while length > 0:
         try:

@@ -1,4 +1,4 @@
-"""Reading a journal: its records and missing rows as nodes of a session."""
+"""A journal as nodes of a session, with what is missing."""
 
 from __future__ import annotations
 
@@ -42,8 +42,6 @@ _STREAMS = {
 
 @dataclass
 class RunFound:
-    """A run by the records: attributes, outcome, missing rows."""
-
     head: list[Node] = field(default_factory=list)
     outcome: str = RECORDING
     last_s: float = -np.inf
@@ -56,11 +54,10 @@ class Survey:
 
     Attributes:
         session: the fullest attributes that could be read.
-        runs: id → run, in order of beginning.
-        holes: number of a record → nodes reporting rows missing before it.
+        holes: number of a record → nodes that mark rows missing before it.
         losses: what is missing, a sentence each.
-        records: how many could be read. last: number of the last. begun: runs begun, by the records.
-        last_s: time of the last sample. unfinished_bytes: bytes after the last whole record.
+        last: number of the last record; ``last_s``: time of the last sample.
+        begun: runs begun, including unreadable ones.
     """
 
     session: list[Node] = field(default_factory=list)
@@ -75,10 +72,7 @@ class Survey:
 
 
 def is_journal(path: Path) -> bool:
-    """Whether a file is a journal; False where it cannot be read.
-
-    Early recordings of that name are HDF5. A journal's first page may be damaged.
-    """
+    """Whether a file is a journal (early ``.partial`` files are HDF5); False where it cannot be read."""
     if not path.is_file():  # opening a pipe would wait for its other end
         return False
     try:
@@ -105,7 +99,7 @@ def open_journal(path: Path) -> Iterator[int]:
 
 
 def lock_journal(fd: int, path: Path) -> bool:
-    """True once locked: nobody records into it; False without locks. Raises DataError."""
+    """As ``frames.lock``, with DataError where another process records."""
     try:
         return lock(fd)
     except Locked:
@@ -154,7 +148,7 @@ def survey(fd: int, where: str) -> Survey:
 
 
 def in_memory(fd: int, where: str) -> Any:
-    """HDF5 in memory of the session so far, also while recording. Raises DataError."""
+    """HDF5 in memory of the session so far. Raises DataError."""
     found = survey(fd, where)
     lost = joined("; ", (UNFINISHED, *remarks(found)))
     file = h5py.File(where, "w", driver="core", backing_store=False)
@@ -167,7 +161,7 @@ def in_memory(fd: int, where: str) -> Any:
 
 
 def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[Node]:
-    """The nodes of the session in the order recorded, with ``notes`` added."""
+    """Nodes in order of recording, with ``notes`` added."""
     yield from found.session
     yield Node("runs")
     for run_id, run in found.runs.items():
@@ -194,26 +188,26 @@ def nodes(fd: int, found: Survey, notes: Iterable[LogEntry] = ()) -> Iterator[No
 
 
 def outcome(run: RunFound) -> str:
-    """ "aborted" where the run's end was never recorded, "failed" where rows are missing."""
+    """ "aborted" where the run's end was not recorded, "failed" where rows are missing."""
     if run.outcome == RECORDING:
         return "aborted"
     return "failed" if run.losses and run.outcome == "complete" else run.outcome
 
 
 def all_losses(found: Survey) -> tuple[str, ...]:
-    """All losses, a sentence each, runs first."""
+    """Losses of runs, then of the session."""
     of_runs = [f"{run_id}: {loss}" for run_id, run in found.runs.items() for loss in run.losses]
     return (*of_runs, *found.losses)
 
 
 def remarks(found: Survey) -> tuple[str, ...]:
-    """Runs that were cut off, and all losses, a sentence each."""
+    """Runs that were cut off, and all losses."""
     cut = [message("{run} was cut off", run=run_id) for run_id, run in found.runs.items() if run.outcome == RECORDING]
     return (*cut, *all_losses(found))
 
 
 def records(fd: int) -> Iterator[tuple[int, Record, int]]:
-    """(number, record, where its frame ends in bytes) of every readable record."""
+    """(number, record, end of its frame in bytes) of every readable record."""
     for frame in frames(fd):
         try:
             yield frame.number, decode(frame.payload), frame.end
@@ -253,7 +247,6 @@ def _count_rows(found: Survey, record: Record, received: dict[str, int], last_s:
 
 
 def _hole(found: Survey, number: int, path: str, missing: int, before_s: float | None, record: Record) -> None:
-    """Note rows missing before a record, and mark them in the stream."""
     run = found.runs.get(_run_of(path) or "")
     parts = path.split("/")
     stream = parts[-1] if parts[-1] == "gaps" else parts[2] if parts[0] == "runs" and len(parts) > 2 else parts[0]

@@ -1,4 +1,4 @@
-"""Files that a recording killed while closing leaves, deleted at the next start."""
+"""Files left by a recording killed while closing, deleted at the next start."""
 
 from __future__ import annotations
 
@@ -21,10 +21,7 @@ _BUILDING = re.compile(rf"\..+\.[0-9a-f]{{8}}{re.escape(TEMPORARY)}\Z")
 
 
 def clear_leftovers(folder: Path | str) -> list[Path]:
-    """Paths deleted: unfinished session files, and journals whose session file is whole.
-
-    A journal goes only if its session file holds all of it, by checksum. Locked and undeletable files stay.
-    """
+    """Paths deleted: unfinished session files, and journals that a session file holds whole, by checksum."""
     gone: list[Path] = []
     folder = Path(folder)
     found = [path for path in folder.glob(f".*{TEMPORARY}") if _BUILDING.match(path.name)]

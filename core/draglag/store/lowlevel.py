@@ -1,4 +1,4 @@
-"""HDF5 operations shared by all writers: attributes, text, growing columns, dimension scales."""
+"""HDF5 operations shared by all writers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def put_attrs(target: Any, attrs: Mapping[str, Value]) -> None:
 
 
 def add_counts(group: Any, counts: Mapping[str, int]) -> None:
-    """Add to counters in place: an attribute is never removed and created again."""
+    """Add to counters."""
     for key, value in counts.items():
         if key in group.attrs:
             if value:
@@ -47,14 +47,14 @@ def add_counts(group: Any, counts: Mapping[str, int]) -> None:
 
 
 def _put_text(group: Any, name: str, text: str, meaning: str) -> None:
-    """A long text as a scalar dataset: attributes end at 64 KiB."""
+    """A scalar dataset, as attributes end at 64 KiB."""
     data = as_text(text).encode()
     dataset = group.create_dataset(name, data=np.array(data, f"S{max(len(data), 1)}"))
     put_attrs(dataset, {"units": "1", "long_name": meaning, **_UTF8})
 
 
 def make_column(group: Any, column: Column, chunk: int, length: int = 0) -> Any:
-    """A column that can grow; its first ``length`` rows hold the fill value."""
+    """A growing column; its first ``length`` rows hold the fill value."""
     dataset = group.create_dataset(
         column.name, shape=(length,), maxshape=(None,), chunks=(chunk,), dtype=column.dtype, fillvalue=column.fill
     )
@@ -64,10 +64,7 @@ def make_column(group: Any, column: Column, chunk: int, length: int = 0) -> Any:
 
 
 def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str) -> None:
-    """Make columns that are required or have rows, attached to their scale.
-
-    ``start``: ISO 8601 of the zero of ``time`` (as in NeXus), where known.
-    """
+    """Make columns that are required or have rows. ``start``: ISO 8601 of the zero of ``time`` (as in NeXus)."""
     scale = make_column(group, table.scale, table.chunk)
     scale.make_scale(table.scale.name)
     if table.scale.name == "time" and start:
@@ -78,10 +75,9 @@ def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str)
 
 
 def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> None:
-    """Append rows to every column: the scale last, so that rows it counts are complete.
+    """Append rows to every column, the scale last: rows it counts are complete.
 
-    Low-level h5py: the usual interface takes as long for its arguments as for writing, five times a second while the
-    target is drawn.
+    Low-level h5py, as five appends a second must not delay the drawing of the target.
     """
     total = max((len(values) for values in rows.values()), default=0)
     if not total:

@@ -10,9 +10,9 @@ from draglag.store.read import read_session
 
 
 def migrate(path: Path | str, out: Path | str) -> Path:
-    """The path ``out`` in the present schema, with stored results, each marked by its software.
+    """The path ``out``: the file with its stored results in the present schema.
 
-    Raises DataError: ``path`` is no session file, or ``out`` exists.
+    Raises DataError: not a session file, or ``out`` exists.
     """
     written = write_session(read_session(path), out)
     for stored in read_analyses(path):

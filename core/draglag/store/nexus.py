@@ -1,8 +1,4 @@
-"""Attributes of NeXus (https://www.nexusformat.org) that show viewers (silx view, h5web, DAWN) what to draw.
-
-Default plot: latency against speed of a stored result, else y of the first run's touches. The raw checksum excludes
-these attributes.
-"""
+"""Attributes of NeXus (https://www.nexusformat.org) that show viewers (silx view, h5web, DAWN) what to draw."""
 
 from __future__ import annotations
 
@@ -20,7 +16,7 @@ _SIGNALS = {"touch": ("y_mm", ("x_mm",)), "laser": ("light", ()), "display": ("y
 
 
 def mark(file: Any) -> None:
-    """Set the attributes of every group, and the path to the default plot."""
+    """Mark every group, and the default plot: latency against speed, else y of the first run's touches."""
     runs, analyses = file.get("runs", {}), file.get("analysis", {})
     for run in runs.values():
         _mark_run(run)

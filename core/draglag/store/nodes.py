@@ -1,4 +1,4 @@
-"""Nodes merged, cut into pieces, and streams of equal group names kept separate."""
+"""Nodes merged, split, or given separate groups."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from draglag.store.schema import Node, Table, Value
 
 
 def separate(node: Node, owners: dict[str, Value]) -> Node:
-    """The node, in its own group where two streams' names give one group name.
+    """The node, in its own group where two streams give one group name.
 
-    ``owners``: path → stream of all nodes so far; the node is entered.
+    ``owners``: path → stream of all nodes so far; extended.
     """
     stream, path, number = node.attrs.get("stream"), node.path, 2
     if stream is None:
@@ -25,7 +25,7 @@ def separate(node: Node, owners: dict[str, Value]) -> Node:
 
 
 def merged(nodes: Iterable[Node]) -> list[Node]:
-    """One node per group, in order: the last attributes, summed counters, concatenated rows."""
+    """One node per group: the last attributes, summed counters, concatenated rows."""
     by_path: dict[str, list[Node]] = {}
     for node in nodes:
         by_path.setdefault(node.path, []).append(node)

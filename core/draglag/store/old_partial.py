@@ -1,5 +1,4 @@
-"""What can be read of damaged HDF5, run by run and column by column: session files, and ``.partial`` files of the first
-recordings."""
+"""What can be read of damaged HDF5: session files, and ``.partial`` files of the first recordings."""
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ class _Rows:
 
 
 def recover(path: Path) -> tuple[Session, list[str]]:
-    """Everything readable of a damaged file, and its losses. Raises DataError if nothing."""
+    """Everything readable, and the losses. Raises DataError if nothing."""
     losses: list[str] = []
     with open_hdf5(path) as file, h5py.File("salvage", "w", driver="core", backing_store=False) as copy:
         check_schema(file, path)
@@ -72,7 +71,6 @@ def recover(path: Path) -> tuple[Session, list[str]]:
 
 
 def _with_header(copy: Any, runs: tuple[Run, ...], losses: list[str], path: Path) -> Session:
-    """The session, without those parts other than runs that cannot be read."""
     for optional in ("", "taps", "notes", "clocks", "calibration", "beam", "devices", "details", "protocol_toml"):
         if optional and optional in copy:
             losses.append(message("/{optional} is lost", optional=optional))
@@ -217,7 +215,7 @@ def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: froz
 
 
 def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str], left_out: frozenset[str]) -> set[str]:
-    """Copy readable rows, with the fill where lost, without rows beyond the scale or without a time."""
+    """Copy readable rows; not rows beyond the scale or without a time."""
     present = [c for c in table.every() if f"{source.name}/{c.name}".strip("/") not in left_out]
     columns = {c.name: _readable_rows(source, c) for c in present if c.name in source}
     scale = columns.get(table.scale.name)

@@ -1,4 +1,4 @@
-"""Reading session files: a reader per schema version, all giving a ``Session``."""
+"""Session files read: a reader per schema version."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ CHANGED = message(
 
 
 def read_session(path: Path | str) -> Session:
-    """The raw data of a session file, or of an unfinished recording's journal.
+    """The raw data of a session file or journal.
 
-    A warning in the notes marks raw data changed after recording, by checksum. Raises DataError: no such file, not a
-    session, damaged, links out of the file, a future version, times that go back or cannot be.
+    A warning in the notes marks raw data changed after recording. Raises DataError: no such file, not a session,
+    damaged, links out of the file, a future version, times that go back or are impossible.
     """
     path = Path(path)
     with open_recorded(path) as file:
@@ -66,8 +66,7 @@ def read_session(path: Path | str) -> Session:
 
 @contextmanager
 def open_columns(path: Path | str) -> Iterator[Session]:
-    """Yields the session as ``read_session``, but touch, laser and display columns as ``StoredColumn`` within the
-    block: for exports of any size. Raises DataError."""
+    """Yields the session as ``read_session``, with touch, laser and display columns read on demand."""
     path = Path(path)
     with open_recorded(path) as file:
         yield _checked(file, path, stored_columns)
@@ -100,7 +99,7 @@ def open_recorded(path: Path) -> Iterator[Any]:
 
 
 def read_layout(file: Any, columns: Columns = read_columns) -> Session:
-    """The session of an open, checked file of schema 1 or 2."""
+    """The session of a checked file of schema 1 or 2."""
     return session_of(file, tuple(run_of(group, columns) for group in _children(file, "runs")))
 
 

@@ -1,4 +1,4 @@
-"""Opening session files that may be damaged or hostile: check before reading, follow no link."""
+"""Session files that may be damaged or hostile: checked before reading, no link followed."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ BROKEN = (
 
 @contextmanager
 def open_session(path: Path | str) -> Iterator[Any]:
-    """Yields the file, read only, with every link and dataset checked.
+    """Yields the file, read only, after a check of every item.
 
     Raises DataError: no such file, not HDF5, truncated, another format, a newer version, links that lead elsewhere,
-    types or sizes that no session file has; also for later HDF5 errors in the block.
+    types or sizes that no session file has; also for HDF5 errors in the block.
     """
     path = Path(path)
     with named_errors(path), open_hdf5(path) as file:
@@ -108,7 +108,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a file begins as a journal; opening a pipe would block."""
+    """Whether a file begins as a journal."""
     if not path.is_file():
         return False
     try:
@@ -162,7 +162,7 @@ def check_schema(file: Any, path: Path) -> int:
 
 
 def check_tree(file: Any, path: Path) -> None:
-    """Check every item without reading it. Raises DataError."""
+    """Raises DataError for the first problem of ``tree_problems``."""
     for name, problem in tree_problems(file):
         raise DataError(
             message("{path}: /{name} {problem}", path=path, name=name, problem=problem),
@@ -171,7 +171,7 @@ def check_tree(file: Any, path: Path) -> None:
 
 
 def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
-    """(name, problem) of every item that no session file has."""
+    """(name, problem) of every item that no session file has, found without reading it."""
     seen: set[int] = set()
     waiting = [("", file, 0)]
     count, claimed = 0, 0
@@ -200,10 +200,7 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
 
 
 def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
-    """The group to look into or the column to count, None for neither; and its problems.
-
-    seen: addresses of groups so far; the item's is entered.
-    """
+    """The group to search or the column to count, None for neither; and its problems."""
     if not isinstance(group.get(key, getlink=True), h5py.HardLink):
         return None, [message("is a link to another place")]
     item = group[key]
@@ -221,7 +218,6 @@ def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
 
 
 def _attribute_problems(item: Any) -> Iterator[str]:
-    """Problems of a group's or column's attributes, without reading them."""
     if not hasattr(item, "attrs"):
         return
     if len(item.attrs) > _MAX_ATTRIBUTES:
@@ -242,7 +238,7 @@ def _bytes(dataset: Any) -> int:
 
 
 def dataset_problem(dataset: Any) -> str:
-    """The problem of a dataset, without reading it; empty if none."""
+    """The problem of a dataset, found without reading it; empty if none."""
     kind = dataset.dtype
     plist = dataset.id.get_create_plist()
     if kind.kind not in "iufS" or kind.hasobject or kind.fields or kind.subdtype or h5py.check_enum_dtype(kind):
@@ -261,7 +257,7 @@ def dataset_problem(dataset: Any) -> str:
 
 
 def read_attr(item: Any, key: str) -> Value:
-    """An attribute as int, float or str. Raises DataError on anything else."""
+    """An attribute. Raises DataError where it is not one number or text."""
     if key not in item.attrs:
         raise DataError(message("{group} has no attribute {key}", group=item.name, key=key))
     handle = item.attrs.get_id(key)
@@ -319,7 +315,7 @@ def read_columns(group: Any, table: Table) -> dict[str, NDArray[Any]]:
 
 
 def readable_columns(group: Any, table: Table) -> dict[str, Any]:
-    """Datasets of the columns present. Raises DataError as ``read_columns``."""
+    """Datasets of the columns present; errors as ``read_columns``."""
     if not isinstance(group, h5py.Group):
         raise DataError(message("{group} is not a group", group=group.name))
     found = {}

@@ -1,4 +1,4 @@
-"""Salvage of a killed recording's journal or a damaged session file."""
+"""A killed recording's journal, or a damaged session file, salvaged."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Salvaged:
 
 
 def partial_files(folder: Path | str) -> list[Path]:
-    """Unfinished recordings in the folder that have not been salvaged."""
+    """Unfinished recordings that have not been salvaged."""
     found = sorted(Path(folder).glob(f"*{PARTIAL}"))
     return [path for path in found if not final_name(path).exists() and not _salvaged_name(path).exists()]
 
@@ -40,8 +40,7 @@ def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
     """Everything readable of an unfinished or damaged file, in a whole one; the old file stays.
 
     Runs without an end become "aborted", complete ones with missing rows "failed". Without file locks the recording may
-    still go on: the session then gets another name (``-salvaged``). Raises DataError when nothing can be saved, or
-    ``out`` exists.
+    still go on: the session is then named ``-salvaged``. Raises DataError when nothing can be saved, or ``out`` exists.
     """
     unfinished = Path(unfinished)
     target = Path(out) if out is not None else final_name(unfinished)

@@ -1,9 +1,4 @@
-"""The schema of a session file: names, units and order of every column. Layout: docs/session-file.md.
-
-A session becomes nodes. A node is one HDF5 group: attributes, counters, at most one table, whose columns share a
-dimension scale. HDF5, netCDF and MATLAB writers walk the same nodes. Version 1 had texts of HDF5's UTF-8 type, which
-Octave cannot load, and no NeXus attributes.
-"""
+"""Names, units and order of every column of a session file. Layout: docs/session-file.md."""
 
 from __future__ import annotations
 
@@ -36,8 +31,7 @@ _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.\-]{0,99}\Z")
 
 @dataclass(frozen=True)
 class Column:
-    """One dataset. ``kind``: "f" (float64), "i" (int64), "S<n>" (n bytes of UTF-8). ``fill``: where a column came late
-    or a row was lost; an absent column reads as empty."""
+    """One dataset. ``kind``: "f" (float64), "i" (int64), "S<n>" (n bytes of UTF-8). ``fill``: for missing rows."""
 
     name: str
     kind: str
@@ -58,7 +52,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Columns over one dimension scale; of kind "i" it counts rows from 0. ``chunk``: rows."""
+    """Columns over one dimension scale, which counts rows if of kind "i". ``chunk``: rows."""
 
     scale: Column
     columns: tuple[Column, ...]
@@ -70,7 +64,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Node:
-    """One group to write: attributes to set, counters to add, long texts, rows to append."""
+    """One HDF5 group: attributes to set, counters to add, long texts, rows to append."""
 
     path: str
     attrs: Mapping[str, Value] = field(default_factory=dict)
@@ -187,12 +181,12 @@ def slug(name: str) -> str:
 
 
 def as_text(value: str) -> str:
-    """Text for a null-padded string: no NUL, valid Unicode."""
+    """Text without NUL, of valid Unicode."""
     return value.replace("\0", " ").encode("utf-8", "replace").decode("utf-8")
 
 
 def cut_text(text: str, limit: int) -> list[str]:
-    """Pieces of at most ``limit`` bytes of UTF-8, not cut within characters; at least one."""
+    """Pieces of at most ``limit`` bytes of UTF-8, cut between characters; at least one."""
     parts: list[str] = []
     rest = as_text(text).encode()
     while len(rest) > limit:
@@ -205,6 +199,6 @@ def cut_text(text: str, limit: int) -> list[str]:
 
 
 def encode(column: Column, values: Iterable[str]) -> NDArray[Any]:
-    """Fixed-length UTF-8, cut at a character where too long."""
+    """Fixed-length UTF-8, cut between characters where too long."""
     limit = int(column.kind[1:])
     return np.array([cut_text(value, limit)[0].encode() for value in values], dtype=column.kind)

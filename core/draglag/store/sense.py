@@ -1,4 +1,4 @@
-"""Plausibility of a session's times, checked once, on reading."""
+"""Plausibility of a session's times."""
 
 from __future__ import annotations
 

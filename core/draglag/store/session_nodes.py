@@ -121,7 +121,6 @@ def log_nodes(path: str, entries: Iterable[LogEntry]) -> Iterator[Node]:
 
 
 def calibration_node(known: TouchCalibration) -> Node:
-    """The calibration that touch positions were mapped with."""
     rows = {"x_raw": known.x_raw, "y_raw": known.y_raw, "x_mm": known.x_mm, "y_mm": known.y_mm}
     affine: dict[str, Value] = {name: float(value) for name, value in zip(AFFINE, np.ravel(known.matrix), strict=True)}
     return Node(
@@ -130,7 +129,7 @@ def calibration_node(known: TouchCalibration) -> Node:
 
 
 def header_nodes(session: Session) -> Iterator[Node]:
-    """All of a session that is known before its first run."""
+    """All that is known before the first run."""
     root: dict[str, Value] = {
         "schema": SCHEMA,
         "schema_version": VERSION,
@@ -195,14 +194,14 @@ def run_nodes(run: Run, outcome: str) -> Iterator[Node]:
 
 
 def session_nodes(session: Session) -> Iterator[Node]:
-    """A whole session, header first."""
+    """A whole session."""
     yield from header_nodes(session)
     for run in session.runs:
         yield from run_nodes(run, run.outcome)
 
 
 def distinct(nodes: Iterable[Node]) -> Iterator[Node]:
-    """The nodes, with separate groups for streams whose names give one group name."""
+    """The nodes, with separate groups where two streams give one group name."""
     taken: set[str] = set()
     for node in nodes:
         path, number = node.path, 2

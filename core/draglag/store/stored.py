@@ -1,4 +1,4 @@
-"""Columns read on demand, so that an export needs no memory for a session."""
+"""Columns read on demand, for exports of any size."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ BLOCK_ROWS = 1 << 16
 
 
 class StoredColumn:
-    """A numeric column of an open file; slices are read from disk and not kept.
-
-    Replaces an array in a ``TouchTrace`` for length and slices only.
-    """
+    """A numeric column of an open file, for length, slices and ``np.asarray``; what is read is not kept."""
 
     ndim = 1
 
@@ -41,7 +38,7 @@ class StoredColumn:
 
 
 def stored_columns(group: Any, table: Table) -> dict[str, Any]:
-    """As ``read_columns``, numbers as ``StoredColumn``. Raises DataError."""
+    """As ``read_columns``, numbers as ``StoredColumn``."""
     if any(column.kind.startswith("S") for column in table.every()):
         return dict(read_columns(group, table))
     datasets = readable_columns(group, table)
@@ -54,6 +51,6 @@ def stored_columns(group: Any, table: Table) -> dict[str, Any]:
 
 
 def blocks(length: int) -> Iterator[slice]:
-    """Slices covering ``length`` rows, ``BLOCK_ROWS`` at a time."""
+    """Slices of at most ``BLOCK_ROWS`` rows that cover ``length``."""
     for start in range(0, length, BLOCK_ROWS):
         yield slice(start, min(start + BLOCK_ROWS, length))

@@ -1,4 +1,4 @@
-"""A session file checked against its schema, and its contents for plausibility."""
+"""A session file checked against its schema and for plausibility."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def grade(findings: list[Finding]) -> str:
 
 
 def verify(path: Path | str) -> list[Finding]:
-    """Faults of a session file, whatever is in it; empty if none. Does not raise."""
+    """Faults of a session file or journal; does not raise."""
     path = Path(path)
     if is_journal(path):
         return _journal(path)
@@ -99,7 +99,7 @@ def _text(value: Any) -> str:
 
 
 def check_session(session: Session) -> list[Finding]:
-    """What a reader of the raw data should know before using them."""
+    """Implausible or missing raw data."""
     findings: list[Finding] = []
     screen = session.screen
     if not (screen.width_mm > 0 and screen.height_mm > 0 and screen.width_px > 0 and screen.height_px > 0):

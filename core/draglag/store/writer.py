@@ -1,7 +1,4 @@
-"""Recording a session: into a journal, at its end into the session file.
-
-The journal is ``<name>.partial``. A crash or power cut costs data since the last ``flush``.
-"""
+"""A session recorded into a journal (``<name>.partial``) and at its end into the session file."""
 
 from __future__ import annotations
 
@@ -41,18 +38,17 @@ _RECORD_ROWS = 1 << 14
 
 
 class SessionWriter:
-    """One recording, for one thread at a time. Data stay in memory until on disk: after a DataError of ``flush``,
-    ``end_run`` or ``close`` the call may be repeated, also after ``move``.
+    """One recording, for one thread; a call that raised DataError may be repeated, also after ``move``.
 
     Args:
         path: final name of the session file.
         header: the session; its runs are written too.
 
     Attributes:
-        restored: how often the journal was deleted by others and rewritten from the open file.
+        restored: how often the journal was deleted by others and rewritten.
 
-    Raises DataError where the file (or its ``.partial``) exists or cannot be made. An exception in a ``with`` block
-    keeps the ``.partial`` for ``salvage``.
+    Raises DataError where the file (or its journal) exists or cannot be made. An exception in a ``with`` block keeps
+    the journal for ``salvage``.
     """
 
     def __init__(self, path: Path | str, header: Session) -> None:
@@ -119,12 +115,12 @@ class SessionWriter:
         self._wait(session_nodes.display_nodes(f"runs/{self._recording(run_id)}/display", trace))
 
     def append_clock(self, bounds: ClockBounds, run_id: str | None = None) -> None:
-        """Append clock observations of one stream, of the session or of one run."""
+        """Append clock comparisons of one stream, of the session or of one run."""
         place = "clocks" if run_id is None else f"runs/{self._recording(run_id)}/sync"
         self._wait(session_nodes.clock_nodes(place, bounds))
 
     def append_log(self, entry: LogEntry, run_id: str | None = None) -> None:
-        """Append a line to the run's log, or the session's notes."""
+        """Append to the run's log, or the session's notes."""
         place = "notes" if run_id is None else f"runs/{self._recording(run_id)}/log"
         self._wait(session_nodes.log_nodes(place, [entry]))
 
@@ -132,8 +128,7 @@ class SessionWriter:
         self._wait(session_nodes.taps_nodes(taps))
 
     def end_run(self, run_id: str, outcome: str, duration_s: float | None = None, flush: bool = True) -> None:
-        """Set the run's only outcome; on disk when this returns, or after the next flush. Raises ValueError,
-        DataError."""
+        """Set the run's outcome; with ``flush``, on disk when this returns. Raises ValueError, DataError."""
         if outcome not in OUTCOMES:
             raise ValueError(f"{outcome!r} is not one of {OUTCOMES}")
         self._end(self._recording(run_id), outcome, duration_s)
@@ -141,7 +136,7 @@ class SessionWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Return once all is on disk. Call at least every 0.5 s. Raises DataError."""
+        """Return once all is on disk. Call at least every 0.5 s: a crash costs what came later. Raises DataError."""
         self._waiting = [piece for node in merged(self._waiting) for piece in pieces(node, _RECORD_ROWS)]
         if not self._waiting:
             return
@@ -168,7 +163,7 @@ class SessionWriter:
         self.path = path
 
     def close(self) -> Path:
-        """The session file; the journal is deleted. Open runs become "aborted". Never overwrites.
+        """The session file; the journal is deleted. Open runs become "aborted".
 
         Raises DataError: the journal stays, and this may be called again.
         """
@@ -232,7 +227,6 @@ class SessionWriter:
         self._waiting.extend(separate(node, self._owners) for node in more)
 
     def _append(self, record: list[Node]) -> None:
-        """Append one record to the journal. Raises OSError."""
         heads = [*self._head, *(node for run in self._open.values() for node in run)]
         if not self._full:
             heads = [replace(node, texts={}) for node in heads if node.table is None]
