@@ -1,4 +1,4 @@
-"""Latency of one run: Eq. 1–2 as published, and an efficient estimator (joint maximum likelihood)."""
+"""Latency of one run: as published (Eq. 1–2), and by joint maximum likelihood."""
 
 from draglag.latency.budget import with_systematics
 from draglag.latency.estimate import RunEstimate

@@ -1,8 +1,4 @@
-"""Delays of single reports by a polled bus or a busy host, seen in the stamps.
-
-They are part of the latency of nearby edges. Where scans themselves are uneven the stamps are right; positions decide:
-a late report lags behind the path by speed × lateness.
-"""
+"""Lateness of touch events by a polled bus or a busy host."""
 
 from __future__ import annotations
 
@@ -28,8 +24,7 @@ LEAST_S = 1e-6  # of lateness: what a stamp of 1 us cannot show is none
 
 @dataclass(frozen=True)
 class Arrival:
-    """Lateness late_s (n,), mean 0, of events at t_s (n,), from which it is taken out; unobserved_s: standard deviation
-    of what stamps do not show."""
+    """Lateness late_s (n,), mean 0, already taken out of t_s (n,); unobserved_s: standard deviation of the rest."""
 
     t_s: FloatArray
     late_s: FloatArray
@@ -48,7 +43,7 @@ class Arrival:
 
 
 def lateness_s(t_s: FloatArray) -> FloatArray:
-    """Lateness of rising stamps (n,) on an even rhythm, s, mean 0 over each gapless stretch; 0 without a rhythm."""
+    """Lateness of rising stamps (n,) on an even rhythm, mean 0 per gapless stretch; 0 without a rhythm."""
     late_s = np.zeros(t_s.size)
     if t_s.size < FEWEST:
         return late_s
@@ -63,7 +58,6 @@ def lateness_s(t_s: FloatArray) -> FloatArray:
 
 
 def _lateness_of_stretch_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> FloatArray:
-    """Stamps (n,) less a straight line in their slots, one on either side of a slip."""
     if t_s.size < FEWEST:
         return np.zeros(t_s.size)
     n = slot - slot.mean()
@@ -81,8 +75,10 @@ def _lateness_of_stretch_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> Fl
 
 
 def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
-    """The run with stamps moved back by the confirmed share of their lateness; that lateness; the path, if none moved
-    and one was made."""
+    """The run with stamps moved back; the lateness; the path, if none moved.
+
+    Scans may be uneven themselves: only lateness that positions confirm is taken out.
+    """
     touch = ready.touch
     arrival_s = _arrival_s(ready)
     every_s = lateness_s(arrival_s)
@@ -115,7 +111,7 @@ def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
 
 
 def _arrival_s(ready: Prepared) -> FloatArray:
-    """Stamps of all reports, also of those that share one; of batches only the last."""
+    """Stamps of all reports; of batches only the last."""
     events = ready.run.touch
     arrival_s = np.sort(events.t_s[np.isfinite(events.t_s) & np.isfinite(events.x_mm) & np.isfinite(events.y_mm)])
     return arrival_s if ready.touch.t_s.size > (1 - BATCHED) * arrival_s.size else ready.touch.t_s

@@ -1,11 +1,4 @@
-"""The Cramér–Rao bound of a run's latency under the simulation's model.
-
-1. The path is the intended movement plus a Gaussian process of known spectrum (the hand), seen through touch noise. Its
-   posterior covariance across the beam at the edges is unavoidable.
-2. Each edge puts the path on one of two parallel lines: linear in latency, slope and intercepts, with that covariance.
-
-No estimator knows the spectra: a lower bound.
-"""
+"""Cramér–Rao bound of a run's latency, under the simulation's model."""
 
 from __future__ import annotations
 
@@ -22,7 +15,7 @@ BLOCK_GAP_S = 0.35  # edges closer together than this share touch noise
 
 @dataclass(frozen=True)
 class TouchNoise:
-    """Noise of one coordinate of an event: standard deviation; share of its variance correlated over slow_s."""
+    """Noise of one coordinate; ``slow_share`` of its variance is correlated over slow_s."""
 
     sd_mm: float
     slow_share: float = 0.0
@@ -38,7 +31,7 @@ class TouchNoise:
 
 @dataclass(frozen=True)
 class HandSpectrum:
-    """Standard deviation and band of each deviation from the intended path (``draglag.simulation.Human``)."""
+    """As in ``draglag.simulation.Human``."""
 
     wander_mm: float = 1.5
     wander_hz: float = 0.5
@@ -50,10 +43,7 @@ class HandSpectrum:
 
 
 class _Kernel:
-    """Covariance of the hand's deviations: a sum of cosines, so positive semidefinite.
-
-    Two-pole Butterworth filters run both ways: power 1 / (1 + (f/f₀)⁴)².
-    """
+    """Covariance of the hand's deviations; Butterworth filters run both ways have the power 1 / (1 + (f/f₀)⁴)²."""
 
     STEP_HZ = 0.08  # repeats after 12 s, far longer than a block
 
@@ -71,7 +61,7 @@ class _Kernel:
         ]
 
     def features(self, t_s: FloatArray, across_mm_s: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """F (n, k), with F Fᵀ the covariance of the path across the beam; offset free, size off by ``gain_sd``."""
+        """F (n, k), with F Fᵀ the covariance of the path across the beam."""
         columns = [10.0 * np.ones((t_s.size, 1)), self.hand.gain_sd * y_mm[:, None]]
         for part, (sd, f_hz, power) in enumerate(self._parts):
             if sd <= 0:
@@ -84,7 +74,6 @@ class _Kernel:
 
 
 def _blocks(edge_t_s: FloatArray) -> list[np.ndarray]:
-    """Indices of edges that share touch noise, in blocks of about a second at most."""
     starts, begin = [], 0
     for k in range(1, edge_t_s.size):
         gap_s = edge_t_s[k] - edge_t_s[k - 1]
@@ -111,7 +100,7 @@ def latency_bound_s(
     hand: HandSpectrum | None = None,
     edge_y_mm: float = 0.0,
 ) -> float:
-    """Smallest standard error of any unbiased estimate of a run's latency, s; infinite where undetermined.
+    """Smallest standard error of any unbiased estimate of a run's latency; infinite where undetermined.
 
     Args:
         edge_t_s, edge_x_mm, edge_v_mm_s, side: (m,) edges: time, place along the beam, velocity across it, ±1.

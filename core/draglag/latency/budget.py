@@ -1,7 +1,4 @@
-"""Systematic errors of a latency: corrected, or in the interval (GUM, type B; docs/precision.md).
-
-They act on every edge alike: more edges do not average them away.
-"""
+"""Systematic errors, common to all edges (GUM, type B; docs/precision.md)."""
 
 from __future__ import annotations
 
@@ -40,25 +37,21 @@ BUDGET = (
 
 @dataclass(frozen=True)
 class Systematic:
-    """Correction to add to a latency, and its standard uncertainty, s."""
+    """Correction to add to a latency, and its standard uncertainty."""
 
     correction_s: float
     u_s: float
 
 
 def systematic(lateness_s_per_mm: float, budget: Sequence[Contribution] = BUDGET) -> Systematic:
-    """Correction and standard uncertainty at this lateness per mm of displacement."""
+    """The sum of the budget."""
     correction_s = sum(c.delay_s + c.way_mm * lateness_s_per_mm for c in budget)
     variance = sum(c.delay_u_s**2 + (c.way_u_mm * lateness_s_per_mm) ** 2 for c in budget)
     return Systematic(float(correction_s), float(np.sqrt(variance)))
 
 
 def lateness_s_per_mm(estimate: RunEstimate) -> float:
-    """Latency per mm of displacement along the motion, s/mm: ⟨|v|⟩/⟨v²⟩, v across the beam (least squares weighs by
-    v²).
-
-    Without an alignment 1 / speed; 0.0 without a speed.
-    """
+    """Latency per mm of displacement along the motion: ⟨|v|⟩/⟨v²⟩, v across the beam (least squares weighs by v²)."""
     if estimate.alignment is None:
         return 1.0 / estimate.speed_mm_s if estimate.speed_mm_s else 0.0
     v = estimate.alignment.v_mm_s
@@ -97,5 +90,5 @@ def widened(estimate: RunEstimate, u_s: float) -> RunEstimate:
 
 
 def common_delay_u_s(budget: Sequence[Contribution] = BUDGET) -> float:
-    """Standard uncertainty of the delay common to all runs, s: that of a curve's asymptote."""
+    """Standard uncertainty of the delay common to all runs: that of a curve's asymptote."""
     return float(np.sqrt(sum(c.delay_u_s**2 for c in budget)))

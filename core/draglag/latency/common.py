@@ -1,4 +1,4 @@
-"""What both estimators share: aligned edges, J without a shift, flags."""
+"""What both estimators share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LITTLE_TRAVEL = 0.25
 
 
 def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_slope: bool = True) -> Alignment:
-    """Each edge's place on the screen without and with its shift. Raises ValueError if a side is empty."""
+    """Each edge on the screen without and with its shift. Raises ValueError if a side is empty."""
     touch = ready.touch
     raw = [np.interp(edges.t_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm)]
     at_s = edges.t_s + latency_s
@@ -44,10 +44,7 @@ def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_sl
 
 
 def cost_without_shift(ready: Prepared, edges: Edges, v_across_mm_s: FloatArray | None = None) -> float | None:
-    """J(0) / N of Eq. 4, mm²: separate lines through the uncorrected edges; None if a side is empty.
-
-    ``v_across_mm_s``: (m,), if known already.
-    """
+    """J(0) / N of Eq. 4, mm²; None if a side is empty."""
     touch = ready.touch
     if v_across_mm_s is None:
         v_across_mm_s = local_fit(touch.t_s, ready.xy_mm, edges.t_s, 4.5 * ready.dt_s, degree=2).v_mm_s[:, 1]
@@ -66,7 +63,7 @@ def common_flags(
     window_s: tuple[float, float],
     extra: tuple[str, ...] = (),
 ) -> RunEstimate:
-    """The estimate with flags that follow from its figures, and the travel of the circle's centre."""
+    """The estimate with flags from its figures, and its travel."""
     flags = list(extra)
     if edges.t_s.size < FEW_EDGES:
         flags.append("few_edges")
@@ -107,10 +104,7 @@ def _flags_of_latency(estimate: RunEstimate, window_s: tuple[float, float]) -> l
 
 
 def _travel(ready: Prepared) -> float | None:
-    """Travel of the circle's centre along the beam in diameters; None for other targets.
-
-    The rounds need not be whole: the circle's harmonic is fitted too.
-    """
+    """Travel of the circle's centre along the beam in diameters; None for other targets."""
     run, touch = ready.run, ready.touch
     if not run.radius_mm or touch.t_s.size < 5:
         return None

@@ -1,4 +1,4 @@
-"""Flags of how a run went; those in ``EXCLUDED`` keep it out of the curve."""
+"""Flags of how a run went, which may keep it out of the curve."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EXCLUDED = ("aborted", "device_lost", "failed", STANDSTILL, "laser_missing", "fa
 
 
 def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
-    """The estimate with the flags of its run's conduct put first."""
+    """The estimate with these flags put first."""
     flags = _outcome(run)
     share = _observed_passes(estimate, run)
     if share is not None and share < FEWEST_PASSES:
@@ -66,7 +66,7 @@ def why_excluded(
 
 
 def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session, dict[str, str]]:
-    """The session without the runs to leave out, and run id → reason for those."""
+    """The session without the runs to leave out; run id → reason for those."""
     steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
     estimates = [with_conduct(estimate_run(run, session.stylus.diameter_mm), run) for run in steady]
     excluded = why_excluded(session.runs, estimates, include)
@@ -85,7 +85,6 @@ def _ratio(one: float, other: float) -> float:
 
 
 def _halves(estimate: RunEstimate) -> float:
-    """Ratio ≥ 1 of the halves' mean speeds; 1.0 with too few edges."""
     if estimate.alignment is None or estimate.alignment.edge_t_s.size < 8:
         return 1.0
     t_s, speed = estimate.alignment.edge_t_s, estimate.alignment.speed_mm_s
@@ -96,7 +95,6 @@ def _halves(estimate: RunEstimate) -> float:
 
 
 def _observed_passes(estimate: RunEstimate, run: Run) -> float | None:
-    """Laser edges over twice the trace's passes; None where unknown."""
     if estimate.alignment is None or not run.laser.t_s.size:
         return None
     lines = estimate.alignment.lines

@@ -1,4 +1,4 @@
-"""Laser edges fit for estimation: sorted, bounces removed."""
+"""Laser edges fit for estimation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from draglag.recording import FloatArray, LaserTrace
 
 @dataclass(frozen=True)
 class Edges:
-    """Edges at t_s (m,); falling (m,) bool: light→dark; n_rejected: edges no stylus made."""
+    """Edges at t_s (m,); falling: light→dark; n_rejected: edges no stylus made."""
 
     t_s: FloatArray
     falling: np.ndarray
@@ -24,8 +24,8 @@ class Edges:
 def clean_edges(laser: LaserTrace, stylus_diameter_mm: float, fastest_mm_s: float) -> Edges:
     """Edges of a run without bounces and glitches.
 
-    Transitions closer than a third of diameter / fastest speed are one edge that bounced (odd number: the first stands)
-    or a glitch (even: none stands).
+    Of transitions closer than 0.3 · diameter / fastest speed, an odd number is one bounced edge (the first stands), an
+    even number a glitch.
     """
     good = np.isfinite(laser.t_s)
     order = np.argsort(laser.t_s[good], kind="stable")

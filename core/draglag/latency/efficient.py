@@ -1,9 +1,4 @@
-"""Joint maximum likelihood over a run: path, one slope, both lines, each edge by its own variance.
-
-Residuals y_i − slope · x_i − middle − side_i · half width are linear in the line and, by the velocity, in a change of
-L: Gauss–Newton takes three or four steps. Their covariance comes from the smoother; further scatter τ² of single edges
-from restricted likelihood.
-"""
+"""Joint maximum likelihood of a run's latency, slope and intercepts."""
 
 from __future__ import annotations
 
@@ -68,7 +63,7 @@ class Solution:
 
 
 def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
-    """The latency of a run by joint maximum likelihood, with interval and flags."""
+    """The latency of a run by joint maximum likelihood."""
     ready, arrival, smoothed = set_back(ready)
     track = track_of(ready, smoothed)
     coarse = scan(ready.touch, ready.edges, window_s, ready.stylus_diameter_mm, track.path, track.losses_s)
@@ -111,7 +106,6 @@ def _without_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
-    """Minima near the best, such as aliases of the circle's period."""
     best = coarse.cost_mm2[minima[0]]
     return [k for k in minima if coarse.cost_mm2[k] <= 6 * best + 0.05]
 
@@ -183,7 +177,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
 
 
 def _on_track(solution: Solution, track: Track) -> Solution:
-    """The solution on a nearby track, by one more step."""
+    """One more step, on a nearby track."""
     at_s = solution.edges.t_s + solution.latency_s
     xy_mm = track.at(at_s)
     design = _design(track, at_s, float(solution.parameters[1]), solution.side, xy_mm, solution.v_mm_s)
@@ -228,7 +222,7 @@ def _design(
 
 
 def _known(edge_t_s: FloatArray, at_s: FloatArray, track: Track) -> Known:
-    """Covariance of the edges. Unexplained scatter lasts tens of ms: both edges of a fast crossing share it."""
+    """Covariance of the edges; both edges of a fast crossing share unexplained scatter."""
     m = edge_t_s.size
     reach = int(np.max(np.searchsorted(edge_t_s, edge_t_s + INDEPENDENT_S) - np.arange(m)))
     row = np.arange(reach)[:, None] + np.arange(m)[None, :]
@@ -302,10 +296,9 @@ def _alignment(ready: Prepared, best: Solution) -> Alignment:
 
 
 def _by_tremor_s(best: Solution) -> tuple[float, float]:
-    """Advance of the trace by tremor, s, and the scatter of the edges' mean latency by it, s.
+    """Advance of the trace by tremor, and the scatter of the edges' mean latency by it.
 
-    Where latency falls with speed, fast swings show sooner: x(t − L(v + ν)) has the mean −L'·ν², an advance −L'·⟨ν²⟩ /
-    v. Few edges do not average their unseen speeds; the latency at the mean speed is unaffected.
+    x(t − L(v + ν)) has the mean −L'·ν², an advance −L'·⟨ν²⟩ / v; the latency at the mean speed is unaffected.
     """
     if best.track.tremor is None:
         return 0.0, 0.0

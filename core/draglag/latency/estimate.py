@@ -24,9 +24,8 @@ CONSTANT_SPEED = ("circle", "free")
 class Alignment:
     """Edges on the screen before and after the shift (the paper's Fig. 4).
 
-    Attributes (m edges): edge_t_s; x_raw_mm, y_raw_mm (touch position at the edge); x_mm, y_mm (at t + L); side (−1
-    top, +1 bottom); falling (light→dark); residual_mm (along y); latency_s used; speed_mm_s and v_mm_s (m, 2) at t + L;
-    lines.
+    Attributes (m edges): x_raw_mm, y_raw_mm: at the edge; x_mm, y_mm, speed_mm_s, v_mm_s (m, 2): at t + L; side: −1
+    top, +1 bottom; falling: light→dark; residual_mm: along y.
     """
 
     edge_t_s: FloatArray
@@ -59,14 +58,12 @@ class Alignment:
 
 @dataclass(frozen=True)
 class RunEstimate:
-    """Latency of one run with its 95 % interval and flags; ``latency_s`` None if there is none.
+    """Latency of one run with its 95 % interval; ``latency_s`` None if there is none.
 
-    ``latency_s``, ``latency_se_s``: mean over the edges. ``se_at_speed_s``: smaller error, without tremor's scatter, of
-    the latency at ``speed_mm_s``, used for curves (None: the same). ``speed_se_mm_s``: of the mean speed;
-    ``speed_sd_mm_s``: spread over edges. ``flags``: empty if all is well (``draglag.latency.flags.MEANING``).
-    ``clock_uncertainty_s``: largest shift by the laser's clock, in the interval; None if unknown. ``correction_s``:
-    already in the latency; ``systematic_s``: half width (95 %) of the remaining systematic errors, clock included
-    (``draglag.latency.budget``).
+    ``latency_s``, ``latency_se_s``: mean over the edges. ``se_at_speed_s``: without tremor's scatter, at ``speed_mm_s``
+    (None: the same). ``speed_sd_mm_s``: over edges. ``flags``: ``draglag.latency.flags.MEANING``.
+    ``clock_uncertainty_s``: largest shift by the laser's clock; None if unknown. ``correction_s``: already in the
+    latency; ``systematic_s``: half width (95 %) of remaining systematic errors, clock included.
     """
 
     id: str
@@ -96,12 +93,12 @@ class RunEstimate:
 
     @property
     def curve_se_s(self) -> float | None:
-        """Standard error for the fit of a curve, s."""
+        """Standard error for the fit of a curve."""
         return self.latency_se_s if self.se_at_speed_s is None else self.se_at_speed_s
 
     @property
     def random_s(self) -> float | None:
-        """Random half width (95 %), s."""
+        """Random half width (95 %)."""
         if self.latency_ci95_s is None:
             return None
         half_s = 0.5 * (self.latency_ci95_s[1] - self.latency_ci95_s[0])
@@ -116,7 +113,7 @@ class RunEstimate:
         return None if self.latency_ci95_s is None else (1e3 * self.latency_ci95_s[0], 1e3 * self.latency_ci95_s[1])
 
     def to_dict(self) -> dict[str, object]:
-        """The JSON of one run (design, section 5)."""
+        """JSON of one run."""
         return {
             "id": self.id,
             "protocol": self.protocol,

@@ -1,4 +1,4 @@
-"""Estimators of a run's latency by name: draglag's two and those of other packages."""
+"""Estimators of a run's latency, also those of other packages, by name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def estimator_names() -> list[str]:
 
 
 def estimator_of(name: str) -> Estimator:
-    """The estimator of that name. Raises EstimateError if there is none."""
+    """The estimator of that name. Raises EstimateError."""
     if name in OWN:
         return OWN[name]
     others = _of_other_packages()
@@ -53,8 +53,6 @@ def _problem(name: str, one: object) -> str:
 
 
 def _guarded(name: str, one: Estimator) -> Estimator:
-    """The estimator, its failures turned into an EstimateError that names it."""
-
     def estimate(ready: Prepared, blank: RunEstimate, window_s: tuple[float, float]) -> RunEstimate:
         try:
             found: object = one(ready, blank, window_s)

@@ -1,4 +1,4 @@
-"""What the flags of an estimate mean, in the operator's words."""
+"""What the flags of an estimate mean."""
 
 MEANING = {
     "no_touch": "no touch events: was the stylus on the screen, and is the touch device the right one?",

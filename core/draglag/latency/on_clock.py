@@ -1,4 +1,4 @@
-"""The clock's share in a latency: edges mapped with all comparisons, intervals widened for the rest."""
+"""The clock's share in a latency."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def estimate_on_clock(
     update_rate_hz: float | None = None,
     window_s: tuple[float, float] = WINDOW_S,
 ) -> RunEstimate:
-    """``estimate_run`` on edges mapped with all comparisons, the clock in the interval (``with_clock``).
+    """``estimate_run`` with edges on the compared clock, its uncertainty in the interval.
 
-    ``clocks``: comparisons outside the run. Never raises for bad data.
+    ``clocks``: comparisons outside the run; ignored where unreadable.
     """
     around = nearby(run, clocks)
     try:
@@ -63,10 +63,10 @@ def estimate_on_clock(
 
 
 def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
-    """The estimate with its interval widened by the clock's bound on a shift common to all edges.
+    """The estimate widened by the clock's bound on a shift common to all edges.
 
     A half width h becomes √(h² + bound²), as the bound is never exceeded; the standard error √(se² + bound²/3), uniform
-    between the bounds. None (clock never compared) widens nothing and is flagged.
+    between the bounds. None (clock never compared) widens nothing.
     """
     if bound_s is None:
         return replace(estimate, clock_uncertainty_s=None, flags=(*estimate.flags, "clock_unknown"))
@@ -83,7 +83,7 @@ def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
 
 
 def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float:
-    """Half width of all taps' shift by the WALT's clock, s; 0.0 if never compared."""
+    """Half width of all taps' shift by the WALT's clock; 0.0 if never compared."""
     parts = [part for part in clocks if part.stream == "walt" and len(part.device_s)]
     if taps is None or not parts or not len(taps.physical_s):
         return 0.0
@@ -102,7 +102,7 @@ def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float
 
 
 def warnings_of(session: Session, estimates: Sequence[RunEstimate], tap_bounds: Mapping[str, float]) -> list[str]:
-    """Warnings about clocks that affect the session's figures."""
+    """Warnings about clocks."""
     said: list[str] = []
     unsure = {e.id: e.clock_uncertainty_s for e in estimates if "clock_uncertain" in e.flags}
     if unsure:

@@ -1,4 +1,4 @@
-"""Eq. 1–2 as published: separate lines, raw events interpolated at t + L, Savitzky–Golay speed."""
+"""Eq. 1–2 as published, on raw events."""
 
 from __future__ import annotations
 
@@ -74,7 +74,6 @@ def _cost(ready: Prepared, latency_s: float) -> tuple[float, np.ndarray]:
 
 
 def _speed_at(ready: Prepared, at_s: FloatArray) -> float:
-    """Mean Savitzky–Golay speed at the edges; path length over time for short runs."""
     touch = ready.touch
     if (touch.t_s[-1] - touch.t_s[0]) / ready.dt_s > SAVGOL_WINDOW:
         t_s, _, _, speed = savitzky_golay(touch)

@@ -1,10 +1,4 @@
-"""The stylus' path from touch events, by a smoother matched to the run's spectrum.
-
-Above the circle's frequency the spectrum falls into the noise within an octave, too steeply for local polynomials. So:
-a B-spline with penalty D²(D² + ω²)²(D² + 9ω²) p, which leaves straight lines, the run's rhythm ω and 3ω (an oval under
-a speed-dependent latency) alone; the corner is where spectrum meets noise. Banded equations treat gaps, ends and uneven
-stamps exactly. What remains is noise and tremor (``draglag.latency.tremor``).
-"""
+"""The stylus' path from touch events, by a smoother matched to their spectrum."""
 
 from __future__ import annotations
 
@@ -30,10 +24,9 @@ class Path:
     """The smoothed path on even knots.
 
     Attributes:
-        start_s, step_s: the knots. coefficients: (k, 2). factor: banded Cholesky factor of the normal equations.
-        noise_mm: standard deviation of an event, were its noise everywhere as below the corner; noise_dof: its degrees
-            of freedom.
-        dt_s: mean event interval. gather: (k, n) splines at the events.
+        coefficients: (k, 2). factor: banded Cholesky factor of the normal equations.
+        noise_mm: standard deviation of an event, were its noise everywhere as below the corner.
+        gather: (k, n) splines at the events.
     """
 
     start_s: float
@@ -62,7 +55,7 @@ class Path:
         return np.asarray(out.view(np.float64).reshape(*t_s.shape, 2))
 
     def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity, (..., 2) each, at once."""
+        """Position and velocity, (..., 2) each."""
         position = (t_s - self.start_s) / self.step_s
         first = np.clip(position.astype(np.int64), 0, self.coefficients.shape[0] - 4)
         u = position - first
@@ -76,7 +69,6 @@ class Path:
 
     @cached_property
     def _powers(self) -> tuple[NDArray[np.complex128], ...]:
-        """Power coefficients x + iy of the cubics, (k − 3,) each."""
         whole = np.asarray(self.coefficients[:, 0] + 1j * self.coefficients[:, 1], np.complex128)
         a, b, c, d = (whole[j : whole.size - 3 + j] / 6 for j in range(4))
         return a + 4 * b + c, 3 * (c - a), 3 * (a - 2 * b + c), d - a + 3 * (b - c)
@@ -114,7 +106,7 @@ class Path:
         return f_hz, self.keeps(f_hz)
 
     def keeps(self, f_hz: FloatArray) -> FloatArray:
-        """The smoother's gain at each frequency."""
+        """Gain at each frequency."""
         at = penalty_at_corner(np.array([self.corner_hz]), self.rhythm_hz)
         return 1 / (1 + penalty(f_hz, self.rhythm_hz) / at)
 
@@ -126,7 +118,7 @@ class Path:
 
 
 def looked_up(table: FloatArray, position: FloatArray) -> FloatArray:
-    """Linear interpolation in a table, zero beyond it; positions ≥ 0 in its steps."""
+    """Linear interpolation at positions ≥ 0 in a table's steps, zero beyond it."""
     position = np.minimum(position, table.size - 1.001)
     k = position.astype(np.int64)
     low = table[k]
@@ -144,7 +136,7 @@ def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
 
 
 def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[IntArray, list[FloatArray]]:
-    """Cubic B-splines on even knots: first of four at each time, and values."""
+    """First of four cubic B-splines at each time, and their values."""
     position = (t_s - start_s) / step_s
     first = np.clip(position.astype(np.int64), 0, n - 4)
     u = position - first
@@ -156,16 +148,12 @@ def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[In
 
 
 def _solved(factor: FloatArray, values: FloatArray) -> FloatArray:
-    """Solutions (k, c). LAPACK directly: scipy's checks cost more than a short run."""
+    """Solutions (k, c) by LAPACK directly: scipy's checks cost more than a short run."""
     return np.asarray(dpbtrs(factor, values, lower=1)[0], float)
 
 
 def _factor(events: FloatArray, taps: FloatArray, strength: float, ridge: float) -> FloatArray:
-    """Banded Cholesky factor of the events' normal equations (k, n) with the penalty of taps (k,).
-
-    Over some twenty knots without an event the eighth-order penalty is singular to double precision: it then ends at
-    both sides of the hole.
-    """
+    """Banded Cholesky factor of the normal equations; over a long hole, where it is singular, the penalty ends."""
     n = events.shape[1]
     try:
         return _penalised(events, taps, np.full(n - taps.size + 1, strength), ridge)
@@ -175,7 +163,6 @@ def _factor(events: FloatArray, taps: FloatArray, strength: float, ridge: float)
 
 
 def _penalised(events: FloatArray, taps: FloatArray, strength: FloatArray, ridge: float) -> FloatArray:
-    """Cholesky factor of bands with a penalty of strength (n − k + 1,) from each knot on."""
     bands = events.copy()
     for k in range(taps.size):
         for a in range(taps.size - k):
@@ -188,7 +175,10 @@ def _penalised(events: FloatArray, taps: FloatArray, strength: FloatArray, ridge
 
 
 def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power: float) -> Path:
-    """The penalised B-spline. noise_power: mm²/Hz, one-sided, at the corner."""
+    """The B-spline with penalty D²(D² + ω²)²(D² + 9ω²). noise_power: mm²/Hz, one-sided, at the corner.
+
+    Straight lines, the run's rhythm ω and 3ω (an oval under a speed-dependent latency) cost nothing.
+    """
     step_s = 1 / (KNOTS_PER_PERIOD * corner_hz)
     t_s = events.t_s
     start_s = float(t_s[0])

@@ -1,8 +1,4 @@
-"""Edges in a pause of the hand, each with a latency of its own, read off the trace.
-
-It may be tens of ms longer than the others'. A fit hardly weighs such an edge or is bent by it, the mean counts it in
-full: so the others' lines say where it happened, the trace when that place shows.
-"""
+"""Edges in a pause of the hand, each with its own, longer latency."""
 
 from __future__ import annotations
 
@@ -24,15 +20,13 @@ SLOWEST_MM_S = 10.0  # below it, noise alone crosses a line several times
 
 @dataclass(frozen=True)
 class Pauses:
-    """Edges in pauses: times, latencies, their standard errors, speeds, (k,) each."""
-
     t_s: FloatArray
     latency_s: FloatArray
     se_s: FloatArray
     speed_mm_s: FloatArray
 
     def mixed(self, mean_s: float, se_s: float, n: int) -> tuple[float, float]:
-        """Mean latency and its standard error with n other edges, whose mean_s and se_s are given."""
+        """Mean latency and standard error with n other edges of mean_s and se_s."""
         share = n / (n + self.t_s.size)
         own_s = float(np.sqrt(np.sum(self.se_s**2))) / (n + self.t_s.size)
         pauses_s = float(self.latency_s.mean()) if self.t_s.size else 0.0
@@ -77,10 +71,9 @@ def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatA
 def _shown(
     t_s: FloatArray, off_mm: FloatArray, half_mm: float, edge_s: float, falling: bool, latency_s: float
 ) -> tuple[float, float] | None:
-    """Time until the trace (n,) shows an edge, s, and its speed across the beam there, mm/s; None without a crossing.
+    """Time until the trace (n,) shows an edge, s, and its speed across the beam there, mm/s.
 
-    The stylus enters by its first rim and leaves by its last: each line counts one way only. Of several crossings the
-    nearest to the others' latency counts.
+    The stylus enters by its first rim and leaves by its last: each line counts one way only.
     """
     first, end = np.searchsorted(t_s, edge_s + latency_s + np.array(REACH_S))
     best: tuple[float, float] | None = None

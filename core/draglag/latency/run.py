@@ -23,7 +23,7 @@ def estimate_run(
 
     Args:
         estimator: "efficient" (joint maximum likelihood), "paper" (Eq. 2 on raw events), or another package's.
-        update_rate_hz: emulate a loop that takes the last event at this rate; None: the kernel's stamps.
+        update_rate_hz: emulate a loop that takes the last event at this rate.
         window_s: latencies searched.
 
     Raises EstimateError if the estimator is unknown, or another package's fails.

@@ -1,4 +1,4 @@
-"""J(L) over a window of latencies, and its minima."""
+"""J(L) over a window of latencies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MANY_EDGES = 50
 
 @dataclass(frozen=True)
 class Scan:
-    """Robust cost per edge at each latency, mm²; infinite where too few edges can be placed."""
+    """Robust cost per edge; infinite where too few edges can be placed."""
 
     latency_s: FloatArray
     cost_mm2: FloatArray
@@ -41,10 +41,9 @@ def scan(
     half_width_s: float = 0.0,
     step_s: float = 0.004,
 ) -> Scan:
-    """Cost of Eq. 2 over a grid, one slope for both lines, sides from the direction at t + L.
+    """Cost of Eq. 2 over a grid, one slope for both lines.
 
-    Two re-weighting passes discount spurious edges. A known diameter excludes shifts that set the lines absurdly far
-    apart: a quarter of a circle's period off, all edges align.
+    A known diameter excludes aliases: a quarter of a circle's period off all edges align, with lines far apart.
     """
     latency_s = np.arange(window_s[0], window_s[1] + step_s / 2, step_s)
     # An odd stride keeps both kinds of edges; some sixty edges are enough to separate minima.
@@ -67,7 +66,6 @@ def scan(
 
 
 def _moved(touch: TouchTrace, at_s: FloatArray, half_width_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """x, y and velocity along y at times of any shape, by local cubics."""
     dt_s = sample_interval_s(touch.t_s)
     grid_s = np.arange(touch.t_s[0], touch.t_s[-1] + dt_s / 2, dt_s)
     reach = max(2, round(0.7 * half_width_s / dt_s))

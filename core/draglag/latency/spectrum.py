@@ -1,4 +1,4 @@
-"""The spectrum of a run's touch events, and the corner where its path falls into noise."""
+"""The spectrum of touch events, and the corner where the path falls into noise."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ TOGETHER = 0.25  # of the interval: closer events were delivered together
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided power of a coordinate, mm²/Hz, at f_hz (k,); dt_s: mean interval; ``median``: median over mean of
-    noise."""
+    """One-sided power of a coordinate, mm²/Hz; ``median``: median over mean of noise."""
 
     f_hz: FloatArray
     power: FloatArray
@@ -32,7 +31,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Events:
-    """Touch events on slots of an even grid: slot, t_s (n,), xy_mm (n, 2), dt_s."""
+    """Touch events on slots of an even grid: t_s (n,), xy_mm (n, 2)."""
 
     slot: IntArray
     t_s: FloatArray
@@ -48,7 +47,7 @@ class Events:
 
 
 def events_of(t_s: FloatArray, xy_mm: FloatArray, dt_s: float | None = None) -> Events:
-    """Events t_s (n,), rising, and xy_mm (n, 2), numbered on an even grid (of dt_s, if given).
+    """Events t_s (n,), rising, and xy_mm (n, 2), numbered on an even grid.
 
     Of events delivered together, as after a stall, the last is in time; others get the slots before it.
     """
@@ -96,7 +95,6 @@ def _window(m: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _slow(late_s: FloatArray) -> FloatArray:
-    """Running mean over 41 events."""
     if late_s.size < 42:
         return np.full(late_s.shape, float(late_s.mean()))
     total = np.cumsum(np.pad(late_s, (21, 20), mode="edge"))
@@ -126,10 +124,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
 
 
 def corner_for_mean(spectrum: Spectrum, rhythm_hz: float, corner_hz: float, noise: float, places: float) -> float:
-    """The best corner, Hz, ≥ ``corner_hz``, for a mean over that many independent places.
-
-    Noise averages out; what the filter takes from the path does not.
-    """
+    """The best corner, Hz, for a mean over independent places, in which noise averages out."""
     corners, loss = _corners(spectrum, rhythm_hz)
     used = spectrum.f_hz < max(NOISE_UP_TO_HZ, 2.5 * rhythm_hz)
     loss, own = loss[:, used], spectrum.power[used] - noise
@@ -157,11 +152,7 @@ def _corners(spectrum: Spectrum, rhythm_hz: float) -> tuple[FloatArray, FloatArr
 
 
 def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
-    """Mean noise below the corner, mm²/Hz, where the path hides it.
-
-    Digitisers' filters leave noise that rises downwards: a white and a first-order low-pass part, fitted on both sides
-    of tremor, are extrapolated.
-    """
+    """Mean noise below the corner, mm²/Hz: a white and a low-pass part extrapolated from both sides of tremor."""
     f, power = spectrum.f_hz, spectrum.power
     seen = ((f > 1.1 * corner_hz) & (f < NOISE_UP_TO_HZ)) | (f > QUIET_FROM_HZ)
     if np.count_nonzero(seen & (f < NOISE_UP_TO_HZ)) < 6 or not (f > QUIET_FROM_HZ).any():
@@ -196,6 +187,6 @@ def penalty(f_hz: FloatArray, rhythm_hz: float) -> FloatArray:
 
 
 def penalty_at_corner(corner_hz: FloatArray, rhythm_hz: float) -> FloatArray:
-    """The penalty at the corner, kept rising past the third harmonic."""
+    """The penalty, kept rising past the third harmonic."""
     third = np.maximum(9 * rhythm_hz**2 - corner_hz**2, corner_hz**2 / 3) if rhythm_hz > 0 else 1.0
     return np.asarray((corner_hz**2 * (corner_hz**2 - rhythm_hz**2) ** 2 * third) ** 2)

@@ -19,10 +19,9 @@ class Track:
     """Smooth path, tremor, and the effect of uneven speed.
 
     Attributes:
-        path: smoothed for single places. mean_path: for the mean over the edges.
+        path: for single places. mean_path: for the mean over the edges.
         tremor: on ``mean_path``; None if unseen. with_tremor: whether it counts as movement.
         uneven: advance of the trace per unit of dL/dln v (mm/s): velocity × ln(speed / ``usual_mm_s``), smoothed alike.
-            Its harmonics, partly smoothed away, would shift all edges together.
     """
 
     path: Path
@@ -63,8 +62,6 @@ def independent_places(path: Path, t_s: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Touch events, their spectrum, and the smooth path from both."""
-
     events: Events
     spectrum: Spectrum
     path: Path
@@ -72,7 +69,7 @@ class Smoothed:
 
 
 def smoothed_of(ready: Prepared) -> Smoothed:
-    """The smooth path of a run, and what it was made from."""
+    """The smooth path of a run, and its spectrum."""
     events = events_of(ready.touch.t_s, ready.xy_mm)
     spectrum = spectrum_of(events)
     rhythm_hz, corner_hz, noise = corner_of(spectrum)

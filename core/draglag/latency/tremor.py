@@ -1,4 +1,4 @@
-"""Movement faster than the path (8 to 12 Hz), by Wiener's filter on the residual of the touch events."""
+"""Tremor (8 to 12 Hz), by Wiener's filter on the residual of the touch events."""
 
 from __future__ import annotations
 
@@ -46,10 +46,7 @@ class Tremor:
         return looked_up(self.unobserved if estimated else self.whole, lag_s / self.step_s)
 
     def mean_speed2(self, t_s: FloatArray, ahead: FloatArray) -> float:
-        """Variance of the mean tremor velocity along ``ahead`` (m, 2) over edges at rising t_s (m,), (mm/s)².
-
-        Edges a tremor period apart share its phase; half a period apart it is opposite.
-        """
+        """Variance of the mean tremor velocity along ``ahead`` (m, 2) over edges at rising t_s (m,), (mm/s)²."""
         m = t_s.size
         reach = int(np.max(np.searchsorted(t_s, t_s + COHERENCE_S) - np.arange(m)))
         later = np.arange(1, reach)[:, None] + np.arange(m)

@@ -50,7 +50,6 @@ def _factor(bands: FloatArray) -> FloatArray:
 
 
 def _scaled(design: FloatArray, response: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Column sizes (5,), prior precision (5, 5), both sides (m, 6), in those sizes."""
     scale = np.sqrt(np.einsum("mp,mp->p", design, design) / design.shape[0]) + 1e-12
     prior = np.zeros((5, 5))
     prior[4, 4] = (scale[4] ** -2) / SPEED_SLOPE_SD_S**2
@@ -102,10 +101,9 @@ def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter
 
 
 def likely_scatter_mm(residual: FloatArray) -> FloatArray:
-    """The scatters τ of non-negligible weight, mm, given residuals (m,).
+    """The scatters τ of non-negligible weight, given residuals (m,).
 
-    Beyond three times the residuals the likelihood falls as τ^(m/2 − 5) or faster (edges in pairs, five parameters);
-    10¹¹ times less likely is left out.
+    Beyond three times the residuals the likelihood falls as τ^(m/2 − 5) or faster (edges in pairs, five parameters).
     """
     beyond = 25.0 / (np.log(1.6) * max(0.5 * residual.size - 5, 1.0))
     size = int(np.searchsorted(SCATTER_MM, 3 * np.sqrt(np.mean(residual**2))))
