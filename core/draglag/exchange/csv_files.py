@@ -28,7 +28,7 @@ _COUNT_COLUMNS = ("touch_events", "touch_dropped", "edges", "edges_missed")
 def write_csv(session: Session, folder: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
     """The folder with ``runs.csv``, ``touch.csv``, ``edges.csv``, ``taps.csv``, and stored results in ``results.csv``.
 
-    One row per record, the run's id in a column, unknown cells empty. Raises DataError where the folder is not empty.
+    The run's id is a column; unknown cells are empty. Raises DataError where the folder is not empty.
     """
     folder = Path(folder)
     with new_folder(folder) as place:

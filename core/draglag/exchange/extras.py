@@ -41,7 +41,7 @@ def find_pair(folder: Path, run_id: str, stream: str) -> tuple[Path | None, Path
 
 
 def write_run_extras(place: Path, run: Run, end: str) -> None:
-    """Write a run's optional files, none of them empty."""
+    """Write a run's optional files, except empty ones."""
     for name, trace, columns in (("touch", run.touch, TOUCH_MORE), ("laser", run.laser, LASER_MORE)):
         known = {column: getattr(trace, column) for column in columns if len(getattr(trace, column))}
         if known:
@@ -71,7 +71,7 @@ def run_keys(run: Run, end: str) -> dict[str, Any]:
 
 
 def write_session_extras(place: Path, session: Session, end: str) -> dict[str, Any]:
-    """Optional keys of session.json, whose files are written."""
+    """Optional keys of session.json; their files are written."""
     for number, bounds in enumerate(session.clocks, 1):
         _write_clock(place / f"clock-{number}{end}", bounds)
     if session.protocol_toml:
@@ -103,7 +103,7 @@ def write_session_extras(place: Path, session: Session, end: str) -> dict[str, A
 
 
 def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:
-    """Optional fields of a ``Session``. Raises DataError naming file or key."""
+    """Optional fields of a ``Session``. Raises DataError."""
     devices = dict(header.devices)
     if header.simulated and not is_simulated(devices):
         devices[SIMULATED] = "session.json says so"
@@ -142,7 +142,6 @@ def read_clocks(folder: Path, parts: Sequence[ClockPart]) -> tuple[ClockBounds, 
 
 
 def entries(parts: Sequence[EntryPart]) -> tuple[LogEntry, ...]:
-    """Log entries of session.json."""
     return tuple(LogEntry(part.t_s, part.level, part.source, part.text) for part in parts)
 
 

@@ -1,5 +1,4 @@
-"""The neutral exchange folder. All times are absolute seconds on one host clock: a run's samples begin near its
-``start_s``, not near zero."""
+"""The neutral exchange folder."""
 
 from __future__ import annotations
 
@@ -39,12 +38,11 @@ _SLACK_S = 5.0
 
 
 def read_exchange(folder: Path | str) -> Session:
-    """The session of a folder, on the host clock of its files.
+    """The session of a folder; all times are on one host clock, not relative to the run.
 
     Unsound rows are left out and reported in the run's log (level "warning", source "import") and the session's notes.
 
-    Raises DataError, naming file, line or key: no or malformed session.json, malformed CSV, two runs of one id, no run
-    with any data.
+    Raises DataError: no or malformed session.json, malformed CSV, two runs of one id, no run with any data.
     """
     folder = Path(folder)
     header = read_header(folder / "session.json")
@@ -141,8 +139,7 @@ def _taps(folder: Path, header: HeaderPart) -> tuple[Taps | None, list[str]]:
 def write_exchange(
     session: Session, folder: Path | str, compress: bool = True, results: Sequence[StoredAnalysis] = ()
 ) -> Path:
-    """The folder written, with CSV files gzipped if ``compress``. Raises DataError where it exists and is not empty, or
-    cannot be written."""
+    """The folder written. Raises DataError where it exists and is not empty, or cannot be written."""
     folder = Path(folder)
     end = ".csv.gz" if compress else ".csv"
     with new_folder(folder) as place:
@@ -185,8 +182,7 @@ def _header_bytes(header: dict[str, Any], folder: Path) -> bytes:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Yields a folder that gets its name once whole. Raises DataError where that exists and is not empty, or cannot be
-    made."""
+    """Yields a folder that gets its name once whole. Raises DataError as ``write_exchange``."""
     # "/" and "." have no name of their own.
     if not folder.name or (folder.exists() and (not folder.is_dir() or any(folder.iterdir()))):
         raise DataError(message("{path}: exists already and is not overwritten", path=folder), "Choose another name")

@@ -1,4 +1,4 @@
-"""A MATLAB file (level 5): a struct ``session`` with groups and columns of a session file."""
+"""A MATLAB file (level 5) with groups and columns of a session file."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ _COMPRESSED_BYTES = 16 * 2**20
 
 
 def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
-    """The file for ``load`` of MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector,
+    """The file for MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector,
     ``session.runs.run_01.touch.units.x_mm`` its unit, ``session.analysis.x1`` a stored result.
 
-    Names become valid in MATLAB; ``id`` is a run's true id. Large sessions are not compressed, so that one column at a
-    time is in memory. Raises DataError, also beyond 4 GiB.
+    Names become valid in MATLAB; ``id`` is a run's true id. Raises DataError, also beyond 4 GiB.
     """
     path = Path(path)
     root: dict[str, Any] = {}
@@ -69,7 +68,6 @@ def _save(file: IO[bytes], root: dict[str, Any], compress: bool) -> None:
 
 
 def _field(names: tuple[str, ...], fields: dict[tuple[str, ...], str]) -> str:
-    """The struct field of a group, different for groups whose names read the same."""
     if names not in fields:
         taken = {field for other, field in fields.items() if other[:-1] == names[:-1]}
         wanted = field = _name(names[-1])

@@ -24,10 +24,7 @@ from draglag.system.temporary import new_file
 
 
 def write_netcdf(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
-    """The netCDF-4 file; dimensions have the names of the session file's scales.
-
-    Raises DataError: h5netcdf is not installed, or the file exists or cannot be written.
-    """
+    """The netCDF-4 file. Raises DataError: h5netcdf is not installed, or the file exists or cannot be written."""
     path = Path(path)
     try:
         h5netcdf: Any = importlib.import_module("h5netcdf")

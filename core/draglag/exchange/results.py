@@ -15,8 +15,7 @@ _ABOUT = ("analysis", "created_utc", "software", "up_to_date")
 
 
 def write_results(place: Path, results: Sequence[StoredAnalysis]) -> None:
-    """Write ``results.csv`` (a row per analysis and run, units in the names, unknown cells empty) and ``results.json``
-    (as ``draglag analyze --json``, with options); neither without results."""
+    """Write ``results.csv`` (a row per analysis and run) and ``results.json`` (as ``draglag analyze --json``)."""
     if not results:
         return
     rows = [

@@ -26,8 +26,7 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
 
     more: file with further columns of the same rows. as_recorded: draglag wrote the rows, so repeated ones stay.
 
-    Different reports of one stamp stay: a host that delivers frames in batches writes such, an effect to be found.
-    Estimates use the last.
+    Different reports of one stamp stay: hosts that deliver in batches write such.
     """
     if path is None:
         return empty_touch(), [message("there is no touch file")]
@@ -49,10 +48,9 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
 
 
 def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[LaserTrace, list[str]]:
-    """Edges, and corrections made; a repeated level is counted as a missing edge.
+    """Edges, and corrections made; without ``as_recorded`` a repeated level counts as a missing edge.
 
-    ``more``, ``as_recorded``: as for ``read_touch``; with the latter the count is in session.json. Raises DataError for
-    a level other than 0 and 1.
+    Raises DataError for a level other than 0 and 1.
     """
     if path is None:
         return empty_laser(), [message("there is no laser file")]

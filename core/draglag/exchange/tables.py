@@ -1,4 +1,4 @@
-"""CSV columns of numbers, plain or gzipped: errors name the line."""
+"""CSV columns of numbers, plain or gzipped."""
 
 from __future__ import annotations
 
@@ -30,8 +30,7 @@ def find_table(folder: Path, stem: str) -> Path | None:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns, (n, len(columns)), of a CSV file, without empty lines; n = 0 for an empty file. Raises
-    DataError naming file, line and expectation."""
+    """The named columns, (n, len(columns)); n = 0 for an empty file. Raises DataError naming file and line."""
     text = _text(path)
     if not text.strip():
         return np.empty((0, len(columns)))
@@ -63,15 +62,15 @@ def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
 
 
 def column_names(path: Path) -> tuple[str, ...]:
-    """Column names in the first line. Raises DataError."""
+    """Column names in the first line."""
     return tuple(name.strip().strip('"') for name in _text(path).partition("\n")[0].split(","))
 
 
 def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns, (n, len(columns)), of another program's CSV. Other columns may hold anything, lines beginning
-    with # are notes, cells without a number NaN. Separators: commas, tabs, or semicolons with decimal commas.
+    """The named columns, (n, len(columns)), of another program's CSV; NaN for cells without a number.
 
-    Raises DataError: a missing column, or lines with more or fewer cells than the header.
+    Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError: a
+    missing column, or lines with more or fewer cells than the header.
     """
     lines = _text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
@@ -133,7 +132,7 @@ def write_parts(path: Path, names: Sequence[str], parts: Iterable[Mapping[str, C
     """Write the parts' rows one after the other, a block at a time in memory.
 
     Args:
-        parts: each with columns of one length; a column that a part lacks is empty there.
+        parts: each with columns of one length; a column that a part lacks is empty.
         unknown: the text for NaN.
     """
     with ExitStack() as stack:

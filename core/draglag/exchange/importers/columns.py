@@ -1,5 +1,4 @@
-"""Columns of another program's table, by ``--map KEY=COLUMN[:UNIT]``. Keys: docs/importing.md; the default unit is the
-first in ``UNITS``."""
+"""Columns of another program's table, by ``--map KEY=COLUMN[:UNIT]`` (keys: docs/importing.md)."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ LASER_DEFAULTS = {"laser.t": ("t_s", "s"), "laser.light": ("light", "1")}
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """``columns``: key → (name of the column, unit); ``shift_s``: "clock" or "laser.clock" → seconds to add;
-    ``streams``: "stream" or "laser.stream" → its name."""
+    """``columns``: key → (name of the column, unit); ``shift_s``: "clock" or "laser.clock" → seconds to add."""
 
     columns: dict[str, tuple[str, str]]
     shift_s: dict[str, float]
@@ -45,7 +43,7 @@ class ColumnMap:
 
 
 def parse_map(texts: Iterable[str]) -> ColumnMap:
-    """The map of ``--map KEY=COLUMN[:UNIT]`` texts. Raises DataError."""
+    """The map of ``--map`` texts; the default unit is the first in ``UNITS``. Raises DataError."""
     columns: dict[str, tuple[str, str]] = {}
     shift_s: dict[str, float] = {}
     streams: dict[str, str] = {}
@@ -73,7 +71,7 @@ def parse_map(texts: Iterable[str]) -> ColumnMap:
 
 
 def read_touch_columns(path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None) -> TouchTrace:
-    """Touch events of a table with a header. Raises DataError naming file and line."""
+    """Touch events of a table. Raises DataError."""
     found = how.names(("t", "x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
     rows = read_events(path, [name for name, _ in found.values()])
     by_key = dict(zip(found, rows.T, strict=True))
@@ -119,7 +117,7 @@ def touch_of(
 
 
 def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
-    """Edges of a table with a header. Raises DataError naming file and line."""
+    """Edges of a table. Raises DataError."""
     found = how.names(("laser.t", "laser.light"), LASER_DEFAULTS)
     rows = read_events(path, [name for name, _ in found.values()])
     return laser_of(rows[:, 0], rows[:, 1], found["laser.t"][1], found["laser.light"][1], str(path), path)
@@ -128,8 +126,7 @@ def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
 def laser_of(
     t: FloatArray, light: FloatArray, time_unit: str, light_unit: str, where: str, path: Path | None = None
 ) -> LaserTrace:
-    """Edges from times and levels, or from a sampled signal: each first sample beyond the threshold, not the very
-    first. Raises DataError."""
+    """Edges from levels, or from a sampled signal: each first sample beyond the threshold. Raises DataError."""
     t_s = _checked_times(t * _TIME[time_unit], where, path)
     if light_unit[0] in "<>":
         threshold = float(light_unit[1:])

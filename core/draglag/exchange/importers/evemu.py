@@ -17,12 +17,12 @@ _SIZE = re.compile(r"# Size in mm: ([1-9]\d{0,4})x([1-9]\d{0,4})\s*$")
 
 
 def read_evemu(path: Path) -> InputLog:
-    """A recording's events. Raises DataError naming file and line."""
+    """A recording's events. Raises DataError."""
     return parse_evemu(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
 def parse_evemu(text: str, where: str = "text") -> InputLog:
-    """The events of a recording's text. Raises DataError naming the line."""
+    """As ``read_evemu``, of a text."""
     name = ""
     events: list[InputEvent] = []
     axes: dict[int, AxisInfo] = {}
@@ -63,12 +63,10 @@ def parse_evemu(text: str, where: str = "text") -> InputLog:
 
 
 def _event(words: list[str]) -> InputEvent:
-    """Raises ValueError."""
     return checked_event(float(words[0]), whole(words[1], 16), whole(words[2], 16), whole(words[3]))
 
 
 def _axis(words: list[str]) -> tuple[int, AxisInfo]:
-    """Raises ValueError."""
     code, values = whole(words[0], 16), [whole(word) for word in words[1:]]
     if not all(-(2**31) <= value < 2**32 for value in values):
         raise ValueError("beyond what the field holds")

@@ -41,12 +41,12 @@ _FIELDS = {"Min": "minimum", "Max": "maximum", "Fuzz": "fuzz", "Resolution": "re
 
 
 def read_evtest(path: Path) -> InputLog:
-    """A log's events. Raises DataError naming file and line."""
+    """A log's events. Raises DataError."""
     return parse_evtest(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
 def parse_evtest(text: str, where: str = "text") -> InputLog:
-    """The events of a log's text. Raises DataError naming the line."""
+    """As ``read_evtest``, of a text."""
     events: list[InputEvent] = []
     head: list[str] = []
     lines = text.split("\n")

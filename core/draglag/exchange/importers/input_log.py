@@ -31,8 +31,7 @@ from draglag.touch_events.packets import SYN_MT_REPORT, decode_packets
 
 @dataclass(frozen=True)
 class InputLog:
-    """Events of one device. ``axes``: axis code → range, empty where not described. ``size_mm``: the panel's (width,
-    height), if named."""
+    """Events of one device. ``axes``: axis code → range, if described; ``size_mm``: the panel's (width, height)."""
 
     name: str
     events: tuple[InputEvent, ...]
@@ -54,7 +53,6 @@ class InputLog:
         return self.multitouch and not slots and (EV_SYN, SYN_MT_REPORT) in kinds
 
     def frames(self) -> list[Frame]:
-        """The events as frames."""
         if self.without_slots:
             return list(decode_packets(self.events))
         return list(decode(self.events, self.multitouch))
@@ -67,7 +65,7 @@ class InputLog:
         return None
 
     def touch(self, mapping: Mapping2D) -> TouchTrace:
-        """The followed contact, mm. Raises DataError where there is none."""
+        """The followed contact. Raises DataError where there is none."""
         frames = self.frames()
         if not any(frame.contacts for frame in frames):
             kinds = ((event.type, event.code) for event in self.events if event.type in (EV_KEY, EV_ABS))

@@ -1,5 +1,4 @@
-"""Recordings of ``libinput record`` (YAML, version 1), read line by line: a general YAML reader takes minutes and
-gigabytes."""
+"""Recordings of ``libinput record`` (YAML, version 1)."""
 
 from __future__ import annotations
 
@@ -33,12 +32,12 @@ class _Device:
 
 
 def read_libinput(path: Path) -> InputLog:
-    """The device with most positions in a recording. Raises DataError naming file and line."""
+    """The device with most positions. Raises DataError."""
     return parse_libinput(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
 def parse_libinput(text: str, where: str = "text") -> InputLog:
-    """As ``read_libinput``, of a text. Raises DataError naming the line."""
+    """As ``read_libinput``, of a text, line by line: a general YAML reader takes minutes and gigabytes."""
     devices: list[_Device] = []
     section = ""
     for number, line in enumerate(text.split("\n"), 1):
@@ -68,7 +67,6 @@ def parse_libinput(text: str, where: str = "text") -> InputLog:
 
 
 def _take(device: _Device, section: str, line: str) -> None:
-    """Raises ValueError, IndexError."""
     if section == "evdev" and (found := _NAME.match(line)):
         device.name = found[1]
     elif section == "absinfo" and (found := _AXIS.match(line)):

@@ -1,4 +1,4 @@
-"""A session from other programs' recordings: a touch file, and a laser file next to it."""
+"""A session from other programs' touch and laser files."""
 
 from __future__ import annotations
 
@@ -50,8 +50,7 @@ class HowToRead:
     Attributes:
         format: one of ``FORMATS``; None to detect it.
         laser: its file; None for the one next to the recording.
-        map: columns, units and clocks (``columns.parse_map``).
-        screen: the panel; None where the recording describes it.
+        screen: None where the recording describes it.
         units_per_mm: device units per mm, where axes have no resolution.
         protocol: kind of the run, as in ``recording.PROTOCOLS``.
     """
@@ -66,8 +65,7 @@ class HowToRead:
 
 
 def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Session:
-    """A session, one run per recording; laser times on the touch's clock. Raises DataError naming file and line, or
-    what to give."""
+    """A session, one run per recording. Raises DataError naming file and line, or what to give."""
     how = how or HowToRead()
     if how.laser is not None and len(paths) > 1:
         raise DataError(
@@ -189,7 +187,7 @@ def _read_laser(path: Path, how: ColumnMap, said: list[str]) -> LaserTrace:
 
 
 def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnMap) -> tuple[TouchTrace, LaserTrace]:
-    """Both traces, shifted by the given clock differences. Raises DataError where they do not overlap."""
+    """Both traces, shifted. Raises DataError where they do not overlap."""
     shift_s, laser_shift_s = how.shift_s.get("clock", 0.0), how.shift_s.get("laser.clock", 0.0)
     touch = replace(touch, t_s=touch.t_s + shift_s, gaps_s=touch.gaps_s + shift_s)
     laser = replace(laser, t_s=laser.t_s + laser_shift_s)
@@ -210,7 +208,7 @@ def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnM
 
 
 def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list[str]) -> Screen | None:
-    """The panel as recorded; device units stand for its unknown pixels. Raises DataError for impossible sizes."""
+    """The panel as recorded; device units stand for its unknown pixels. Raises DataError."""
     axes = log.position_axes()
     if axes is None:
         return None

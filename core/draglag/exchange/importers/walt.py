@@ -18,7 +18,7 @@ ROUNDED = message("the laser's times are rounded to 1 ms by the program that wro
 
 
 def read_walt_laser(path: Path) -> LaserTrace:
-    """Edges on the log's clock. Raises DataError naming file and line."""
+    """Edges on the log's clock. Raises DataError."""
     rows = []
     for number, line in enumerate(decoded(path, plain_lines(path)).split("\n"), 1):
         if not line.strip():

@@ -1,5 +1,4 @@
-"""XDF files of the Lab Streaming Layer, through pyxdf: touch and laser levels. Clock offsets put stamps on the
-recorder's clock; stamps are not smoothed."""
+"""XDF files of the Lab Streaming Layer, through pyxdf; stamps on the recorder's clock, not smoothed."""
 
 from __future__ import annotations
 
@@ -31,7 +30,7 @@ _REMEDY = message(
 def read_xdf(
     path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None, said: list[str]
 ) -> tuple[TouchTrace, LaserTrace | None]:
-    """The touch, and the laser if present; ``said`` receives doubts. Raises DataError, also without pyxdf."""
+    """The touch, and the laser if present; ``said`` receives warnings. Raises DataError, also without pyxdf."""
     streams = _streams(path, said)
     chosen = how.names(("x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
     touch = _find(streams, how.streams.get("stream"), [name for name, _ in chosen.values()])
@@ -100,7 +99,6 @@ def _heard(library: str, said: list[str]) -> Iterator[None]:
 
 
 def _find(streams: list[dict[str, Any]], name: str | None, labels: list[str]) -> dict[str, Any] | None:
-    """The stream of that name, or the first that has all those channels."""
     fitting = [one for one in streams if all(_index(one, label) is not None for label in labels)]
     if name is not None:
         fitting = [one for one in fitting if _name(one) == name]

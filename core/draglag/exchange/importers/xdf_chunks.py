@@ -1,8 +1,4 @@
-"""Chunks of an XDF file, each checked against its length before pyxdf reads them.
-
-XDF 1.0 (sccn/xdf): ``XDF:``, then chunks of a length, a tag and that many bytes. pyxdf allocates what a chunk claims,
-and reads past its end where it has less.
-"""
+"""Chunks of an XDF file (1.0, sccn/xdf), checked before pyxdf reads them: it allocates whatever a chunk claims."""
 
 from __future__ import annotations
 
@@ -105,7 +101,7 @@ def _whole(tag: int, content: bytes) -> bytes:
 
 
 def _sound(tag: int, content: bytes, found: Chunks) -> bool:
-    """Whether to keep the chunk; False for those not needed. Raises _Damaged, struct.error."""
+    """Whether to keep the chunk. Raises _Damaged, struct.error."""
     if tag == _FILE_HEAD:
         _xml(content)
         return True
@@ -156,7 +152,7 @@ def _sample_bytes(head: Element) -> int | None:
 
 
 def _checked_samples(content: bytes, size: int) -> int:
-    """Number of samples filling the content exactly, each a byte (0, or 8 and a stamp) and numbers. Raises _Damaged."""
+    """Number of samples, each a byte (0, or 8 and a stamp) and numbers. Raises _Damaged."""
     count, at = _length(content, 0)
     body = np.frombuffer(content, np.uint8)[at:]
     for stamp, step in ((_STAMP, 1 + _STAMP + size), (0, 1 + size)):  # all of one kind, as is usual
@@ -173,7 +169,7 @@ def _checked_samples(content: bytes, size: int) -> int:
 
 
 def _follow_clock(stream: int, content: bytes, found: Chunks) -> None:
-    """Note a clock comparison: when, and the difference, s. Raises _Damaged."""
+    """Note a clock comparison: when, and the difference. Raises _Damaged."""
     if len(content) != 2 * _STAMP:
         raise _Damaged
     t_s, offset_s = struct.unpack("<dd", content)
