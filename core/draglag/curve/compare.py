@@ -1,4 +1,4 @@
-"""Difference of two latency curves, with a band and a test."""
+"""Difference of two latency curves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SPEEDS_MM_S = (50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 800.0, 1000
 
 @dataclass(frozen=True)
 class CurveDifference:
-    """Second curve minus first at speeds covered by both, (k,) each, with a pointwise 95 % band.
+    """Second curve minus first, (k,), with a pointwise 95 % band.
 
     ``p_value``: of the greatest standardised difference (Bonferroni over the speeds).
     """
@@ -48,7 +48,7 @@ class CurveDifference:
         return f"CurveDifference(RMS {rms_ms:.2f} ms from {low:.0f} to {high:.0f} mm/s, p = {self.p_value:.2g})"
 
     def plot(self, ax: Any = None) -> Any:
-        """Matplotlib axes (given or new) with difference and 95 % band. Raises DraglagError without matplotlib."""
+        """Matplotlib axes with difference and band. Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_difference, own_axes
 
         axes = own_axes(ax)
@@ -59,10 +59,7 @@ class CurveDifference:
 def curve_difference(
     first: CurveFit, second: CurveFit, speeds_mm_s: FloatArray | None = None
 ) -> CurveDifference | None:
-    """Difference over speeds (given, or round ones) covered by both curves; None if they share none.
-
-    Half widths of the bands add in quadrature: sessions are independent.
-    """
+    """Difference over speeds (given, or round ones) covered by both curves; None if they share none."""
     low = max(first.speed_range_mm_s[0], second.speed_range_mm_s[0])
     high = min(first.speed_range_mm_s[1], second.speed_range_mm_s[1])
     if low >= high:

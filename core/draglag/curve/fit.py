@@ -1,4 +1,4 @@
-"""L(v) fitted to a session's runs: forms, uncertainty, choice."""
+"""L(v) fitted to a session's runs."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class CurveFit:
         return float(stdtrit(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2))
 
     def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """L(v), s; an extrapolation outside ``speed_range_mm_s`` (see ``inside``)."""
+        """L(v); an extrapolation outside ``speed_range_mm_s`` (see ``inside``)."""
         speed = np.asarray(speed_mm_s, float)
         return 1e-3 * evaluated_ms(FORMS[self.form], self.values, speed.ravel()).reshape(speed.shape)
 
@@ -82,7 +82,7 @@ class CurveFit:
         return (speed >= self.speed_range_mm_s[0]) & (speed <= self.speed_range_mm_s[1])
 
     def band_s(self, speed_mm_s: FloatArray, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Pointwise confidence band (delta method), (low, high) in s."""
+        """Pointwise confidence band (delta method), low and high."""
         speed = np.atleast_1d(np.asarray(speed_mm_s, float))
         form = FORMS[self.form]
         jacobian = jacobian_ms(form, self.values, speed)
@@ -92,7 +92,7 @@ class CurveFit:
         return 1e-3 * (middle - reach), 1e-3 * (middle + reach)
 
     def to_dict(self) -> dict[str, object]:
-        """The JSON of the curve (design, section 5)."""
+        """JSON of the curve."""
         return {
             "form": self.form,
             "parameters": dict(self.parameters),
@@ -121,7 +121,7 @@ class CurveFit:
         return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "± (95 %)"], rows)
 
     def plot(self, ax: Any = None) -> Any:
-        """Matplotlib axes (given or new) with curve and 95 % band. Raises DraglagError without matplotlib."""
+        """Matplotlib axes with curve and 95 % band. Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_curve, own_axes
 
         axes = own_axes(ax)
@@ -277,7 +277,6 @@ def _finish(
 
 
 def _held_out_rms_s(points: CurvePoints, fit: CurveFit) -> float:
-    """RMS error at each run, predicted by a fit without it."""
     form = FORMS[fit.form]
     n = points.speed_mm_s.size
     if n <= form.n_parameters:

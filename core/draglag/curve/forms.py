@@ -1,4 +1,4 @@
-"""The forms of L(v), linear in amplitudes, with at most three shape parameters."""
+"""The forms of L(v), linear in amplitudes."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ class Form:
     """One family of curves.
 
     Attributes:
-        shape_names: JSON names of the shape parameters θ, with unit.
-        amplitude_names: JSON names of the non-negative amplitudes, in ms unless the name says otherwise.
+        shape_names, amplitude_names: JSON names; non-negative amplitudes in ms unless the name says otherwise.
         columns: (θ (g, k), v (n,) mm/s) → (g, n, p) for g settings: L = columns @ amplitudes.
         grid: (g, k) starting points. lower, upper: (k,) bounds of θ.
     """

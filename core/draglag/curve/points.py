@@ -12,11 +12,10 @@ from draglag.shown import brief
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """Latency of each run: speed_mm_s, latency_s, its standard error se_s, (n,) each.
+    """Latency of each run, (n,) each.
 
-    ``speed_se_mm_s`` (n,): standard error of the speed, None if unknown; on a steep curve it matters as much.
-    ``speed_sd_mm_s`` (n,): spread of the speed over edges, None for none; on a bent curve the mean of L is not L of the
-    mean.
+    ``speed_se_mm_s``: standard error of the speed, None if unknown. ``speed_sd_mm_s``: spread of the speed over edges;
+    on a bent curve the mean of L is not L of the mean.
     """
 
     speed_mm_s: FloatArray

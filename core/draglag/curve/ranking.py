@@ -20,7 +20,7 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Ranked:
-    """One curve's mean latency, s, and rank (1: least latency), each with its 95 % interval."""
+    """One curve's mean latency and rank (1: least), each with its 95 % interval."""
 
     name: str
     mean_s: float
@@ -42,7 +42,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All curves, least latency first, over shared speeds (low, high), mm/s."""
+    """All curves, least latency first."""
 
     speed_range_mm_s: tuple[float, float]
     places: tuple[Ranked, ...]
@@ -54,7 +54,7 @@ class Ranking:
 def ranking(curves: Sequence[tuple[str, CurveFit]]) -> Ranking:
     """The curves by mean latency over the speeds all share. Raises EstimateError without any.
 
-    Intervals hold 95 % of the ranks when means are drawn from their errors: indistinguishable screens share one.
+    Intervals hold 95 % of the ranks when means are drawn from their errors.
     """
     low = max(curve.speed_range_mm_s[0] for _, curve in curves)
     high = min(curve.speed_range_mm_s[1] for _, curve in curves)
@@ -77,7 +77,7 @@ def ranking(curves: Sequence[tuple[str, CurveFit]]) -> Ranking:
 
 
 def _mean_s(curve: CurveFit, low_mm_s: float, high_mm_s: float) -> tuple[float, float, float]:
-    """Mean of the curve, its standard error (delta method) and half its 95 % interval, s."""
+    """Mean of the curve, its standard error (delta method) and half its 95 % interval."""
     speed = np.geomspace(max(low_mm_s, 1e-3), high_mm_s, SPEEDS)
     form = FORMS[curve.form]
     slope = jacobian_ms(form, curve.values, speed).mean(0)

@@ -1,7 +1,4 @@
-"""Separable weighted least squares for L(v): a grid over shapes, non-negative amplitudes, then a polish.
-
-A general optimiser from one start silently fails in one case of twelve.
-"""
+"""Separable least squares for L(v): a grid over shapes, as one start alone fails in one case of twelve."""
 
 from __future__ import annotations
 
@@ -19,7 +16,6 @@ NEAR = 5e-4  # a step this small of a logarithm leaves an error of its square
 
 
 def _columns(form: Form, theta: FloatArray, points: CurvePoints) -> FloatArray:
-    """(g, n, p) columns of what the runs show, for shapes theta (g, k)."""
     parts = [form.columns(theta, speed) for speed in points.speeds_mm_s]
     return np.asarray(parts[0] if len(parts) == 1 else 0.5 * (parts[0] + parts[1]))
 
@@ -30,12 +26,12 @@ def evaluated_ms(form: Form, values: FloatArray, speed: FloatArray) -> FloatArra
 
 
 def shown_s(form: Form, values: FloatArray, points: CurvePoints) -> FloatArray:
-    """Latency the curve gives each run, s."""
+    """Latency the curve gives each run."""
     return np.asarray(1e-3 * np.mean([evaluated_ms(form, values, speed) for speed in points.speeds_mm_s], axis=0))
 
 
 def slope_s_per_mm_s(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
-    """dL/dv at each speed, s per mm/s."""
+    """dL/dv at each speed."""
     step = np.maximum(0.01 * speed, 0.1)
     return np.asarray(
         1e-3 * (evaluated_ms(form, values, speed + step) - evaluated_ms(form, values, speed - step)) / (2 * step)
@@ -85,7 +81,7 @@ Tried = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
-    """Levenberg–Marquardt on the logarithms of the shapes, a step's trial points at once."""
+    """Levenberg–Marquardt on the logarithms of the shapes."""
     k = log_theta.size
     low, high = np.log(form.lower), np.log(form.upper)
     h = 1e-4
@@ -109,9 +105,9 @@ def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
 
 
 def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None) -> tuple[FloatArray, FloatArray]:
-    """Non-negative least squares for many designs at once: (g, n, p) → cost (g,), amplitudes (g, p).
+    """Non-negative least squares for many designs: (g, n, p) → cost (g,), amplitudes (g, p).
 
-    Tries every active set, which is exact for at most three columns. A tied asymptote fixes the last amplitude.
+    Tries every active set, exact for at most three columns. A tied asymptote fixes the last amplitude.
     """
     g, _, p = columns.shape
     fixed = 0.0

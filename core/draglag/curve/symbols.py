@@ -1,4 +1,4 @@
-"""Symbols and units of a form's parameters, for readers."""
+"""Symbols and units of a form's parameters."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Device clocks, the beam, calibration and orientation of the touchscreen, taps."""
+"""Device clocks, the beam, touchscreen calibration and orientation, taps."""

@@ -1,7 +1,4 @@
-"""The beam, y = slope · x + intercept: sides of the stylus, two parallel lines of edges.
-
-y grows downwards: the *top* line has the smaller intercept.
-"""
+"""The beam, y = slope · x + intercept; y grows downwards, so the top line has the smaller intercept."""
 
 from __future__ import annotations
 
@@ -13,13 +10,10 @@ from draglag.recording import FloatArray
 
 
 def sides(falling: np.ndarray, v_across: FloatArray) -> FloatArray:
-    """Side of the beam at each edge: −1 top, +1 bottom, by kind of edge and direction of travel.
-
-    Moving down, top at light→dark and bottom at dark→light; moving up, the reverse. Counting edges instead fails at
-    grazing passes.
+    """Side of the beam at each edge: −1 top, +1 bottom.
 
     Args:
-        falling: (m,) bool, True for light→dark. v_across: (m,) velocity across the beam, positive downwards.
+        falling: (m,) True for light→dark. v_across: (m,) velocity across the beam, positive downwards.
     """
     down = np.where(v_across >= 0, 1.0, -1.0)
     return np.where(falling, -down, down)
@@ -27,7 +21,7 @@ def sides(falling: np.ndarray, v_across: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Lines:
-    """Two lines through the edges; with a shared slope the two are equal."""
+    """Two lines through the edges."""
 
     slope_top: float
     slope_bottom: float
@@ -36,10 +30,9 @@ class Lines:
 
 
 def fit_lines(x_mm: FloatArray, y_mm: FloatArray, side: FloatArray, shared_slope: bool) -> tuple[Lines, FloatArray]:
-    """Least-squares lines through top and bottom edges, and every edge's residual (mm, along y).
+    """Least-squares lines through top and bottom edges, and every edge's residual (along y).
 
-    ``shared_slope=False`` is the paper's Eq. 2; ``True`` uses that the lines are parallel. Raises ValueError if a side
-    has no edge.
+    ``shared_slope=False`` is the paper's Eq. 2. Raises ValueError if a side has no edge.
     """
     top = side < 0
     if not top.any() or top.all():
@@ -68,7 +61,7 @@ def _slope(x_mm: FloatArray, y_mm: FloatArray) -> float:
 
 
 def stylus_diameter_mm(lines: Lines, x_from_mm: float, x_to_mm: float) -> float:
-    """Eq. 3: mean distance of five equidistant points of the top line from the bottom line, mm."""
+    """Eq. 3: mean distance of five equidistant points of the top line from the bottom line."""
     x_mm = np.linspace(x_from_mm, x_to_mm, 5)
     y_mm = lines.slope_top * x_mm + lines.intercept_top_mm
     distance = np.abs(lines.intercept_bottom_mm + lines.slope_bottom * x_mm - y_mm)

@@ -1,7 +1,4 @@
-"""From a touchscreen's units to mm: an affine fit to touched targets.
-
-Raw events know no rotation or mirroring, and the kernel's resolution is often wrong.
-"""
+"""From a touchscreen's units to mm: an affine fit to touched targets."""
 
 from __future__ import annotations
 
@@ -25,9 +22,7 @@ class AffineFit:
     """``x_mm = xx·x + xy·y + x0_mm``, ``y_mm = yx·x + yy·y + y0_mm``.
 
     Attributes:
-        matrix: (2, 3) rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
-        residual_mm: (n, 2) touched minus target, in the order of the targets.
-        rms_mm: RMS distance, by the degrees of freedom left.
+        matrix: (2, 3). residual_mm: (n, 2) touched minus target. rms_mm: by the degrees of freedom left.
         scale_mm: (x, y) mm per device unit along the screen's axes.
     """
 
@@ -57,12 +52,7 @@ def fit_affine(
     y_mm: FloatArray,
     largest_residual_mm: float = LARGEST_RESIDUAL_MM,
 ) -> AffineFit:
-    """Least-squares map from touched targets.
-
-    Args:
-        x, y: (n,) touches, device units.
-        x_mm, y_mm: (n,) targets.
-        largest_residual_mm: largest distance accepted.
+    """Least-squares map from touches (device units) at targets, (n,) each.
 
     Raises:
         DataError: columns of different lengths or not numbers.
@@ -105,16 +95,13 @@ def fit_affine(
 
 
 def px_to_mm(screen: Screen, x_px: FloatArray, y_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Device pixels, from the screen's upper left corner, to mm."""
+    """Pixels, from the screen's upper left corner, to mm."""
     x_scale, y_scale = screen.mm_per_px
     return np.asarray(x_px) * x_scale, np.asarray(y_px) * y_scale
 
 
 def target_places(width_mm: float, height_mm: float, count: int = 9) -> tuple[FloatArray, FloatArray]:
-    """Places of 5 or 9 targets, mm: corners, middle (and edges), a tenth of the screen from its border.
-
-    Raises DataError on another count.
-    """
+    """Places of 5 or 9 targets: corners, middle (and edges), a tenth of the screen from its border."""
     if count not in (5, 9):
         raise DataError(message("{n} targets: only 5 or 9 can be shown", n=count))
     across, down = np.meshgrid([0.1, 0.5, 0.9], [0.1, 0.5, 0.9])

@@ -1,9 +1,4 @@
-"""Device clocks on the host's clock: offset and drift from bounds, with their uncertainty.
-
-An exchange bounds a stamp: ``host_min ≤ host(device) ≤ host_max``. Within an epoch a quartz is a straight line, and the
-lines within all bounds form a convex polygon in offset and drift: its corners give extremes, its centre the estimate.
-Where within a round trip the truth lies is not assumed.
-"""
+"""Device clocks on the host's clock: offset and drift from bounds, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -30,13 +25,14 @@ _ROUNDING_S = 1e-9
 class EpochClock:
     """One epoch of a device clock: ``host = device + offset_s + drift · (device − reference_s)``.
 
+    Lines within all bounds form a convex polygon in offset and drift: its centre is the estimate, its corners extremes.
+
     Attributes:
-        offset_s, drift: centre of the feasible polygon (drift in s/s).
-        drift_interval: drifts within the bounds.
-        corners: (k, 2) of the polygon: offset relative to ``offset_s``, drift.
+        drift: s/s. drift_interval: drifts within the bounds.
+        corners: (k, 2): offset relative to ``offset_s``, drift.
         first_s, last_s: device times of the first and last bounds.
         slack_s: least widening of the bounds for a line to fit, usually 0.
-        uneven_s: what that adds to every half width: slack and width of an exchange.
+        uneven_s: what that adds to every half width.
     """
 
     epoch: int
@@ -53,7 +49,7 @@ class EpochClock:
 
     @property
     def fast_ppm(self) -> float:
-        """How fast the device's clock runs against the host's, ppm; negative where slow."""
+        """How fast the device's clock runs against the host's; negative where slow."""
         return -1e6 * self.drift
 
     @property
@@ -61,7 +57,7 @@ class EpochClock:
         return -1e6 * self.drift_interval[1], -1e6 * self.drift_interval[0]
 
     def to_host(self, device_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Host times and half widths, (n,) → (n,), (n,) s, if the clock is a line."""
+        """Host times and half widths of device times (n,)."""
         span = np.asarray(device_s, np.float64) - self.reference_s
         host = self.reference_s + self.offset_s + span * (1.0 + self.drift)
         spread = self.corners[:, :1] + (self.corners[:, 1:] - self.drift) * span.reshape(1, -1)
@@ -76,12 +72,7 @@ class ClockFit:
     epochs: Mapping[int, EpochClock] = field(default_factory=dict)
 
     def map_to_host(self, device_s: FloatArray, epoch: IntArray | int = 0) -> tuple[FloatArray, FloatArray]:
-        """Host times of device stamps and their half widths, (n,) s each. Raises DataError for an epoch without bounds.
-
-        Args:
-            device_s: (n,) stamps of the device.
-            epoch: (n,) the epoch of each, or one for all.
-        """
+        """Host times of device stamps and their half widths, (n,). Raises DataError for an epoch without bounds."""
         device_s = np.atleast_1d(np.asarray(device_s, np.float64))
         epochs = np.broadcast_to(np.asarray(epoch, np.int64), device_s.shape)
         host, width = np.empty(len(device_s)), np.empty(len(device_s))
@@ -101,7 +92,7 @@ class ClockFit:
 
 
 def fit_clock(bounds: ClockBounds | Sequence[ClockBounds]) -> ClockFit:
-    """The clock of one stream; one-sided rows have an infinite other side.
+    """The clock of one stream; a one-sided bound has an infinite other side.
 
     Epochs not bounded from both sides are left out. Raises DataError on several streams, no rows, or stamps that are
     not numbers.
@@ -139,7 +130,7 @@ def fit_clocks(bounds: Iterable[ClockBounds]) -> dict[str, ClockFit]:
 
 
 def rate_words(fast_ppm: float, digits: int = 1) -> Message:
-    """A clock's rate against the host's in words: "24.4 ppm fast"."""
+    """A clock's rate in words: "24.4 ppm fast"."""
     ppm = f"{abs(fast_ppm):.{digits}f}"
     return message("{ppm} ppm fast", ppm=ppm) if fast_ppm >= 0 else message("{ppm} ppm slow", ppm=ppm)
 
@@ -191,7 +182,7 @@ def laser_clock(run: Run, also: Sequence[ClockBounds] = ()) -> ClockFit | None:
 
 
 def remapped_within(run: Run, also: Sequence[ClockBounds] = ()) -> tuple[Run, float | None]:
-    """``remapped`` and ``latency_uncertainty_s`` of a run at once."""
+    """``remapped`` and ``latency_uncertainty_s`` at once."""
     device_s = run.laser.device_t_s
     if not len(device_s):
         return run, 0.0
@@ -206,7 +197,7 @@ def remapped_within(run: Run, also: Sequence[ClockBounds] = ()) -> tuple[Run, fl
 
 
 def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float | None:
-    """Half width of the shift of a run's latencies by clocks, s; more edges do not reduce it.
+    """Half width of the shift of a run's latencies by clocks; more edges do not reduce it.
 
     0.0 for edges stamped on the host's clock; None for device stamps without comparisons. ``also``: comparisons outside
     the run (``Session.clocks``).
@@ -215,7 +206,7 @@ def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float |
 
 
 def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
-    """The run with edges mapped by all comparisons; unchanged without any. Edges keep their order."""
+    """The run with edges mapped by all comparisons; unchanged without any."""
     return remapped_within(run, also)[0]
 
 
@@ -290,7 +281,7 @@ def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
 
 
 def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
-    """The smallest widening with which a line fits (a linear programme), s."""
+    """The smallest widening with which a line fits."""
     from scipy.optimize import linprog
 
     scale = 1e6  # microseconds and ppm keep the solver's tolerances meaningful
@@ -339,7 +330,7 @@ def _cut(polygon: list[Corner], across: float, along: float, limit: float) -> li
 
 
 def _centre(polygon: FloatArray) -> tuple[float, float]:
-    """Centroid of a convex polygon; the mean of its corners if its area is zero."""
+    """Centroid; the mean of the corners if the area is zero."""
     middle = polygon.mean(axis=0)
     scale = np.ptp(polygon, axis=0)
     if (scale <= 0).any():

@@ -26,13 +26,9 @@ _LAGS_S = np.linspace(0.0, 0.4, 21)
 
 
 def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: Screen) -> Orientation | None:
-    """How a run's touches are mirrored against its target; None if not, or undecided.
+    """How a run's touches are mirrored against its target, moving from ``start_s``; None if not, or undecided.
 
     Decided only if touches are far from the target at any plausible lag and close to one mirror image.
-
-    Args:
-        touch: events; those before ``start_s`` are left out.
-        target: began to move at ``start_s`` on the same clock.
     """
     t_s = touch.t_s - start_s
     usable = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)

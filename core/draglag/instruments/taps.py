@@ -1,4 +1,4 @@
-"""Tap latency from the WALT: medians of touch and release (the paper, Section III.B)."""
+"""Tap latency from the WALT (the paper, Section III.B)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ LONGEST_S = 0.2  # the public tool's limit: later events belong to something els
 class TapSummary:
     """Latency of one kind of tap event.
 
-    ``ci95_s``: of the median by order statistics, each half width h widened to √(h² + b²) by the WALT clock's bound b =
-    ``clock_uncertainty_s``.
+    ``ci95_s``: of the median by order statistics, each half width h widened to √(h² + ``clock_uncertainty_s``²).
     """
 
     n: int
@@ -48,7 +47,7 @@ class TapSummary:
 
 
 def summarise_taps(taps: Taps | None, clock_uncertainty_s: float = 0.0) -> dict[str, TapSummary]:
-    """Summaries of usable "touch" and "release" events; ``clock_uncertainty_s``: half width by the taps' clock."""
+    """Summaries of usable "touch" and "release" events."""
     if taps is None:
         return {}
     out = {}

@@ -1,4 +1,4 @@
-"""Usable touch events, their sampling interval, losses of contact."""
+"""Usable touch events, and losses of contact."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ AT_ONCE, LONG, BATCHED, FEWEST_INTERVALS = 0.25, 0.9, 0.25, 8
 
 
 def usable(touch: TouchTrace) -> TouchTrace:
-    """Finite events in order of time, one a stamp (the last): real digitisers repeat stamps and may step back."""
+    """Finite events in order of time, the last of each stamp: digitisers repeat stamps and may step back."""
     keep = np.isfinite(touch.t_s) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
     order = np.flatnonzero(keep)[np.argsort(touch.t_s[keep], kind="stable")]
     if order.size:
@@ -31,7 +31,7 @@ def median(values: FloatArray) -> float:
 
 
 def last_of_batches(touch: TouchTrace) -> TouchTrace:
-    """The last event of each batch, the only one with its own stamp; other streams unchanged."""
+    """The last event of each batch, the only one with its own stamp."""
     together = _together(np.diff(touch.t_s))
     if not together.any():
         return touch
@@ -41,7 +41,7 @@ def last_of_batches(touch: TouchTrace) -> TouchTrace:
 
 
 def _together(dt_s: FloatArray) -> np.ndarray:
-    """Intervals within batches, (n,) bool; none in a stream without batches."""
+    """Intervals within batches, (n,) bool."""
     if dt_s.size < FEWEST_INTERVALS:
         return np.zeros(dt_s.size, bool)
     together = dt_s < AT_ONCE * np.partition(dt_s, int(LONG * dt_s.size))[int(LONG * dt_s.size)]
@@ -49,7 +49,7 @@ def _together(dt_s: FloatArray) -> np.ndarray:
 
 
 def sample_interval_s(t_s: FloatArray) -> float:
-    """Median interval between events or batches, s; NaN with fewer than two."""
+    """Median interval between events or batches; NaN with fewer than two."""
     if t_s.size < 2:
         return float("nan")
     dt_s = np.diff(t_s)
@@ -57,14 +57,14 @@ def sample_interval_s(t_s: FloatArray) -> float:
 
 
 def contact_losses(t_s: FloatArray, factor: float = 3.5) -> FloatArray:
-    """Stretches without events longer than ``factor`` sample intervals: (k, 2) from–to, s."""
+    """Stretches without events longer than ``factor`` sample intervals, (k, 2) s."""
     dt_s = np.diff(t_s)
     where = np.flatnonzero(dt_s > factor * sample_interval_s(t_s)) if dt_s.size else np.empty(0, int)
     return np.column_stack([t_s[where], t_s[where + 1]]) if where.size else np.empty((0, 2))
 
 
 def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.ndarray:
-    """Whether times ``at_s`` lie inside the trace and outside contact losses: (m,) bool."""
+    """Whether times (m,) lie inside the trace and outside contact losses."""
     if t_s.size == 0:
         return np.zeros(at_s.shape, bool)
     inside: np.ndarray = (at_s >= t_s[0]) & (at_s <= t_s[-1])
@@ -75,7 +75,7 @@ def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.nd
 
 
 def hold_at_rate(touch: TouchTrace, rate_hz: float) -> TouchTrace:
-    """The last event at each tick of a loop of ``rate_hz`` (the paper, Section II.A).
+    """The last event at each tick of a loop (the paper, Section II.A).
 
     Adds about half a tick plus half a touch interval of latency; figures made from it must say so.
     """
@@ -87,7 +87,7 @@ def hold_at_rate(touch: TouchTrace, rate_hz: float) -> TouchTrace:
 
 
 def first_of_contact(t_s: FloatArray) -> np.ndarray:
-    """Which events (n,) are the first of a contact, or of a run, by the holes in time before them."""
+    """Which events (n,) follow a loss of contact, or begin the trace."""
     out = np.zeros(t_s.size, bool)
     out[:1] = True
     out[np.searchsorted(t_s, contact_losses(t_s)[:, 1])] = True

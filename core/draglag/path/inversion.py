@@ -1,11 +1,4 @@
-"""Inversion of a latency law: when, and so where, the stylus was, given a touch trace.
-
-With v the stylus' and w the shown speed, the lag ℓ = L(v) obeys dℓ/dτ = 1 − w / v in the trace's time τ. Forwards,
-errors are forgotten within v·|L′(v)| (at most 0.2 s); backwards, or by fixed-point iteration, they grow.
-
-Where the stylus starts, L may fall faster than time passes: the trace jumps, and only the jump's ends are known
-(``_landed``).
-"""
+"""Inversion of a latency law: when, and so where, the stylus was, given a touch trace."""
 
 from __future__ import annotations
 
@@ -35,10 +28,10 @@ USUAL_MM_S = 200.0  # where no speed is known
 
 @dataclass(frozen=True)
 class StylusPath:
-    """The stylus' movement behind a touch trace, on an even grid of its own time.
+    """The stylus' movement behind a touch trace, on an even grid (g,) of its own time.
 
-    Attributes: t_s (g,), xy_mm (g, 2), speed_mm_s (g,), arrival_s (g,) when the screen shows each point; event_t_s (n,)
-    when the stylus was where each event shows it, non-decreasing.
+    ``arrival_s`` (g,): when the screen shows each point; ``event_t_s`` (n,): when the stylus was where an event shows
+    it.
     """
 
     t_s: FloatArray
@@ -48,7 +41,7 @@ class StylusPath:
     event_t_s: FloatArray
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Latency s (m,), speed mm/s (m,) and position mm (m, 2) at times t_s (m,)."""
+        """Latency s (m,), speed mm/s (m,) and position mm (m, 2) at times (m,)."""
         xy_mm = np.column_stack([np.interp(t_s, self.t_s, column) for column in self.xy_mm.T])
         latency_s = np.interp(t_s, self.t_s, self.arrival_s) - t_s
         return latency_s, np.interp(t_s, self.t_s, self.speed_mm_s), xy_mm
@@ -72,7 +65,11 @@ def stylus_path(
 
 
 def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
-    """When the stylus was where each event shows it, (n,) s, non-decreasing; args as of ``stylus_path``."""
+    """When the stylus was where each event shows it, (n,) s, non-decreasing.
+
+    With v the stylus' and w the shown speed, the lag ℓ = L(v) obeys dℓ/dτ = 1 − w / v in the trace's time τ: stable
+    forwards only.
+    """
     table = _table(law)
     if np.any(np.diff(table.lag_s) > 0):
         # Where a law rises its equation has no one answer: every event for itself.
@@ -96,7 +93,7 @@ def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
 def stylus_speed(law: Law, v_mm_s: FloatArray, a_mm_s2: FloatArray) -> FloatArray:
     """Speed of the stylus behind shown velocity and acceleration (m, 2), (m,) mm/s.
 
-    The law re-times the trace: an event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus.
+    An event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus.
     """
     shown = np.maximum(np.hypot(v_mm_s[:, 0], v_mm_s[:, 1]), 1e-6)
     along = np.einsum("mk,mk->m", v_mm_s, a_mm_s2) / shown
@@ -154,7 +151,7 @@ class _Table:
         return float(np.interp(distance_mm, covered, ends))
 
     def follow(self, shown_mm_s: FloatArray, step_s: float, lag_s: float) -> FloatArray:
-        """The lag at every step of a shown speed (g,): ℓ′ = 1 − w / v by implicit steps, without overshoot."""
+        """The lag at every step of a shown speed (g,), by implicit steps."""
         lags, slownesses = self.lags, self.slownesses
         last = len(lags) - 1
         out = []
@@ -201,9 +198,9 @@ def _followed(t_s: FloatArray, xy_mm: FloatArray, table: _Table, noise_mm: float
 def _landed(
     xy_mm: FloatArray, before: IntArray, after: IntArray, table: _Table, lag_s: float, noise_mm: float
 ) -> float:
-    """The lag after a jump, if velocity changes evenly between its ends.
+    """The lag after a jump of the trace, which occurs where L falls faster than time passes.
 
-    With speeds v₁, v₂ there, D the jump along the later movement and c the cosine of the turn,
+    With speeds v₁, v₂ at its ends, D the jump along the later movement and c the cosine of the turn,
     D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 gives v₂.
     """
     jump = xy_mm[after[0]] - xy_mm[before[-1]]
@@ -223,7 +220,6 @@ def _landed(
 
 
 def _jumps(t_s: FloatArray, xy_mm: FloatArray, noise_mm: float) -> IntArray:
-    """Events before which the trace jumps: faster than around it, beyond noise."""
     if t_s.size < 2 * NEIGHBOURS:
         return np.empty(0, np.int64)
     distance, dt_s = np.hypot(*np.diff(xy_mm, axis=0).T), np.maximum(np.diff(t_s), STEP_S / 2)
@@ -253,14 +249,14 @@ def _interval_s(t_s: FloatArray) -> float:
 
 
 def _noise_mm(xy_mm: FloatArray) -> float:
-    """Standard deviation of an event's coordinate, from third differences."""
+    """Standard deviation of a coordinate, from third differences."""
     if xy_mm.shape[0] < 8:
         return 0.0
     return float(np.sqrt(np.median(np.diff(xy_mm, 3, axis=0) ** 2) / 0.455 / 20))
 
 
 def _between(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, moment_s: float) -> FloatArray:
-    """Monotone cubics through events (n, 2) at times that never fall, (g, 2); the ends hold."""
+    """Monotone cubics through events (n, 2), (g, 2); the ends hold."""
     from scipy.interpolate import PchipInterpolator
 
     # Events of one moment are one event: their mean.
@@ -275,7 +271,6 @@ def _between(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, moment_s: flo
 
 
 def _smoothed(values: FloatArray, half_s: float, step_s: float, order: int) -> FloatArray:
-    """Local cubics on an even grid, (g, 2), g ≥ 5, or a derivative."""
     reach = min(max(3, round(half_s / step_s)), (values.shape[0] - 1) // 2)
     degree = min(3, 2 * reach)
     return smoothed(values, 2 * reach + 1, degree, order, step_s)

@@ -1,8 +1,4 @@
-"""Smoothed position, velocity and acceleration.
-
-The paper's Savitzky–Golay filter (order 4, 61 samples) reads speed 5–33 % low above about 700 mm/s, so it is kept for
-its figures only. All else uses local cubics with a bandwidth matched to the motion.
-"""
+"""Smoothed position, velocity and acceleration."""
 
 from __future__ import annotations
 
@@ -28,9 +24,9 @@ DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at 
 
 
 def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """t_s (n,), x_mm, y_mm, speed_mm_s by the paper's smoother on an even grid, contact losses interpolated.
+    """t_s (n,), x_mm, y_mm, speed_mm_s by the paper's smoother on an even grid.
 
-    Raises ValueError with fewer than 61 samples.
+    For its figures only: above 700 mm/s its speed is 5–33 % low. Raises ValueError with fewer than 61 samples.
     """
     dt_s = sample_interval_s(touch.t_s)
     grid_s = np.arange(touch.t_s[0], touch.t_s[-1], dt_s)
@@ -44,7 +40,7 @@ def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArra
 
 @dataclass(frozen=True, eq=False)
 class FitWeights:
-    """Contribution of each event of a window to local fits at m times, (m, w) each, computed on demand.
+    """Contribution of each event of a window to local fits at m times, (m, w) each.
 
     Attributes: solution: (m, p, p) inverse normal matrix; weighted: (p, m, w) weighted powers; width_s: (m,).
     """
@@ -75,8 +71,8 @@ class FitWeights:
 class LocalFit:
     """Local polynomial fits at m times.
 
-    Attributes: at_s: (m,). xy_mm, v_mm_s, a_mm_s2: (m, 2). first: (m,) index of the first event in each window.
-    by_event: contributions of its events. ok: (m,) enough events, on both sides.
+    Attributes: first: (m,) index of the first event in each window. by_event: contributions of its events. ok: (m,)
+    enough events, on both sides.
     """
 
     at_s: FloatArray
@@ -108,7 +104,7 @@ class LocalFit:
 
     @property
     def v_gain(self) -> FloatArray:
-        """The same of a velocity component, (m,), per s²."""
+        """The same of a velocity component, per s²."""
         return np.asarray(np.einsum("mw,mw->m", self.by_event.velocity, self.by_event.velocity))
 
 
@@ -120,11 +116,9 @@ def local_fit(
     degree: int = DEGREE,
     roundness: int = 1,
 ) -> LocalFit:
-    """Polynomial fits within ``half_width_s`` of each time.
+    """Polynomial fits within ``half_width_s`` (scalar or (m,)) of each time.
 
-    Args:
-        t_s: (n,) increasing. xy_mm: (n, 2). at_s: (m,). half_width_s: scalar or (m,).
-        roundness: power of the weights 1 − u²: 1 (Epanechnikov) is best for white noise, 3 has low side lobes.
+    ``roundness``: power of the weights 1 − u²; 1 (Epanechnikov) is best for white noise, 3 has low side lobes.
     """
     m = at_s.size
     width_s = np.broadcast_to(np.asarray(half_width_s, float), (m,))
@@ -168,7 +162,7 @@ def local_fit(
 
 
 def inverse(matrices: FloatArray) -> FloatArray:
-    """Inverses of symmetric positive definite matrices (m, p, p); many at once by sweeps."""
+    """Inverses of symmetric positive definite matrices (m, p, p)."""
     m, p, _ = matrices.shape
     if m < FEW_MATRICES:
         return np.asarray(np.linalg.inv(matrices), float)
@@ -189,13 +183,9 @@ def inverse(matrices: FloatArray) -> FloatArray:
 
 
 def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray) -> tuple[float, float]:
-    """The bandwidth with the best leave-one-out prediction of events near ``near_s``, and the noise it leaves.
+    """The bandwidth (s) with the best leave-one-out prediction of events near ``near_s``, and the noise it leaves (mm).
 
-    Args:
-        t_s: (n,) increasing. values_mm: (n, k) relevant position components. near_s: (m,) times.
-
-    Returns:
-        Half width (s) and standard deviation of an event's component (mm); NaN for too short a trace.
+    ``values_mm``: (n, k) position components. NaN for too short a trace.
     """
     dt_s = sample_interval_s(t_s)
     slot, even = _even_grid(t_s, values_mm, dt_s)
@@ -240,7 +230,6 @@ def _even_grid(t_s: FloatArray, values: FloatArray, dt_s: float) -> tuple[IntArr
 
 
 def _even_weights(samples: float) -> FloatArray:
-    """Filter taps of the local cubic with half width ``samples`` on an even grid."""
     reach = int(np.ceil(samples)) - 1
     u = np.arange(-reach, reach + 1) / samples
     powers = u[:, None] ** np.arange(DEGREE + 1)
@@ -257,10 +246,9 @@ def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
 
 
 def speed_half_widths_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:
-    """Half width for speeds at which to evaluate a latency law, (m,) s.
+    """Half width (m,) for speeds at which to evaluate a latency law, which falls by up to 2 ms per mm/s.
 
-    A law falls by up to 2 ms per mm/s, so noise of speed becomes noise of latency: the widest window whose velocity
-    agrees with all narrower ones within noise (Lepski's rule).
+    The widest window whose velocity agrees with all narrower ones within noise (Lepski's rule).
     """
     narrowest = max(0.04, 4.5 * sample_interval_s(t_s))
     widths = [w for w in (0.25, 0.18, 0.13, 0.095, 0.07, 0.05) if w > narrowest] + [narrowest]

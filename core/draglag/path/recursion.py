@@ -1,4 +1,4 @@
-"""First-order recursions with a gain per step, as a bidiagonal linear system."""
+"""First-order recursions, as a bidiagonal linear system."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from draglag.recording import FloatArray
 
 
 def recursion(kept: FloatArray, added: FloatArray) -> FloatArray:
-    """u_i = kept_i u_{i−1} + added_i from u_0 = added_0: (n,) or (n, k), as ``added``. kept: (n,)."""
+    """u_i = kept_i u_{i−1} + added_i from u_0 = added_0; kept (n,), added (n,) or (n, k)."""
     bands = np.zeros((2, kept.size), order="F")
     bands[1, :-1] = -kept[1:]
     columns = added.reshape(kept.size, -1)

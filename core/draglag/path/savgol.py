@@ -1,7 +1,4 @@
-"""Local polynomials on an even grid (Savitzky and Golay 1964), as ``scipy.signal.savgol_filter`` with mode "interp".
-
-Importing scipy.signal takes longer than analysing a session.
-"""
+"""Savitzky–Golay filters (1964), as scipy.signal's, whose import takes longer than an analysis."""
 
 from __future__ import annotations
 
@@ -14,12 +11,7 @@ from draglag.recording import FloatArray
 
 
 def smoothed(values: FloatArray, window: int, degree: int, order: int = 0, step: float = 1.0) -> FloatArray:
-    """Values (n,) or (n, k) smoothed along the first axis, or their derivative; same shape.
-
-    Args:
-        values: on an even grid of that step, n ≥ window.
-        window: samples of each fit, odd and more than ``degree``.
-    """
+    """Values (n,) or (n, k) on an even grid smoothed along the first axis, or their derivative; n ≥ window."""
     reach = window // 2
     fit = _fit(window, degree)  # (degree + 1, window): coefficients of the local polynomial, in units of samples
     scale = factorial(order) / step**order

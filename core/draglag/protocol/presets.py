@@ -1,4 +1,4 @@
-"""Presets and files in TOML, checked; errors name the line."""
+"""Presets and files in TOML."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _StylusTable(Strict):
 
 
 class LawTable(Strict):
-    """Eq. 5 with the redundant a3 and a6 left out; ms and s/mm as in Table 2."""
+    """Eq. 5 without the redundant a3 and a6, as in Table 2."""
 
     a1_ms: NotNegative
     a2_s_per_mm: NotNegative
@@ -84,7 +84,6 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
-    """(label, text) of a preset or a file. Raises DataError."""
     preset = resource(folder, f"{name_or_path}.toml")
     what = folder.removesuffix("s")
     if isinstance(name_or_path, str) and re.fullmatch(r"[\w-]{1,100}", name_or_path) and preset.is_file():

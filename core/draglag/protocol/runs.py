@@ -1,7 +1,4 @@
-"""Measurement protocols in TOML (presets or paths), and their runs on a given screen.
-
-The order of the circles is random by the seed of the protocol or the caller.
-"""
+"""Measurement protocols in TOML, and their runs on a given screen."""
 
 from __future__ import annotations
 
@@ -33,7 +30,7 @@ Speed = Annotated[Positive, Field(le=20_000)]  # mm/s; no hand is faster than so
 
 
 class RunPlan(Strict):
-    """One ``[[runs]]`` table: a kind of target and its numbers, for one or more speeds."""
+    """One ``[[runs]]`` table: a kind of target, for one or more speeds."""
 
     kind: Literal["circle", "chirp", "multisine", "step"]
     speed_mm_s: Speed | None = None
@@ -64,12 +61,12 @@ class RunPlan(Strict):
 
     @property
     def all_speeds_mm_s(self) -> tuple[float | None, ...]:
-        """The speeds of this table's runs; one ``None`` where the speed varies."""
+        """One ``None`` where the speed varies."""
         return self.speeds_mm_s or (self.speed_mm_s,)
 
 
 class TapPlan(Strict):
-    """Taps timed by the WALT, before or after the runs, or both."""
+    """Taps timed by the WALT."""
 
     count: Annotated[int, Field(ge=1, le=10000)] = 100
     when: Literal["start", "end", "both"] = "end"
@@ -131,13 +128,13 @@ class PlannedRun:
 
 
 def load_protocol(name_or_path: str | Path) -> Protocol:
-    """A protocol by preset name or path of a TOML file. Raises DataError (file, line, what was expected)."""
+    """A protocol by preset name or path of a TOML file. Raises DataError."""
     protocol, text = read_toml(name_or_path, "protocols", Protocol)
     return protocol.model_copy(update={"source": text})
 
 
 def _sideways(plan: RunPlan, screen: Screen, half_width_mm: float, duration_s: float) -> tuple[float, float, str]:
-    """(start x, speed, note): left to right about the middle, slower than asked if the screen is narrow."""
+    """(start x, speed, note): about the middle, slower than asked if the screen is narrow."""
     asked = plan.sideways_px_s * screen.mm_per_px[0]
     room = screen.width_mm - 2 * (half_width_mm + MARGIN_MM)
     speed = max(0.0, min(asked, room / duration_s))
@@ -194,8 +191,7 @@ def expand(
         seed: of the order of the circles; the protocol's own if None.
         beam: for targets centred on it; the middle of the screen if None.
 
-    Practice runs keep their places; circles change theirs if the protocol says ``shuffle``. Raises DataError if a
-    target would leave the screen.
+    Practice runs keep their places. Raises DataError if a target would leave the screen.
     """
     beam = beam or Beam(0.0, screen.height_mm / 2)
     runs = [
@@ -218,7 +214,7 @@ def expand(
 
 
 def first_target_after_s(protocol: Protocol, countdown_s: float) -> float:
-    """Time from the start of a session to the first moving target, s; infinite without runs.
+    """Time from the start of a session to the first moving target; infinite without runs.
 
     ``countdown_s``: how long a target stands still before it moves.
     """
@@ -229,13 +225,13 @@ def first_target_after_s(protocol: Protocol, countdown_s: float) -> float:
 
 
 def planned_after_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown_s: float) -> float:
-    """Duration of ``runs`` and of the protocol's end, each after a rest, s."""
+    """Duration of ``runs`` and of the protocol's end, each after a rest."""
     parts_s = [countdown_s + run.duration_s for run in runs] + _after_runs_s(protocol, countdown_s)
     return sum(parts_s) + len(parts_s) * protocol.rest_s
 
 
 def session_duration_s(protocol: Protocol, runs: Sequence[PlannedRun], countdown_s: float) -> float:
-    """Duration of a whole session with countdowns and rests, s."""
+    """Duration of a whole session with countdowns and rests."""
     before_s = _before_runs_s(protocol, countdown_s)
     after_s = planned_after_s(protocol, runs, countdown_s)
     return max(0.0, sum(before_s) + len(before_s) * protocol.rest_s + after_s - protocol.rest_s)

@@ -1,7 +1,4 @@
-"""Targets: circle, chirp, multi-sine, step and tap (the paper, II.A and II.D).
-
-Positions are mm on the screen, y downwards. All but the tap drift sideways, so that a line can be fitted to the edges.
-"""
+"""Targets (the paper, II.A and II.D), mm on the screen, y downwards."""
 
 from __future__ import annotations
 
@@ -44,25 +41,23 @@ class Target(Protocol):
     def duration_s(self) -> float: ...
 
     def position_mm(self, t_s: ArrayLike) -> Pair:
-        """(x, y) in mm."""
+        """(x, y)."""
         ...
 
     def velocity_mm_s(self, t_s: ArrayLike) -> Pair:
-        """(vx, vy) in mm/s: the exact derivative of ``position_mm``."""
+        """(vx, vy)."""
         ...
 
     def parameters(self) -> Parameters:
-        """Flat numbers from which ``target_from_parameters`` makes the same target."""
+        """Flat numbers for ``target_from_parameters``."""
         ...
 
 
 class _Parameters:
-    """``parameters`` from the kind and the fields of the dataclass."""
-
     kind: ClassVar[str]
 
     def parameters(self) -> Parameters:
-        """Kind and fields, flat (see ``target_from_parameters``)."""
+        """Kind and fields of the dataclass."""
         return {"kind": self.kind, **asdict(self)}  # type: ignore[call-overload]
 
 
@@ -70,8 +65,7 @@ class _Parameters:
 class Circle(_Parameters):
     """A circle at constant angular speed about a centre that moves sideways.
 
-    ``speed_mm_s``: ω·r, the nominal speed; ``turn``: 1 clockwise on the screen, or −1; ``phase_rad``: angle at t = 0
-    from the x axis (−π/2: top).
+    ``turn``: 1 clockwise on the screen, or −1; ``phase_rad``: angle at t = 0 from the x axis (−π/2: top).
     """
 
     kind: ClassVar[str] = "circle"
@@ -99,7 +93,7 @@ class Circle(_Parameters):
 
 @dataclass(frozen=True)
 class Chirp(_Parameters):
-    """A circle whose frequency rises linearly from ``start_hz`` to ``end_hz`` over ``duration_s``."""
+    """A circle whose frequency rises linearly from ``start_hz`` to ``end_hz``."""
 
     kind: ClassVar[str] = "chirp"
     centre_x_mm: float
@@ -163,11 +157,10 @@ class MultiSine(_Parameters):
 
 @dataclass(frozen=True)
 class Step(_Parameters):
-    """Minimum-jerk steps of ``distance_mm`` across the beam, down and up, at five heights.
+    """Minimum-jerk steps of ``distance_mm`` across the beam y = slope · x + intercept, down and up.
 
     A cycle is ten steps: for each share f of ``STEP_FRACTIONS`` one down that meets the beam after f of its path, and
-    one up; the next start is reached at rest. Heights count from y = slope · x + intercept, so f holds along a tilted
-    beam.
+    one up.
     """
 
     kind: ClassVar[str] = "step"
@@ -182,7 +175,7 @@ class Step(_Parameters):
 
     @property
     def cycle_s(self) -> float:
-        """Time of one cycle of ten steps."""
+        """Time of ten steps."""
         return len(STEP_FRACTIONS) * 2 * (self.move_s + self.rest_s)
 
     def _height(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -242,7 +235,7 @@ KINDS = tuple(_KINDS)
 
 
 def minimum_jerk(u: FloatArray) -> FloatArray:
-    """Share of a minimum-jerk path after share u of its time; its speed is the bell 30u²(1−u)²."""
+    """Share of a minimum-jerk path after share u of its time."""
     return np.asarray(u**3 * (10 - 15 * u + 6 * u**2))
 
 
@@ -274,13 +267,13 @@ def target_from_parameters(kind: str, parameters: Mapping[str, float | int | str
 
 
 def to_px(screen: Screen, x_mm: ArrayLike, y_mm: ArrayLike) -> Pair:
-    """Millimetres (or mm/s) to pixels (or px/s) of that screen."""
+    """Millimetres (or mm/s) to pixels (or px/s)."""
     mm_x, mm_y = screen.mm_per_px
     return np.asarray(x_mm, float) / mm_x, np.asarray(y_mm, float) / mm_y
 
 
 def check_on_screen(target: Target, screen: Screen, margin_mm: float = 0.0) -> None:
-    """Raise DataError, with the remedy, if the target comes within ``margin_mm`` of the screen's edge."""
+    """Raise DataError if the target comes within ``margin_mm`` of the screen's edge."""
     t = np.linspace(0.0, target.duration_s, max(1000, int(target.duration_s * 200)))
     for name, p, size in zip("xy", target.position_mm(t), (screen.width_mm, screen.height_mm), strict=True):
         low, high = float(p.min()), float(p.max())
