@@ -19,7 +19,7 @@ TAP_STYLE = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v
 
 
 def own_axes(axes: Any | None) -> Any:
-    """The axes given, else those of a new pyplot figure. Raises DraglagError without matplotlib."""
+    """The axes given, else of a new pyplot figure. Raises DraglagError without matplotlib."""
     need("matplotlib")
     if axes is not None:
         return axes
@@ -29,7 +29,7 @@ def own_axes(axes: Any | None) -> Any:
 
 
 def draw_curve(axes: Any, curve: CurveFit, label: str = "", colour: str = style.BLUE, band: str = style.SKY) -> None:
-    """A curve, ms against mm/s, over its measured range, with its 95 % band."""
+    """A curve over its measured range, with its 95 % band."""
     low, high = curve.speed_range_mm_s
     speed = np.geomspace(max(low, 1.0), max(high, 1.0), 300)
     edges = [1e3 * edge for edge in curve.band_s(speed)]
@@ -39,7 +39,7 @@ def draw_curve(axes: Any, curve: CurveFit, label: str = "", colour: str = style.
 
 
 def draw_latency(axes: Any, analysis: Analysis) -> None:
-    """Latency against speed with 95 % intervals, curve and band, tap medians (Fig. 5)."""
+    """Latency against speed, with curve, band and tap medians (Fig. 5)."""
     runs = [run for run in analysis.runs if run.latency_s is not None and run.speed_mm_s is not None]
     sound = [run for run in runs if not run.flags]
     flagged = [run for run in runs if run.flags]
@@ -77,7 +77,7 @@ def _draw_runs(axes: Any, runs: list[RunEstimate], marker: str, colour: str, lab
 
 
 def draw_difference(axes: Any, difference: CurveDifference) -> None:
-    """Second curve less first, ms, against speed, with its 95 % band."""
+    """Second curve less first, with its 95 % band."""
     band = (1e3 * difference.low_s, 1e3 * difference.high_s)
     axes.fill_between(difference.speed_mm_s, *band, color=style.SKY, alpha=0.35, linewidth=0)
     axes.plot(difference.speed_mm_s, 1e3 * difference.difference_s, color=style.BLUE)
@@ -86,7 +86,6 @@ def draw_difference(axes: Any, difference: CurveDifference) -> None:
 
 
 def _bars(runs: list[RunEstimate]) -> Any:
-    """Lower and upper lengths of the error bars, (2, n) ms."""
     bars = np.zeros((2, len(runs)))
     for k, run in enumerate(runs):
         if run.latency_ci95_ms is not None and run.latency_ms is not None:

@@ -1,4 +1,4 @@
-"""The look of all figures: Okabe–Ito colours, each with its marker."""
+"""The look of all figures: Okabe–Ito colours."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def plain_log_ticks(axis: Any) -> None:
 
 
 def new_figure(width_in: float = 7.2, height_in: float = 4.2) -> Any:
-    """An empty figure with an off-screen canvas, without pyplot."""
+    """An empty figure, without pyplot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -118,7 +118,7 @@ def sign(figure: Any, source: Source) -> None:
 
 
 def save(figure: Any, folder: Any, name: str, source: Source) -> str:
-    """Write ``name``.svg and ``name``.png, signed with their source; returns the SVG for embedding."""
+    """The SVG for embedding; ``name``.svg and ``name``.png are written, signed."""
     import io
 
     sign(figure, source)

@@ -17,7 +17,7 @@ _TITLE_LETTERS = 60  # that go on a line above a small figure
 
 
 def latency_figure(analysis: Analysis) -> Any:
-    """Latency against speed with 95 % intervals, curve and band, tap medians (Fig. 5)."""
+    """Latency against speed (Fig. 5)."""
     figure = style.new_figure()
     axes = figure.add_subplot()
     draw_latency(axes, analysis)
@@ -25,7 +25,7 @@ def latency_figure(analysis: Analysis) -> Any:
 
 
 def alignment_figure(run: Run, alignment: Alignment, title: str, session: Session) -> Any:
-    """One run's touch path, its edges before and after correction, and the two lines (Fig. 4)."""
+    """One run's touch path, edges before and after correction, and lines (Fig. 4)."""
     figure = style.new_figure(5.6, 4.2)  # two stand side by side on the page
     axes = figure.add_subplot()
     axes.plot(run.touch.x_mm, run.touch.y_mm, color=style.GREY, linewidth=0.5, alpha=0.7, label="touch path")
@@ -62,7 +62,7 @@ def alignment_figure(run: Run, alignment: Alignment, title: str, session: Sessio
 
 
 def width_figure(analysis: Analysis, session: Session) -> Any:
-    """Stylus width from the lines against speed, with the true width (Fig. 7)."""
+    """Stylus width against speed (Fig. 7)."""
     figure = style.new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     runs = [run for run in analysis.runs if run.stylus_diameter_mm is not None and run.speed_mm_s is not None]
@@ -84,7 +84,7 @@ def width_figure(analysis: Analysis, session: Session) -> Any:
 
 
 def taps_figure(analysis: Analysis) -> Any:
-    """Tap latency, touch and release (Fig. 6): quartile boxes and every tap."""
+    """Tap latency: quartile boxes and every tap (Fig. 6)."""
     figure = style.new_figure(7.2, 2.6)
     axes = figure.add_subplot()
     names = list(analysis.taps)
@@ -112,7 +112,7 @@ def taps_figure(analysis: Analysis) -> Any:
 
 
 def speeds_figure(analysis: Analysis) -> Any:
-    """Crossing speeds of each validation run on the curve that corrects it (Fig. 8)."""
+    """Crossing speeds of validation runs on the curve that corrects them (Fig. 8)."""
     figure = style.new_figure(7.2, 3.4)
     axes = figure.add_subplot()
     curve = analysis.curve

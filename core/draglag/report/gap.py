@@ -55,7 +55,7 @@ def write_gap_report(
     progress: Callable[[float, str], None] | None = None,
     provisional: Provisional | None = None,
 ) -> Path:
-    """Write the page, with what a provisional term would close; returns its path.
+    """The path of the page, with what a provisional term would close.
 
     Raises DataError if the report has no verdict or the folder cannot be written.
     """
@@ -111,7 +111,6 @@ def _check_table(report: GapReport) -> str:
 
 
 def _said(session: Session, report: GapReport) -> list[str]:
-    """The verdict, alternatives, and the gap in numbers, as paragraphs."""
     assert report.last is not None
     body = [f'<p class="verdict">{escape(verdict_in_words(report))}</p>']
     body += [f"<p>{escape(words)}</p>" for words in (law_in_words(report.law), also_in_words(report)) if words]
@@ -184,14 +183,12 @@ def _table(report: GapReport) -> str:
 
 
 def _small_print(step: Step) -> tuple[str, str]:
-    """The evidence with its p value, and the run that would separate confounders."""
     p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
     run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
     return f"{step.evidence}; p\u00a0{p}", f"to separate them: {run}" if step.indistinguishable_from and run else ""
 
 
 def _explanations(report: GapReport) -> str:
-    """The sets of effects that hold 95 % of the probability, most probable first."""
     if not report.explanations:
         return ""
     known = [(set_in_words(names), p) for names, p in report.explanations]

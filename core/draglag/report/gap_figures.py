@@ -15,12 +15,12 @@ from draglag.report import replayed
 
 
 def ms_per_mm(fit: Fit) -> float:
-    """Time for 1 mm across the beam at the session's RMS velocity, ms."""
+    """Time for 1 mm across the beam at the session's RMS velocity."""
     return float(1e3 / np.sqrt(np.mean(fit.view.v_across**2)))
 
 
 def waterfall(report: GapReport) -> Any:
-    """The held-out gap step by step, in mm and ms, against the noise floor."""
+    """The held-out gap step by step, against the noise floor."""
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     names = ["present model", *(f"+ {s.effect.replace('_', ' ')}" for s in report.steps)]

@@ -21,7 +21,7 @@ _RATIO = 0.68  # height over width
 
 
 def write_journal_figures(session: Session, analysis: Analysis, folder: Path | str) -> list[Path]:
-    """Write every main figure in both widths as PDF and SVG into a new or empty folder; returns the files.
+    """PDF and SVG files of every main figure, in both widths.
 
     Raises DataError if the folder holds something or cannot be written.
     """
@@ -61,7 +61,6 @@ def _drawings(session: Session, analysis: Analysis) -> list[tuple[str, Any]]:
 
 
 def _fit(drawn: Any, width_in: float, letters_pt: float) -> None:
-    """Set a figure's width and a legible letter size."""
     from matplotlib.text import Text
 
     drawn.set_size_inches(width_in, _RATIO * width_in)

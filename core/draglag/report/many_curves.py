@@ -1,4 +1,4 @@
-"""Many latency curves in one picture: ranked, and each against all others."""
+"""Many latency curves: ranked, and each against all others."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def ranked_figure(ranking: Ranking) -> Any:
 
 
 def each_figure(curves: Mapping[str, CurveFit], ranking: Ranking) -> Any:
-    """A small picture of each curve with its band, by rank, over all others in grey."""
+    """A small picture of each curve, by rank, over all others in grey."""
     rows = -(-len(ranking.places) // ACROSS)
     figure = style.new_figure(9.6, 0.4 + 1.15 * rows)
     grid = figure.subplots(rows, ACROSS, sharex=True, sharey=True, squeeze=False).ravel()

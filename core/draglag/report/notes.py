@@ -1,4 +1,4 @@
-"""A report's notes with time and run, and how to cite the program."""
+"""A report's notes, and how to cite the program."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from draglag.recording import LogEntry, Session
 
 
 def note_rows(session: Session, analysis: Analysis) -> list[dict[str, str]]:
-    """Level, place ("+1:40 run-03") and text of every note: the curve's, then session's and runs' by time.
-
-    Of runs' logs only operator's notes, warnings and errors.
-    """
+    """Level, place ("+1:40 run-03") and text of every note, except runs' infos."""
     rows = [
         {"level": "warning", "place": run, "text": f"not in the curve ({why})"}
         for run, why in analysis.excluded.items()
@@ -27,7 +24,7 @@ def note_rows(session: Session, analysis: Analysis) -> list[dict[str, str]]:
 
 
 def citation() -> str:
-    """A reference to copy (CITATION.cff), with the version."""
+    """A reference to copy (CITATION.cff)."""
     return (
         "The draglag authors. draglag: measure, model and compensate the drag latency of touchscreens. Software, "
         f"version {draglag.__version__}."

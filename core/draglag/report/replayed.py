@@ -31,7 +31,7 @@ Bins = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def binned(x: FloatArray, y: FloatArray, limits: FloatArray, weight: FloatArray | None = None) -> Bins:
-    """Middle, weighted mean and half width of its 95 % interval in each bin with more than three values, (k,) each."""
+    """Middle, weighted mean and half width of its 95 % interval in each bin with more than three values."""
     which = np.clip(np.searchsorted(limits, x, side="right") - 1, 0, limits.size - 2)
     w = np.ones(np.shape(y)) if weight is None else weight
     rows = []
@@ -47,10 +47,9 @@ def binned(x: FloatArray, y: FloatArray, limits: FloatArray, weight: FloatArray 
 
 
 def against(overlay: Overlay, covariate: str, limits: FloatArray) -> Bins:
-    """Residuals of an overlay as latency, ms, binned over a covariate.
+    """Residuals of an overlay as latency, binned over a covariate.
 
-    Weighted by the squared velocity across the beam, as a fit of one latency would: edges of a slow stylus do not
-    constrain latency.
+    Weighted by the squared velocity across the beam: edges of a slow stylus do not constrain latency.
     """
     attribute, _ = AXES[covariate]
     x = np.asarray(getattr(overlay.view, attribute), float)
@@ -60,7 +59,7 @@ def against(overlay: Overlay, covariate: str, limits: FloatArray) -> Bins:
 
 
 def limits_of(measured: Overlay, covariate: str) -> FloatArray:
-    """Bin limits with equally many edges in each; a bin a kind if there are two kinds."""
+    """Bin limits with equally many edges in each, or a bin for each of two kinds."""
     if covariate == "kind_of_edge":
         return np.array([-0.5, 0.5, 1.5])
     if covariate == "direction":
@@ -116,7 +115,6 @@ def edges_figure(before: Replay, after: Replay) -> Any:
 
 
 def _draw_light(top: Any, before: Replay, models: Any) -> None:
-    """Light on the sensor at two crossings of the most deviating run, measured and by model."""
     k = _most_deviating_run(before)
     own = np.flatnonzero(before.run == k)
     name = before.runs[k].id
@@ -143,7 +141,6 @@ def _draw_light(top: Any, before: Replay, models: Any) -> None:
 
 
 def _draw_edge_differences(bottom: Any, before: Replay, models: Any) -> None:
-    """Median and 95 % range of simulated less measured edge times, by run and model."""
     order = sorted(range(len(before.runs)), key=lambda r: _speed(before, r))
     order = [r for r in order if np.count_nonzero(before.run == r)]
     shifts = (-0.17, 0.17) if len(models) > 1 else (0.0,)
@@ -166,7 +163,6 @@ def _draw_edge_differences(bottom: Any, before: Replay, models: Any) -> None:
 
 
 def _most_deviating_run(replay: Replay) -> int:
-    """The run whose edges the simulation misses by the greatest distance."""
     ids = [int(k) for k in np.unique(replay.run) if np.count_nonzero(replay.run == k) >= 8]
     if not ids:
         return int(replay.run[0])
@@ -188,7 +184,7 @@ def _speed(replay: Replay, k: int) -> float:
 
 
 def residuals_figure(before: Replay, after: Replay) -> Any:
-    """Residuals under the present model against each covariate: measured, and simulated before and after."""
+    """Residuals under the present model against each covariate."""
     figure = new_figure(7.2, 7.0)
     grid = figure.subplots(3, 2)
     simulated = [(replay.simulated, colour, marker, name) for replay, colour, marker, name in _models(before, after)]
@@ -201,7 +197,7 @@ def residuals_figure(before: Replay, after: Replay) -> Any:
 
 
 def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
-    """Residual of each step against its covariate: measured, simulated without and with it; None without steps."""
+    """Residual of each step against its covariate, without and with it; None without steps."""
     steps = [
         (k, s.effect, effect_class(s.effect).follows if effect_class(s.effect).follows in AXES else "speed")
         for k, s in enumerate(report.steps)
@@ -223,7 +219,7 @@ def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
 
 
 def latencies_figure(before: Replay, after: Replay) -> Any:
-    """Latency of runs against speed with 95 % intervals, measured and simulated, by one estimator."""
+    """Latency of runs against speed, measured and simulated."""
     figure = new_figure(7.2, 5.0)
     axes, under = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     measured = before.latencies_ms()
@@ -248,7 +244,7 @@ def latencies_figure(before: Replay, after: Replay) -> Any:
 
 
 def spread_figure(before: Replay, after: Replay) -> Any:
-    """Distribution of residuals under the present model: measured, simulated with noise before and after."""
+    """Distribution of residuals under the present model."""
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     reach = 1.1 * float(np.quantile(np.abs(before.measured.residual_mm), 0.99)) + 1e-6

@@ -1,4 +1,4 @@
-"""A report of one session: report.html, self-contained, and its figures."""
+"""A report of one session, self-contained, and its figures."""
 
 from __future__ import annotations
 
@@ -29,8 +29,6 @@ from draglag.system.temporary import publish, temporary_for
 
 @dataclass(frozen=True)
 class Figure:
-    """One picture of the report."""
-
     name: str
     caption: str
     image: str  # data: address
@@ -38,7 +36,7 @@ class Figure:
 
 
 def write_report(session: Session, analysis: Analysis, out_dir: Path | str) -> Path:
-    """Write ``report.html`` and ``figures/*.svg|png`` into a folder; returns the page.
+    """The page ``report.html``, with ``figures/*.svg|png`` next to it.
 
     Raises DataError if the report exists or cannot be written.
     """
@@ -155,7 +153,6 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
 
 
 def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
-    """Symbol, value ± half interval, and unit of every coefficient."""
     from markupsafe import Markup, escape
 
     if curve is None:

@@ -1,4 +1,4 @@
-"""Table 2 from simulated sweeps, with the published coefficients."""
+"""Table 2 from simulated sweeps."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Row2:
-    """One row of Table 2 and its measurement."""
+    """One row of Table 2."""
 
     screen: str
     coefficients: tuple[Coefficient, ...]
@@ -47,14 +47,14 @@ class Row2:
 
 
 def sample_hold_rms_ms(row: Row2) -> float | None:
-    """RMS of the row, ms, measured as the paper does (sample-and-hold at 100 Hz, Eq. 2); None without a curve."""
+    """RMS of the row measured as the paper does (sample-and-hold at 100 Hz, Eq. 2); None without a curve."""
     options = replace(row.analysis.options, estimator="paper", update_rate_hz=100.0)
     curve = analyze(row.session, options).curve
     return None if curve is None else 1e3 * curve.rms_s
 
 
 def effects_of(screen: str) -> list[str]:
-    """Effects of a screen of the paper in addition to Eq. 5, for ``parse_effects``."""
+    """Effects of a screen of the paper in addition to Eq. 5."""
     return [] if screen == "Screen 1" else [f"low_speed_plateau={PLATEAU_MM_S:g}"]
 
 
@@ -92,9 +92,9 @@ def measured_row(screen: str, seed: int) -> Row2:
 
 
 def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient, ...]:
-    """Our coefficients under the paper's names: its a4 is the larger amplitude in every row.
+    """Our coefficients under the paper's names: its a4 is the larger amplitude.
 
-    An amplitude whose interval reaches zero determines neither its rate nor itself (its size at rest).
+    An amplitude whose interval reaches zero determines neither its rate nor itself.
     """
     values, errors = curve.parameters, curve.standard_errors
     names = {name: name for name in values}

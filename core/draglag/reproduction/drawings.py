@@ -26,7 +26,7 @@ MARKERS = ((style.BLUE, "s"), (style.VERMILION, "o"), (style.GREEN, "^"), (style
 
 
 def figure_5(result: Reproduction) -> Any:
-    """Latency against speed for both screens, with fitted curves and release taps (Fig. 5)."""
+    """Latency against speed for both screens."""
     figure = style.new_figure()
     axes = figure.add_subplot()
     for row, (colour, marker) in zip(result.table_2, MARKERS, strict=False):
@@ -45,7 +45,7 @@ def figure_5(result: Reproduction) -> Any:
 
 
 def figure_7(result: Reproduction) -> Any:
-    """Stylus width by Eq. 3 against speed (Fig. 7)."""
+    """Stylus width by Eq. 3 against speed."""
     figure = style.new_figure(7.2, 3.2)
     axes = figure.add_subplot()
     for row, (colour, marker) in zip(result.table_2, MARKERS, strict=False):
@@ -120,10 +120,7 @@ def embed(figure: Any) -> str:
 
 
 def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]], order: Ranking | None = None) -> str:
-    """A page with all curves, their sources, and their differences from the first.
-
-    order: drawn in it if there are too many curves for distinct colours.
-    """
+    """A page with all curves and their differences from the first, or in ``order`` if many."""
     many = order is not None and len(curves) > MOST_IN_COLOURS
     sources = joint_source([source for _, _, source in curves])
     with style.house_style():

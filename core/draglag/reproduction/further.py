@@ -25,7 +25,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class FurtherSeeds:
-    """Table 2 with other seeds, one tally a coefficient."""
+    """Table 2 with other seeds."""
 
     seeds: tuple[int, ...]
     tallies: tuple[Tally, ...]
@@ -40,7 +40,7 @@ class FurtherSeeds:
 
     @property
     def share_ci95(self) -> tuple[float, float] | None:
-        """Binomial 95 % interval of the share that holds (Clopper–Pearson); None if nothing was judged."""
+        """Binomial 95 % interval of the share that holds (Clopper–Pearson)."""
         if not self.judged:
             return None
         interval = binomtest(self.covered, self.judged).proportion_ci()
@@ -66,7 +66,7 @@ class FurtherSeeds:
 
 
 def further_seeds(seeds: Sequence[int], progress: Progress | None = None) -> FurtherSeeds | None:
-    """Tallies of Table 2 over the seeds, about half a second a row; None without seeds."""
+    """Tallies of Table 2 over the seeds, about half a second a row."""
     if not seeds:
         return None
     on_progress = progress or (lambda fraction, text: None)
@@ -87,7 +87,7 @@ def _tally(screen: str, name: str, several: Sequence[Coefficient]) -> Tally:
 
 
 def table_further(found: FurtherSeeds) -> tuple[list[str], list[list[str]]]:
-    """Head and rows: how many determined intervals hold the paper's value."""
+    """Head and rows of the tallies."""
     rows = [
         [tally.screen, tally.name, f"{tally.covered} of {tally.judged}", str(len(found.seeds) - tally.judged)]
         for tally in found.tallies

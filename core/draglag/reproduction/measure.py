@@ -96,7 +96,7 @@ class Reproduction:
 
 
 def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 20) -> Reproduction:
-    """All rows of Table 2 and all cells of Table 3 from simulated sessions of one seed.
+    """Tables 2 and 3 from simulated sessions of one seed.
 
     ``n_further``: number of following seeds for the coverage of Table 2.
     """
@@ -163,10 +163,7 @@ def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
 
 
 def _j0_about_corrected_lines(one: Validation) -> float:
-    """J(0)/N about the lines of the corrected edges.
-
-    A circle goes down on one side and up on the other: a free slope absorbs part of the lag.
-    """
+    """J(0)/N about the lines of the corrected edges: on a circle a free slope absorbs part of the lag."""
     a, lines = one.alignment, one.alignment.lines
     top = a.side < 0
     slope = np.where(top, lines.slope_top, lines.slope_bottom)

@@ -31,7 +31,7 @@ class OwnGap:
 
     @property
     def plateau_mm_s(self) -> tuple[float, tuple[float, float]] | None:
-        """The plateau found and its 95 % interval, or None."""
+        """The plateau found and its 95 % interval."""
         step = next((s for s in self.report.steps if s.effect == PLATEAU), None)
         return None if step is None else step.parameters["speed_mm_s"]
 
@@ -63,7 +63,7 @@ def own_gap(seed: int = 3, protocol: Protocol | None = None, progress: Progress 
 
 
 def gap_words(found: OwnGap) -> Iterator[str]:
-    """The result in sentences, each with its interval or verdict."""
+    """The result in sentences."""
     report, plateau = found.report, found.plateau_mm_s
     if report.verdict is None:
         yield f"The paper's own gap could not be judged: {'; '.join(report.missing)}."
@@ -97,7 +97,7 @@ def gap_words(found: OwnGap) -> Iterator[str]:
 
 
 def gap_figures(found: OwnGap) -> Iterator[tuple[str, str, Any]]:
-    """Name, caption and figure: gap by step, simulated against measured."""
+    """Name, caption and figure."""
     from draglag.report import replayed
     from draglag.report.gap_figures import waterfall
 

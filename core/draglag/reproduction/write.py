@@ -1,4 +1,4 @@
-"""The reproduction as a page: published and reproduced results."""
+"""The reproduction as a page."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SIMULATED_WORDS = (
 
 
 def write_reproduction(result: Reproduction, out: Path) -> Path:
-    """Write reproduction.html and figures/*.svg, *.png into a folder; returns the page.
+    """The page ``reproduction.html``, with ``figures/*.svg|png`` next to it.
 
     Raises DataError if the page exists or cannot be written.
     """
@@ -160,7 +160,6 @@ def words(result: Reproduction) -> Iterator[str]:
 
 
 def _rms_words(result: Reproduction) -> Iterator[str]:
-    """How much of the paper's RMS holding the events at 100 Hz explains."""
     several = [row for row in result.table_2 if row.sample_hold_rms_ms is not None]
     if not several:
         return

@@ -23,7 +23,7 @@ _MODELS: dict[str, type[BaseModel]] = {
 
 
 def schemas() -> dict[str, dict[str, Any]]:
-    """Name → JSON Schema (draft 2020-12): session-file, exchange, model, analyze, gap, compare."""
+    """Name → JSON Schema (draft 2020-12)."""
     made: dict[str, dict[str, Any]] = {"session-file": layout_schema()}
     for name, model in _MODELS.items():
         made[name] = {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}

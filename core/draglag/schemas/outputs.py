@@ -1,5 +1,4 @@
-"""Models of what ``--json`` prints; null stands for an unknown number. Their docstrings are descriptions in the
-published schemas."""
+"""Models of what ``--json`` prints; their docstrings are descriptions in the published schemas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON Schema and page of a session file, from the tables that write and read it."""
+"""JSON Schema and page of a session file."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ _JSON_TYPES = {_TEXT: ["string"], _NUMBER: ["number"], _WHOLE: ["integer", "stri
 
 
 def layout_schema() -> dict[str, Any]:
-    """JSON Schema of ``layout_of``: path of a group → its attributes, and its columns with their types."""
+    """JSON Schema of ``layout_of``."""
     patterns = {_pattern(place.path): _place_schema(place) for place in PLACES}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
