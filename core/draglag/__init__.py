@@ -1,9 +1,4 @@
-"""draglag: how far a touchscreen lags behind a dragged stylus, as a function of drag speed.
-
-``import draglag as dl`` offers ``__all__`` (``draglag.face``), imported at first use. Behind it, in the order of the
-data: ``recording``, ``store`` and ``exchange`` (files), ``path`` and ``instruments``, ``latency`` and ``curve``
-(estimates), ``validation`` and ``model``, ``simulation`` and ``gap``, ``analysis``.
-"""
+"""draglag: how far a touchscreen lags behind a dragged stylus, as a function of drag speed."""
 
 from __future__ import annotations
 

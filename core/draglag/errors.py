@@ -20,11 +20,10 @@ class DraglagError(Exception):
     """A problem with data or rig.
 
     Args:
-        problem: one plain sentence: what is wrong and where (file, line, run).
+        problem: one sentence: what is wrong and where (file, line, run).
         remedy: what to do about it, or empty.
 
-    Both are literals or made by ``message``. Attributes ``problem``, ``remedy`` and ``message`` (both) are messages
-    that end with a stop; ``str(error)`` is ``message``, rendered.
+    Both are literals or made by ``message``; ``message`` joins them.
     """
 
     problem: Message

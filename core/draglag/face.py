@@ -1,8 +1,4 @@
-"""What ``import draglag as dl`` offers: a session read, analysed, drawn, compared and written, a line each.
-
-Times in s, positions mm, speeds mm/s; latencies s in Python (``latency_s``), ms in columns and figures. Bad data raise
-``DataError`` or ``EstimateError``.
-"""
+"""What ``import draglag as dl`` offers; latencies are s in Python, ms in columns and figures."""
 
 from __future__ import annotations
 
@@ -30,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def read(path: str | Path) -> Session:
-    """The session in a file (``.h5``) or an exchange folder (or its ``session.json``). Raises DataError.
+    """The session in a file (``.h5``) or an exchange folder. Raises DataError.
 
     >>> import draglag as dl
     >>> session = dl.read("session.h5")
@@ -106,7 +102,7 @@ def find_gap(
     without: Collection[str] = (),
     include: Collection[str] = (),
 ) -> GapReport:
-    """Where a session disagrees with the model, by which effects, how probably, and what remains; takes some seconds.
+    """Where a session disagrees with the model, by which effects, how probably, and what remains.
 
     Args:
         max_effects: effects to add at most; None: as many as ``draglag gap`` adds.
@@ -139,7 +135,7 @@ def simulate(
 
     Args:
         screen, protocol: presets (``screen_names``, ``protocol_names``) or TOML files.
-        effects: id → size (``draglag simulate --help``), or effects of your own. seed: of hand and noise.
+        effects: id → size (``draglag simulate --help``), or effects of your own.
 
     Raises DataError for unknown names.
 
@@ -186,13 +182,10 @@ def fit_curve(
     *,
     form: str = "best",
 ) -> CurveFit:
-    """The curve of latency against speed through given points.
+    """The curve of latency against speed through given points, (n,) each.
 
-    Args:
-        speed_mm_s, latency_s: (n,) each. se_s: standard error of the latencies, (n,) or one for all.
-        form: "best" or a name of ``draglag.curve.FORMS``.
-
-    Raises DataError for arrays of different length, EstimateError with too few speeds or an unknown form.
+    ``form``: "best" or a name of ``draglag.curve.FORMS``. Raises DataError for arrays of different length,
+    EstimateError with too few speeds or an unknown form.
 
     >>> import draglag as dl
     >>> speed = [40, 80, 150, 250, 400, 600, 800, 1000]
@@ -247,10 +240,7 @@ def compensate(
     y_mm: ArrayLike,
     law: Analysis | CurveFit | LatencyModel,
 ) -> Compensated:
-    """Where the stylus was, given recorded touch events.
-
-    Args:
-        t_s, x_mm, y_mm: (n,) events. law: an analysis, a curve, or a model file; constant beyond its speeds.
+    """Where the stylus was, given recorded touch events (n,); the law is constant beyond its speeds.
 
     Raises DataError with fewer than eight usable events.
 
@@ -295,7 +285,7 @@ def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "n
 
 
 def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Path:
-    """The page ``report.html`` written into a folder, with its figures.
+    """The page ``report.html``, with its figures.
 
     Raises DataError; DraglagError without matplotlib.
 

@@ -1,5 +1,4 @@
-"""Sentences for people: rendered English that keeps its template, which is its id for translation, and its
-arguments."""
+"""Sentences for people, rendered, that keep their template (the id for translation) and arguments."""
 
 from __future__ import annotations
 
@@ -13,9 +12,9 @@ _LAST_PLACE = re.compile(r"(?<!{){(\w+)}$")
 
 
 class Message(str):
-    """A rendered sentence. ``template`` has places in braces (``{run}``, ``{latency:.1f}``), ``arguments`` fill them.
+    """A rendered sentence. ``template`` has places in braces (``{run}``, ``{latency:.1f}``), filled by ``arguments``.
 
-    Arguments are messages, texts and numbers, anything else its text: so a message crosses processes.
+    Arguments are messages, texts and numbers, so that a message crosses processes.
     """
 
     template: str
@@ -33,12 +32,12 @@ class Message(str):
 
 
 def message(template: str, /, **arguments: object) -> Message:
-    """A sentence from its English template, a literal, and its arguments."""
+    """A sentence from its English template, a literal."""
     return Message(template, arguments)
 
 
 def phrase(text: str) -> Message:
-    """A text as a message: its own id, without places, unless a message already."""
+    """A text as a message without places."""
     return text if isinstance(text, Message) else Message(text.replace("{", "{{").replace("}", "}}"), {})
 
 
@@ -54,7 +53,7 @@ def chained(template: str, parts: Iterable[str]) -> str:
 
 
 def cleaned(text: str, clean: Callable[[str], str]) -> Message:
-    """The message with its texts, template and arguments included, changed by ``clean``."""
+    """The message with template and arguments changed by ``clean``."""
     if not isinstance(text, Message):
         return phrase(clean(text))
     arguments: dict[str, object] = {}
@@ -66,7 +65,7 @@ def cleaned(text: str, clean: Callable[[str], str]) -> Message:
 
 
 def without_stop(text: str) -> Message:
-    """The message without final stops and blanks, so that a sentence can go on."""
+    """The message without final stops and blanks."""
     wanted = text.rstrip(". ")
     if wanted == text or not isinstance(text, Message):
         return phrase(text if wanted == text else wanted)
@@ -79,7 +78,7 @@ def without_stop(text: str) -> Message:
 
 
 def packed(value: Any) -> Any:
-    """The value for JSON, every message in it an object of template and arguments (``unpacked``)."""
+    """The value for JSON, every message in it an object of template and arguments."""
     if isinstance(value, Message):
         return {"template": value.template, "arguments": packed(value.arguments)}
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""The source of numbers and figures: session, date, measured or simulated, version."""
+"""The source of numbers and figures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Source:
     simulated: bool
 
     def line(self) -> str:
-        """One line for the foot of a figure: "SIMULATED · demo · 2026-11-24 10:31 UTC · draglag 1.0"."""
+        """The foot of a figure: "SIMULATED · demo · 2026-11-24 10:31 UTC · draglag 1.0"."""
         date = f"{self.started_utc[:16].replace('T', ' ')} UTC" if self.started_utc else "date unknown"
         mark = ["SIMULATED"] if self.simulated else []
         when = [] if self.simulated and not self.started_utc else [date]
@@ -35,8 +35,7 @@ def source_of(session: Session) -> Source:
 
 
 def joint_source(sources: Sequence[Source]) -> Source:
-    """Several sessions as one source: simulated if any is; dated if all are of one day; a count if names exceed a
-    line."""
+    """Several sessions as one source: simulated if any is, dated if all are of one day."""
     days = {source.started_utc[:10] for source in sources}
     date = sources[0].started_utc if len(days) == 1 else ""
     names = ", ".join(s.session for s in sources) if len(sources) <= NAMED else f"{len(sources)} sessions"
@@ -44,9 +43,5 @@ def joint_source(sources: Sequence[Source]) -> Source:
 
 
 def is_simulated(devices: Mapping[str, str]) -> bool:
-    """Whether a device or the session itself is simulated.
-
-    Args:
-        devices: role → address and description, as in ``Session.devices``.
-    """
+    """Whether a device (role → address) or the session itself is simulated."""
     return SIMULATED in devices or any(address.startswith("sim:") for address in devices.values())

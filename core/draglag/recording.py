@@ -1,8 +1,4 @@
-"""The raw data of one session, as frozen dataclasses of numpy arrays.
-
-Times are s on the host's monotonic clock unless named ``device``; positions mm on the screen, y downwards. Arrays are
-one-dimensional.
-"""
+"""The raw data of a session: times on the host's monotonic clock unless named ``device``, positions with y downwards."""
 
 from __future__ import annotations
 
@@ -46,7 +42,7 @@ class Screen:
 
     @property
     def mm_per_px(self) -> tuple[float, float]:
-        """Size of one pixel, (x, y), mm."""
+        """Size of one pixel, (x, y)."""
         return self.width_mm / self.width_px, self.height_mm / self.height_px
 
 
@@ -80,10 +76,8 @@ class TouchCalibration:
     """Touched targets and the affine fitted to them.
 
     Attributes:
-        x_raw, y_raw: (n,) reported touches, device units.
-        x_mm, y_mm: (n,) the targets.
+        x_raw, y_raw: (n,) touches, device units. x_mm, y_mm: (n,) the targets.
         matrix: (2, 3) device units → mm, rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
-        device: name of the touchscreen.
         made_utc: ISO 8601.
     """
 
@@ -100,15 +94,13 @@ class TouchCalibration:
 
 @dataclass(frozen=True)
 class TouchTrace:
-    """Touch events of one contact at a time, in order of their kernel stamps.
+    """Touch events (n,) of one contact at a time, in order of their kernel stamps.
 
     Attributes:
-        t_s, x_mm, y_mm: (n,) kernel stamp and mapped position.
-        contact_id: (n,) the kernel's tracking id; a change marks a new contact.
-        x_raw, y_raw: (n,) device units, or empty.
-        device_t_s: (n,) the digitiser's own stamps (MSC_TIMESTAMP), or empty.
-        gaps_s: (k, 2) from–to of stretches known to be incomplete (buffer overflow, unplugged).
-        dropped: events known to be lost.
+        contact_id: the kernel's tracking id; a change marks a new contact.
+        x_raw, y_raw: device units, or empty.
+        device_t_s: the digitiser's own stamps (MSC_TIMESTAMP), or empty.
+        gaps_s: (k, 2) stretches known to be incomplete. dropped: events known to be lost.
     """
 
     t_s: FloatArray
@@ -127,15 +119,13 @@ class TouchTrace:
 
 @dataclass(frozen=True)
 class LaserTrace:
-    """Edges of the laser sensor.
+    """Edges (m,) of the laser sensor.
 
     Attributes:
-        t_s: (m,) time of the edge on the host's clock.
-        light: (m,) 1 = from here on the beam is on the sensor, 0 = it is dark.
-        device_t_s: (m,) the sensor interface's own stamp, or empty.
-        epoch: (m,) counts restarts of the device clock, or empty for one epoch.
-        gaps_s: (k, 2) from–to of stretches in which edges may be missing.
-        missed: edges known to be missing (parity of level against edges, or the device's own count).
+        light: 1 = from here on the beam is on the sensor, 0 = it is dark.
+        device_t_s: the sensor interface's own stamp, or empty.
+        epoch: counts restarts of the device clock, or empty for one epoch.
+        gaps_s: (k, 2) stretches in which edges may be missing. missed: edges known to be missing.
     """
 
     t_s: FloatArray
@@ -152,8 +142,8 @@ class LaserTrace:
 class ClockBounds:
     """A device clock seen from the host: ``device_s[k]`` happened between ``host_min_s[k]`` and ``host_max_s[k]``.
 
-    A one-sided observation leaves the other bound infinite. ``epoch[k]`` counts restarts of the device clock: different
-    epochs share no offset.
+    A one-sided observation leaves the other bound infinite. ``epoch[k]``: restarts of the device clock; epochs share no
+    offset.
     """
 
     stream: str
@@ -167,7 +157,7 @@ class ClockBounds:
 
 @dataclass(frozen=True)
 class DisplayTrace:
-    """What the participant saw: target position at each drawn frame, and the late frames."""
+    """Where the target was drawn, at each frame."""
 
     t_s: FloatArray
     x_mm: FloatArray
@@ -190,7 +180,6 @@ class Taps:
     """Taps timed by the WALT: physical contact against registered event.
 
     Attributes:
-        physical_s, registered_s: (n,) host clock.
         down: (n,) 1 = touch, 0 = release.
         rejected: reason → count of unused taps.
     """
@@ -205,8 +194,7 @@ class Taps:
 
 @dataclass(frozen=True)
 class Run:
-    """One uninterrupted recording of one target, whose parameters (``draglag.protocol.targets``) suffice to draw it
-    again."""
+    """One uninterrupted recording of one target (parameters: ``draglag.protocol.targets``)."""
 
     id: str
     protocol: str
@@ -228,7 +216,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Session:
-    """All runs, taps and clock checks of one screen on one occasion."""
+    """All runs, taps and clock comparisons of one screen on one occasion."""
 
     name: str
     screen: Screen
@@ -249,7 +237,7 @@ class Session:
     calibration: TouchCalibration | None = None  # the one that positions were mapped with
 
     def run(self, run_id: str) -> Run:
-        """The run of that id. Raises KeyError."""
+        """Raises KeyError."""
         for run in self.runs:
             if run.id == run_id:
                 return run
@@ -270,7 +258,7 @@ _Trace = TypeVar("_Trace", TouchTrace, LaserTrace, ClockBounds, Taps, DisplayTra
 
 
 def concatenate(parts: Sequence[_Trace]) -> _Trace:
-    """Traces of one stream joined in the order given: arrays end to end, counts added, the rest of the first.
+    """Traces of one stream joined in the order given: counts added, the rest of the first.
 
     Raises ValueError on an empty sequence.
     """

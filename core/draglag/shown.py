@@ -1,4 +1,4 @@
-"""Results as a notebook or a prompt shows them: a line, or a small HTML table."""
+"""Results as a notebook or a prompt shows them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Precision of L(v) predicted from a protocol.
-
-Latency errors follow from the bound; intervals from simulated runs, as no formula has the estimator's own losses.
-"""
+"""Precision of L(v) predicted from a protocol."""
 
 from __future__ import annotations
 
@@ -27,9 +24,7 @@ REHEARSALS = 10  # of each circle: intervals differ by some 20 % from run to run
 class PlannedPrecision:
     """Predicted precision of one run.
 
-    Attributes:
-        se_s: standard error of the latency by the bound and the tremor at the edges.
-        half_interval_s: half the 95 % interval of the analysis, mean of a few rehearsals.
+    ``se_s``: by the Cramér–Rao bound and the tremor at the edges; ``half_interval_s`` (95 %): by simulated runs.
     """
 
     id: str
@@ -54,7 +49,7 @@ class PlannedPrecision:
 
 @dataclass(frozen=True)
 class Plan:
-    """Prediction for a protocol; ``curve_se_s`` (k,) at its runs' speeds, None if they do not determine Eq. 5."""
+    """Prediction for a protocol; ``curve_se_s``: None if its runs do not determine Eq. 5."""
 
     protocol: str
     screen: str
@@ -92,8 +87,8 @@ def plan(
     Args:
         protocol, screen: presets or objects; the screen's law and noise are assumed.
         human: the simulated participant if None.
-        progress: called before each run with the share done and the run's id; may raise to stop.
-        known: earlier predictions, used and added to, so that an edit costs only changed runs.
+        progress: called with the share done and the run's id; may raise to stop.
+        known: earlier predictions, used and added to.
 
     Raises DataError for unknown presets or targets that do not fit.
     """
@@ -163,7 +158,6 @@ def _precision(run: PlannedRun, rig: Rig, human: Human) -> PlannedPrecision:
 
 
 def _rehearsed_half_s(run: PlannedRun, rig: Rig, human: Human) -> float | None:
-    """Mean half interval over simulated runs, s; None if most have none."""
     rng = np.random.default_rng(round(1000 * (run.nominal_speed_mm_s or 0.0)))
     halves_s = []
     for _ in range(REHEARSALS):
@@ -176,10 +170,7 @@ def _rehearsed_half_s(run: PlannedRun, rig: Rig, human: Human) -> float | None:
 
 
 def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray) -> float:
-    """Standard deviation of a run's mean speed by tremor at its edges, mm/s.
-
-    The two edges of a crossing share tremor according to the time between them; crossings are independent.
-    """
+    """Standard deviation of a run's mean speed by tremor at its edges; both edges of a crossing share tremor."""
     low_hz, high_hz = HandSpectrum().tremor_hz
     f_hz = np.linspace(low_hz, high_hz, 41)[:, None]
     crossing = np.cumsum(falling) - int(falling[0])
@@ -190,7 +181,7 @@ def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray)
 
 
 def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> FloatArray | None:
-    """Standard error of Eq. 5 through the runs, scatter between runs included."""
+    """Standard error of Eq. 5, scatter between runs included."""
     good = [run for run in circles if np.isfinite(run.se_s)]
     form = FORMS[FORM]
     law = rig.law
@@ -207,7 +198,7 @@ def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> F
 
 
 def _derivatives(values: FloatArray, speed: FloatArray) -> FloatArray:
-    """dL/d(values) of Eq. 5, (n, 5), L in s."""
+    """dL/d(values) of Eq. 5, (n, 5)."""
     a2, a5, a1, a4, _ = values
     fast, slow = np.exp(-a2 * speed), np.exp(-a5 * speed)
     return 1e-3 * np.column_stack([-a1 * speed * fast, -a4 * speed * slow, fast, slow, np.ones_like(speed)])

@@ -1,4 +1,4 @@
-"""A session's estimates in the order of the method: runs → curve → taps → validation."""
+"""A session's estimates: runs → curve → taps → validation."""
 
 from __future__ import annotations
 
@@ -41,15 +41,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class AnalysisOptions:
-    """How to analyse.
-
-    Attributes:
-        estimator: "efficient", "paper", or another package's.
-        update_rate_hz: emulate a loop holding the last event; None = kernel stamps.
-        window_s: latencies searched. form: a name of ``draglag.curve.FORMS`` or "best".
-        tie_asymptote: hold a7 at the median release tap (the paper's "corrected"). exclude: run id → reason.
-        include: ids of runs to keep in the curve however they went ("all": every run).
-    """
+    """How to analyse; see ``draglag.analyze``."""
 
     estimator: str = "efficient"
     update_rate_hz: float | None = None
@@ -82,11 +74,10 @@ class Analysis:
     source: Source | None = None
 
     def in_curve(self, run: RunEstimate) -> bool:
-        """Whether a run is one of the curve's points."""
         return self.curve is not None and run.id not in self.excluded and _usable(run)
 
     def to_dict(self) -> dict[str, object]:
-        """The JSON of ``analyze --json`` (design, section 5)."""
+        """JSON of ``analyze --json``."""
         return {
             "session": self.session,
             "simulated": self.source is not None and self.source.simulated,
@@ -127,16 +118,13 @@ class Analysis:
         return frame_of(run_rows(self), list(RUN_COLUMNS))
 
     def to_xarray(self) -> Any:
-        """An xarray Dataset: runs along ``run``, curve and band along ``speed_mm_s``, with ``units``.
-
-        Raises DraglagError without xarray.
-        """
+        """An xarray Dataset: runs along ``run``, curve and band along ``speed_mm_s``. Raises DraglagError without it."""
         from draglag.analysis.tables import dataset_of
 
         return dataset_of(self)
 
     def plot(self, ax: Any = None) -> Any:
-        """Matplotlib axes (given or new) with runs, curve and taps (Fig. 5). Raises DraglagError without matplotlib."""
+        """Matplotlib axes with runs, curve and taps (Fig. 5). Raises DraglagError without matplotlib."""
         from draglag.drawing.results import draw_latency, own_axes
 
         axes = own_axes(ax)
@@ -145,13 +133,13 @@ class Analysis:
 
 
 def has_constant_speed(run: Run) -> bool:
-    """Whether one latency describes the run; chirp, multi-sine and step runs serve validation."""
+    """Whether one latency describes the run; others serve validation."""
     return run.protocol in CONSTANT_SPEED
 
 
 @one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
-    """All estimates of a session; bad runs carry flags, and ``problems`` says why.
+    """All estimates of a session; bad runs carry flags.
 
     Raises EstimateError for an unknown estimator or curve form.
     """
@@ -222,12 +210,10 @@ def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]
 
 
 def _excluded(session: Session, estimates: Sequence[RunEstimate], options: AnalysisOptions) -> dict[str, str]:
-    """Run id → why not in curve and validation."""
     return {**why_excluded(session.runs, estimates, options.include), **options.exclude}
 
 
 def _usable(estimate: RunEstimate) -> bool:
-    """Finite standard error, inside the window."""
     return bool(
         estimate.latency_s is not None
         and estimate.curve_se_s
@@ -237,7 +223,7 @@ def _usable(estimate: RunEstimate) -> bool:
 
 
 def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:
-    """The curve's points."""
+    """Points of the runs with a finite standard error, inside the window."""
     good = [
         (e.speed_mm_s, e.latency_s, e.curve_se_s, e.speed_se_mm_s or 0.0, e.speed_sd_mm_s or 0.0)
         for e in estimates

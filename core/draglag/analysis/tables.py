@@ -1,4 +1,4 @@
-"""Results as tidy tables: plain rows, pandas, xarray."""
+"""Results as tidy tables: rows, pandas, xarray."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def frame_of(rows: list[dict[str, Any]], columns: list[str]) -> Any:
 
 
 def dataset_of(analysis: Analysis) -> Any:
-    """The Dataset of ``Analysis.to_xarray``. Raises DraglagError without xarray."""
+    """As ``Analysis.to_xarray``."""
     need("xarray")
     import xarray
 

@@ -113,13 +113,11 @@ class LatencyModel(_Table):
 
     @property
     def source(self) -> Source:
-        """What the model was made from; its date is the model's own."""
         of = self.provenance
         return Source(of.session or "a model without a session", of.created_utc, of.simulated)
 
     @property
     def curve(self) -> CurveFit:
-        """The curve, with its confidence band."""
         names = FORMS[self.form].names
         order = [list(self.parameters).index(name) for name in names]
         covariance = np.array(self.covariance, float)[np.ix_(order, order)]
@@ -138,7 +136,7 @@ class LatencyModel(_Table):
         )
 
     def latency_s(self, speed_mm_s: FloatArray, extrapolate: bool = False) -> FloatArray:
-        """L(v), s, same shape; outside the measured range the value at its end, unless ``extrapolate``.
+        """L(v); outside the measured range the value at its end, unless ``extrapolate``.
 
         Of the effects only a low-speed plateau and a second filter belong to the law.
         """
@@ -154,7 +152,7 @@ class LatencyModel(_Table):
 
     @property
     def not_compensated(self) -> tuple[str, ...]:
-        """Ids of the model's effects that a law of speed cannot undo."""
+        """Ids of the effects that a law of speed cannot undo."""
         return tuple(effect.id for effect in self.effects if EFFECTS[effect.id].undone_in != OF_SPEED)
 
 
@@ -205,7 +203,7 @@ def save_model(model: LatencyModel, path: Path | str) -> None:
 
 
 def load_model(path: Path | str) -> LatencyModel:
-    """A model from its file. Raises DataError, naming what is wrong.
+    """A model from its file. Raises DataError.
 
     >>> import draglag as dl
     >>> dl.load_model("model.json").form
@@ -233,10 +231,7 @@ def load_model(path: Path | str) -> LatencyModel:
 
 
 def _wrong_effect(model: LatencyModel) -> str:
-    """In words, an effect named twice or of impossible size; empty if none.
-
-    A fit may end beyond an effect's bounds by no more than their distance.
-    """
+    """In words, an effect named twice or of impossible size: a fit may end beyond its bounds by their distance."""
     ids = [effect.id for effect in model.effects]
     for effect in model.effects:
         if ids.count(effect.id) > 1:
@@ -277,7 +272,7 @@ def left_unexplained(model: LatencyModel) -> str:
 
 
 def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
-    """The model over its measured range, (n,) each: speed_mm_s, latency_s, low_s, high_s (95 % band)."""
+    """The model over its measured range, (n,) each, with its 95 % band."""
     low, high = model.speed_range_mm_s
     speed = np.unique(np.geomspace(max(low, 1e-3), max(high, 2e-3), n))
     band = model.curve.band_s(speed)
@@ -285,7 +280,7 @@ def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
 
 
 def save_lookup(model: LatencyModel, path: Path | str) -> None:
-    """Write the table as .csv, or as .mat for MATLAB and Simulink's 1-D lookup block (breakpoints, table).
+    """Write the table as .csv, or as .mat for MATLAB and Simulink's 1-D lookup block.
 
     Raises DataError for another ending, an existing file, or one that cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Effect of latency on a tracking task: gain, phase and delay at the frequencies of Table 1."""
+"""Effect of latency on a tracking task."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GRID_HZ = 800.0
 class TrackingResponse:
     """First-harmonic response of the screen to a perfect hand, (11,) each.
 
-    gain: output over input; phase_deg: negative for a lag; delay_ms = −phase / ω.
+    ``phase_deg``: negative for a lag; ``delay_ms`` = −phase / ω.
     """
 
     frequency_rad_s: FloatArray
@@ -43,12 +43,9 @@ class TrackingResponse:
 
 
 def tracking_response(law: Law, scale_mm: float = 24.4, sideways_mm_s: float = 4.0) -> TrackingResponse:
-    """Fourier response over one period of the multi-sine of Table 1, dragged without error.
+    """Fourier response over one period of the multi-sine of Table 1; holds for this signal and size only.
 
-    Latency follows speed: the response holds for this signal and size only.
-
-    Args:
-        law: L(v), s. scale_mm: one unit of amplitude on the screen. sideways_mm_s: the target's drift.
+    ``scale_mm``: one unit of amplitude; ``sideways_mm_s``: the target's drift.
     """
     n = round(MULTISINE_PERIOD_S * GRID_HZ)
     t_s = np.arange(n) / GRID_HZ

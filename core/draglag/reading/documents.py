@@ -21,7 +21,7 @@ _LONG_KEY = re.compile(
 
 
 def parse_json(text: str, where: Path | str, remedy: str = _CORRECT) -> Any:
-    """The value of a JSON text. Raises DataError naming file, line and column."""
+    """The value of a JSON text. Raises DataError naming line and column."""
     try:
         return checked(json.loads(text), where, remedy)
     except json.JSONDecodeError as error:
@@ -40,7 +40,7 @@ def parse_json(text: str, where: Path | str, remedy: str = _CORRECT) -> Any:
 
 
 def parse_toml(text: str, where: Path | str, remedy: str = _CORRECT_LINE) -> dict[str, Any]:
-    """The table of a TOML text. Raises DataError naming file and line."""
+    """The table of a TOML text. Raises DataError."""
     if _LONG_KEY.search(text):
         raise DataError(message("{path}: a dotted key has more than {most} parts", path=where, most=KEY_PARTS), remedy)
     try:
@@ -55,8 +55,7 @@ def parse_toml(text: str, where: Path | str, remedy: str = _CORRECT_LINE) -> dic
 
 
 def checked(value: Any, where: Path | str, remedy: str = _CORRECT) -> Any:
-    """The value itself. Raises DataError if nested too deep, or with too long a whole number or a lone surrogate, which
-    JSON can escape but no file or message can hold."""
+    """The value itself. Raises DataError if nested too deep, or with too long a whole number or a lone surrogate."""
     waiting: list[tuple[Any, int, str]] = [(value, 0, "")]
     while waiting:
         item, depth, key = waiting.pop()

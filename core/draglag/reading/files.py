@@ -1,4 +1,4 @@
-"""The bytes of a regular file, up to a limit; pipes and devices are not opened."""
+"""The bytes of a regular file, up to a limit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
 def read_bytes(path: Path | str, most: int, remedy: str = _CHECK) -> bytes:
-    """The whole file. Raises DataError: missing, unreadable, not a regular file, longer than ``most`` bytes."""
+    """The whole file. Raises DataError: missing, unreadable, a pipe or device, longer than ``most`` bytes."""
     try:
         _regular(path, os.stat(path).st_mode)  # before it is opened: opening alone moves some devices
         descriptor = os.open(path, _FLAGS)
@@ -40,12 +40,12 @@ def read_bytes(path: Path | str, most: int, remedy: str = _CHECK) -> bytes:
 
 
 def read_text(path: Path | str, most: int, remedy: str = _CHECK) -> str:
-    """The whole file as UTF-8 text without byte-order mark. Raises DataError."""
+    """The whole file as UTF-8 text. Raises DataError."""
     return decoded(path, read_bytes(path, most, remedy))
 
 
 def decoded(path: Path | str, data: bytes) -> str:
-    """UTF-8 text. Raises DataError naming the first invalid byte."""
+    """UTF-8 text without byte-order mark. Raises DataError naming the first invalid byte."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -63,7 +63,7 @@ def plain_bytes(path: Path | str) -> bytes:
 
 
 def plain_lines(path: Path | str) -> bytes:
-    """A table of lines, unpacked if gzipped, line ends all newlines.
+    """A table of lines, unpacked, line ends all newlines.
 
     Raises DataError as ``plain_bytes``, and for too many or too long lines.
     """
@@ -97,7 +97,7 @@ def _unpacked(path: Path | str, packed: bytes) -> bytes:
 
 
 def _up_to(file: BufferedIOBase, most: int) -> bytes:
-    """Piece by piece: Python allocates all bytes asked for, however short the file."""
+    """By pieces: Python allocates all bytes asked for, however short the file."""
     pieces: list[bytes] = []
     while most > 0 and (piece := file.read(min(most, _PIECE_BYTES))):
         pieces.append(piece)

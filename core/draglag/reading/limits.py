@@ -1,7 +1,4 @@
-"""Every limit on what is read from a file: meaning, unit and origin.
-
-Each lies far above any measurement and far below what exhausts memory or time.
-"""
+"""Limits on what is read from a file: far above any measurement, far below what exhausts memory or time."""
 
 from __future__ import annotations
 

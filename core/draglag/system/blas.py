@@ -1,4 +1,4 @@
-"""One thread for linear algebra: on a run's small matrices several are slower, up to tenfold on a busy machine."""
+"""One thread for linear algebra: on small matrices several are slower, up to tenfold on a busy machine."""
 
 from collections.abc import Callable
 from functools import cache, wraps
@@ -13,7 +13,7 @@ R = TypeVar("R")
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """Those of this process; finding them takes milliseconds."""
+    """Cached, as finding them takes milliseconds."""
     return ThreadpoolController()
 
 

@@ -13,7 +13,7 @@ from draglag.messages import message
 
 @dataclass(frozen=True)
 class Package:
-    """A package by its name for pip; ``extra``: draglag's extra with it, empty if draglag requires it."""
+    """A package by its name for pip; ``extra``: draglag's extra with it, if any."""
 
     name: str
     extra: str = ""
@@ -83,7 +83,7 @@ def missing_package(error: ModuleNotFoundError) -> DraglagError | None:
 
 
 def need(*modules: str) -> None:
-    """Raise DraglagError, with the line to type, if one of these modules is missing; imports nothing."""
+    """Raise DraglagError if one of these modules is missing; imports nothing."""
     for module in modules:
         if not _is_there(module):
             raise DraglagError(*advice(module))

@@ -1,7 +1,4 @@
-"""Files grow in a temporary folder next to their place; leftovers of killed processes are removed.
-
-Its name holds process id, start of the process and a number; its maker holds a lock, released however it ends.
-"""
+"""Files that grow in a locked temporary folder next to their place; leftovers of killed processes."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ _NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
 
 @contextmanager
 def temporary_for(path: Path) -> Iterator[Path]:
-    """A path in a new temporary folder on the same file system, to be renamed to ``path`` when whole.
-
-    The folder is removed at the end of the block. Raises OSError.
-    """
+    """A path in a new temporary folder, to be renamed to ``path`` before the block ends. Raises OSError."""
     number = os.getpid()
     folder = path.absolute().parent / f".draglag-tmp-{number}-{_started(number)}-{uuid.uuid4().hex[:8]}"
     folder.mkdir()
@@ -60,7 +54,7 @@ def new_file(path: Path | str, replace: bool = False) -> Iterator[Path]:
 
 
 def publish(source: Path, target: Path) -> None:
-    """Give a finished file its name, atomically, unless taken. Raises DataError, OSError."""
+    """Give a finished file its name, atomically. Raises DataError if it is taken, OSError."""
     try:
         os.link(source, target)
     except FileExistsError as error:
@@ -84,10 +78,9 @@ def refuse(path: Path) -> None:
 
 
 def sweep(folder: Path) -> list[Path]:
-    """Remove the temporary folders in ``folder`` whose maker has ended; returns them.
+    """Temporary folders removed as their maker has ended.
 
-    Kept: other names, other accounts' folders, links, living makers, and locks that are held or cannot be asked for
-    (perhaps by another computer or container).
+    Other accounts' folders stay, as do locks that are held or cannot be asked for (perhaps by another computer).
     """
     try:
         found = [name for name in os.listdir(folder) if _NAME.fullmatch(name)]

@@ -1,7 +1,4 @@
-"""From kernel input events to contacts: multi-touch slots (protocol B), plain axes, lost events.
-
-ABS_MT_POSITION_* wins over ABS_X/Y, which the kernel's fuzz filter averages and holds in slow motion.
-"""
+"""From kernel input events to contacts: multi-touch slots (protocol B), plain axes, lost events."""
 
 from __future__ import annotations
 
@@ -48,11 +45,9 @@ class Frame:
     """What one SYN_REPORT closed.
 
     Attributes:
-        t_s: kernel stamp of the SYN_REPORT.
-        contacts: all that are down, by slot.
-        lifted: ids of contacts that ended in this frame.
-        device_t_s: the digitiser's own unwrapped stamp (MSC_TIMESTAMP, microseconds), or None.
-        dropped: the kernel's buffer overflowed before this frame; positions may be stale until resynced.
+        t_s: kernel stamp. contacts: all that are down, by slot. lifted: ids of ended contacts.
+        device_t_s: the digitiser's own unwrapped stamp (MSC_TIMESTAMP).
+        dropped: the kernel's buffer overflowed before; positions may be stale until ``resync``.
     """
 
     t_s: float
@@ -72,10 +67,9 @@ class _Slot:
 
 @dataclass
 class FrameDecoder:
-    """Frames from events in order; without ``multitouch`` from ABS_X/Y and BTN_TOUCH.
+    """Frames from events in order; without ``multitouch`` from ABS_X/Y, which the kernel's fuzz filter averages.
 
-    After SYN_DROPPED all up to the next SYN_REPORT is discarded, as the kernel demands; the next frame is ``dropped``,
-    and a live driver calls ``resync``.
+    After SYN_DROPPED all up to the next SYN_REPORT is discarded, as the kernel demands.
     """
 
     multitouch: bool = True
@@ -205,15 +199,11 @@ class Mapping2D:
     y0_mm: float
 
     def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Raw positions, both (n,), in mm."""
         return self.xx * x + self.xy * y + self.x0_mm, self.yx * x + self.yy * y + self.y0_mm
 
 
 def axis_scale(axis: AxisInfo, size_mm: float | None) -> tuple[float, float]:
-    """mm per unit and offset (mm) of an axis, from ``size_mm`` (the panel), else its resolution.
-
-    Raises ValueError where neither is known.
-    """
+    """mm per unit and offset of an axis, from ``size_mm`` (the panel), else its resolution. Raises ValueError."""
     span = axis.maximum - axis.minimum
     if size_mm is not None and span > 0:
         factor = size_mm / (span + 1)
@@ -259,7 +249,7 @@ def touch_trace(
     axes: tuple[AxisInfo, ...] = (),
     follower: ContactFollower | None = None,
 ) -> TouchTrace:
-    """The followed contact as a trace, an event a frame. Repeated positions stay: they are observations.
+    """The followed contact as a trace, an event a frame; repeated positions stay.
 
     A frame after SYN_DROPPED marks a gap back to the frame before it.
     """

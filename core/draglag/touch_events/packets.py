@@ -1,7 +1,4 @@
-"""Contacts of panels without slots (multi-touch protocol A): a frame lists all, each closed by SYN_MT_REPORT.
-
-Few panels number contacts: then the nearest places of two frames belong together.
-"""
+"""Contacts of panels without slots (multi-touch protocol A)."""
 
 from __future__ import annotations
 
@@ -41,7 +38,7 @@ class _Place:
 
 @dataclass
 class PacketDecoder:
-    """Frames from events in order, as ``FrameDecoder``. Each touch gets a contact id of its own."""
+    """As ``FrameDecoder``; a frame lists all contacts. Where they have no number, the nearest of two frames are one."""
 
     _values: dict[int, int] = field(default_factory=dict)
     _places: list[_Place] = field(default_factory=list)
@@ -92,7 +89,6 @@ class PacketDecoder:
         return Frame(t_s, contacts, tuple(own for own in sorted(before) if own not in self._down), dropped=dropped)
 
     def _followed(self, places: list[_Place]) -> dict[int, _Place]:
-        """Contact id → place, of continued and new contacts."""
         pairs = sorted(
             (place.far(known), own, k)
             for k, place in enumerate(places)

@@ -59,9 +59,8 @@ def validate_run(
 ) -> Validation:
     """Eq. 4 for one run and latency law. Raises EstimateError if too few edges can be placed or a side is empty.
 
-    J(0): separate lines through the uncorrected top and bottom edges. J(L): through touch events interpolated at t +
-    L(v), v the paper's Savitzky–Golay speed; ``smoothed``: through the movement behind the law (``stylus_path``).
-    Settings are fixed: choosing them here would be fitting, not validation.
+    J(L): touch events at t + L(v), v the paper's Savitzky–Golay speed; ``smoothed``: the movement behind the law
+    (``stylus_path``).
     """
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(
@@ -111,7 +110,7 @@ def validate_run(
 
 
 def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, FloatArray, FloatArray]:
-    """The edges in contact at t and at t + L(v), with L, s, and v, mm/s, the trace's speed at t + L."""
+    """The edges in contact at t and at t + L(v), L, and v, the trace's speed at t + L."""
     touch = ready.touch
     try:
         grid_s, _, _, speed = savitzky_golay(touch)

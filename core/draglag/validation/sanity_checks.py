@@ -1,4 +1,4 @@
-"""The paper's sanity checks (Section II.C, III.B–C): tap against asymptote, stylus width, clock drift."""
+"""The paper's sanity checks (Section II.C, III.B–C)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DRIFT_LIMIT_MS_PER_MIN = 1.0  # what the paper demands of a clock
 
 @dataclass(frozen=True)
 class AsymptoteCheck:
-    """Median tap less the curve's asymptote a7, with its 95 % interval.
+    """Median tap less the curve's asymptote a7.
 
     ``equivalent``: both one-sided tests at 5 % exclude a difference of ``margin_s`` or more (TOST).
     """
@@ -67,7 +67,7 @@ def asymptote_check(
 
 @dataclass(frozen=True)
 class WidthCheck:
-    """Weighted mean stylus width by Eq. 3 against the known diameter."""
+    """Mean stylus width by Eq. 3 against the known diameter."""
 
     n: int
     mean_mm: float
@@ -141,7 +141,7 @@ def width_check(runs: Sequence[RunEstimate], known_mm: float) -> WidthCheck | No
 
 @dataclass(frozen=True)
 class ClockDrift:
-    """Rate of a device's clock against the host's over the session."""
+    """Rate of a device's clock against the host's."""
 
     stream: str
     ppm: float
